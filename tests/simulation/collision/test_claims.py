@@ -1,6 +1,6 @@
 """The claims of Secs. III and IV of the paper about its bats, in its standard game."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -8,8 +8,9 @@ import pytest
 
 from tests.simulation.collision.scenes import usual
 from virtual_lab.catalog import load, load_bat
-from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.catalog.specs import BallSpec, BatBody, HoopMode
 from virtual_lab.measurement.reduction import kinematics
+from virtual_lab.relations.peaks import peak
 from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -170,3 +171,32 @@ def test_a_stiff_dull_ball_touches_twice_from_13_inches() -> None:
     collisions = ModalModel.of(load_bat("r161").spec.body, Free()).collide(scenes)
     assert collisions.contacts.tolist() == [1, 2]
     assert collisions.collision_efficiency == pytest.approx([-0.05211, -0.05560], abs=1e-4)
+
+
+def shell_peak(body: BatBody) -> float:
+    """Return the peak e of EA70 with the ball of the trial at 136 mph."""
+    z = np.arange(2.5, 9.01, 0.5)
+    beam = beam_of(body)
+    scenes = usual(z, relative_speed=136 * MPH, stiffness=2.7e6)
+    e_A = ModalModel.of(body, Free()).collide(scenes).collision_efficiency
+    r = MASS * (1 / beam.mass + (z * INCH - beam.z_cm) ** 2 / beam.inertia_cm)
+    return peak(z, e_A * (1 + r) + r).value
+
+
+def test_a_softer_shell_makes_a_livelier_bat() -> None:
+    """With the modal mass of EA70's shell, e falls with the frequency and rises as the wall thins.
+
+    Measured hollow bats do so, too (Nathan et al., Sports Eng. 13 (2011) 153; Russell 2017).
+    """
+    body = load_bat("ea70").spec.body
+    of_frequency = [
+        shell_peak(replace(body, hoop=HoopMode(frequency=frequency, modal_mass=0.135)))
+        for frequency in range(1000, 3001, 200)
+    ]
+    assert np.all(np.diff(of_frequency) < 0)
+    whole = replace(body, hoop=HoopMode(frequency=2800, modal_mass=0.135))
+    of_wall = [shell_peak(whole.with_wall(factor)) for factor in (1.0, 0.9, 0.8, 0.7, 0.6)]
+    assert np.all(np.diff(of_wall) > 0)
+    wood = shell_peak(load_bat("r161").spec.body)
+    assert of_wall[0] / wood - 1 == pytest.approx(0.085, abs=0.002)
+    assert of_wall[2] / wood - 1 == pytest.approx(0.228, abs=0.002)

@@ -9,6 +9,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 from virtual_lab.studies.bats.bat_templates import (
+    MEASURED,
     TEMPLATES,
     BatMeasurements,
     compute_quantities,
@@ -88,6 +89,56 @@ def test_what_is_wanted_is_kept_where_the_data_leave_it_open() -> None:
     assert plain.parameters[8] == pytest.approx(template.usual[8], rel=1e-6)
 
 
+def hollow(**other: Any) -> BatMeasurements:
+    """Return measurements of EA70 in Table I."""
+    given = {"z_cm": 13.1 * INCH, "inertia": 2757 * OZ_IN2, "inertia_axis": 13.1 * INCH}
+    return measured("hollow", **given | other)
+
+
+def test_a_measured_hoop_mode_is_met() -> None:
+    fitted = fit(hollow(hoop_frequency=2100.0, hoop_modal_mass=0.14))
+    assert fitted.body.hoop is not None
+    assert fitted.body.hoop.frequency == pytest.approx(2100, rel=1e-5)
+    assert fitted.body.hoop.modal_mass == pytest.approx(0.14, rel=1e-5)
+    assert max(map(abs, fitted.misfits.values())) < 1e-5
+
+
+def test_an_uncertain_value_weighs_as_much_as_the_template() -> None:
+    """The template has 2500 ± 300 Hz. So 2100 ± 300 Hz gives the middle, 2300 Hz."""
+    body = fit(hollow(hoop_frequency=2100.0, hoop_frequency_u=300.0)).body
+    assert body.hoop is not None
+    assert body.hoop.frequency == pytest.approx(2300, abs=0.1)
+
+
+@pytest.mark.parametrize("mass", [0.06, 0.32])
+def test_a_modal_mass_far_from_the_shells_is_refused(mass: float) -> None:
+    """The allowed range is half to twice that of the shell of this outline, .151 kg."""
+    with pytest.raises(InputError, match="hoop_modal_mass") as refused:
+        fit(hollow(hoop_modal_mass=mass))
+    words = str(refused.value).split("allowed: ")[1].split()
+    assert [float(words[0]), float(words[2])] == pytest.approx([0.0755, 0.302], rel=0.02)
+
+
+def test_data_vary_by_their_uncertainties() -> None:
+    data = measured(
+        mass_u=0.002,
+        length_u=0.001,
+        bending_frequencies=(164.0, 551.0),
+        bending_frequencies_u=(2.0, 5.0),
+        barrel_nodes=(0.17,),
+    )
+    draws = np.zeros((len(MEASURED), 2))
+    draws[MEASURED.index("mass")] = 3.0
+    draws[MEASURED.index("bending_frequencies")] = -1.0, 2.0
+    draws[MEASURED.index("barrel_nodes")] = 5.0
+    varied = data.varied(draws)
+    assert varied.mass == pytest.approx(data.mass + 0.006)
+    assert varied.bending_frequencies == pytest.approx((162, 561))
+    assert (varied.length, varied.barrel_nodes) == (data.length, (0.17,))
+    draws[MEASURED.index("length")] = 1.0
+    assert data.varied(draws).length == pytest.approx(data.length + 0.001)
+
+
 @pytest.mark.parametrize(
     ("other", "said"),
     [
@@ -110,6 +161,9 @@ def test_data_no_bat_of_the_template_meets_are_refused(other: dict[str, Any], sa
         ({"bending_frequencies": (551.0, 164.0)}, "increase"),
         ({"bending_frequencies": (-1.0,)}, "above 0"),
         ({"barrel_nodes": (-0.1,)}, "on the bat"),
+        ({"barrel_nodes": (0.17, 0.13), "barrel_nodes_u": (0.01,)}, "has 1 values where"),
+        ({"hoop_frequency": 2100.0}, "belongs to a hollow bat"),
+        ({"hoop_frequency_u": 20.0}, "stands without hoop_frequency"),
     ],
 )
 def test_measurements_that_contradict_themselves(other: dict[str, Any], said: str) -> None:

@@ -75,6 +75,16 @@ def test_peaks_are_those_of_the_model_itself(compared: BatComparison) -> None:
     assert found.place == pytest.approx(z[e_A.argmax()], abs=0.02)
 
 
+def test_a_peak_lies_on_the_barrel() -> None:
+    """A softball touches EA70 twice near 15 in, and its e_A is greater there than on the barrel."""
+    struck = profiles("ea70", ball="softball-slowpitch")[0]
+    rows = struck.table.set_index("z_in")["e_A"]
+    assert rows.loc[14.5:].max() > rows.loc[:12].max()
+    top = struck.peaks["e_A"]
+    assert top.place < 12
+    assert top.value == pytest.approx(rows.loc[:12].max(), abs=1e-4)
+
+
 def test_differences_are_those_of_the_peaks(compared: BatComparison) -> None:
     wood, aluminium = compared.peaks[1], compared.peaks[3]
     row = compared.differences[1]

@@ -7,7 +7,7 @@ import pytest
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.studies.bats.fit_bat import FittedBat, fit_bat
+from virtual_lab.studies.bats.fit_bat import FittedBat, fit_bat, remark_on
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 MEASURED = """
@@ -66,3 +66,16 @@ def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, Fi
         assert row.low <= row.fit <= row.high
     # fits without frequencies are fast, and use the same draws
     assert fit_bat(str(source), members=3).spread == fitted.spread
+
+
+def test_the_other_bats_fit_varied_data(tmp_path: Path) -> None:
+    """An inertia of 17 137 ± 40 000 oz in² may vary below mass times distance². No bat has that."""
+    path = tmp_path / "vague.toml"
+    vague = 'inertia_u = { value = 40000, unit = "oz in^2", source = "guess", verified = false }'
+    path.write_text(MEASURED + vague)
+    assert fit_bat(str(path), members=2).members == 1
+
+
+def test_a_peak_at_the_end_of_its_range_is_marked() -> None:
+    assert "2 to 10 in" in remark_on("peak e_A at", 10.0, 8.0)
+    assert remark_on("peak e_A at", 2.1, 9.9) == remark_on("e_A at 9 in", 2.0, 10.0) == ""

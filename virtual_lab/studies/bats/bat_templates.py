@@ -1,15 +1,15 @@
 """Fit of a bat model to measurements, by least squares over the parameters of a template.
 
 A template is a shape with a few parameters, each with a typical value, a typical spread and limits.
-The fit agrees closely with the data. As far as the data allow, the parameters stay near their
-typical values, or near random values from the spread: fits to many random values show the remaining
-uncertainty.
+The fit agrees with the data, each within its uncertainty. As far as the data allow, the parameters
+stay near their typical values, or near random values from the spread: fits to many random values,
+each with data varied by their uncertainties, show the remaining uncertainty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Literal, NamedTuple
 
@@ -34,14 +34,38 @@ from virtual_lab.catalog.specs import (
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
+from virtual_lab.simulation.physics.shell import shell_mode
 from virtual_lab.units import INCH, OUNCE, Array
 
+PLAUSIBLE_SHARES = (0.5, 2.0)  # smallest and largest measured modal mass [the shell's]
 COARSE = {"order": 6, "element_size": 0.1}  # relative error of the first two frequencies: 1e-6
+
+
+GOALS = {  # fields that are fitted, and the names of their values
+    "mass": "mass",
+    "z_cm": "z_cm",
+    "inertia": "inertia",
+    "bending_frequencies": "f{}",
+    "barrel_nodes": "node{}",
+    "hoop_frequency": "hoop frequency",
+    "hoop_modal_mass": "hoop modal mass",
+}
+MEASURED = ("length", "inertia_axis", *GOALS)  # fields with an uncertainty
+
+
+class Goal(NamedTuple):
+    """A measured value and its standard uncertainty; 0 for a value to be met closely."""
+
+    value: float
+    u: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatMeasurements(Spec):
-    """Measurements of a bat by a user. Positions are distances from the barrel tip."""
+    """Measurements of a bat by a user. Positions are distances from the barrel tip.
+
+    Fields ending in `_u` are standard uncertainties; 0 stands for a value to be met closely.
+    """
 
     name: Name
     title: Title
@@ -55,6 +79,17 @@ class BatMeasurements(Spec):
     inertia_axis: Annotated[float, Dimension("length", -LONGEST, 2 * LONGEST)]
     bending_frequencies: Annotated[tuple[float, ...], MaxLen(2), Dimension("frequency")] = ()
     barrel_nodes: Annotated[tuple[float, ...], MaxLen(2), Dimension("length")] = ()
+    hoop_frequency: Annotated[float | None, Dimension("frequency", 10, 1e5)] = None
+    hoop_modal_mass: Annotated[float | None, Dimension("mass", 1e-4, 5)] = None
+    length_u: Annotated[float, Dimension("length", 0, LONGEST)] = 0.0
+    mass_u: Annotated[float, Dimension("mass", 0, 5)] = 0.0
+    z_cm_u: Annotated[float, Dimension("length", 0, LONGEST)] = 0.0
+    inertia_u: Annotated[float, Dimension("inertia", 0, 10)] = 0.0
+    inertia_axis_u: Annotated[float, Dimension("length", 0, LONGEST)] = 0.0
+    bending_frequencies_u: Annotated[tuple[float, ...], Dimension("frequency", 0, 1e5)] = ()
+    barrel_nodes_u: Annotated[tuple[float, ...], Dimension("length", 0, LONGEST)] = ()
+    hoop_frequency_u: Annotated[float, Dimension("frequency", 0, 1e5)] = 0.0
+    hoop_modal_mass_u: Annotated[float, Dimension("mass", 0, 5)] = 0.0
 
     def __post_init__(self) -> None:
         if not self.z_cm < self.length:
@@ -71,17 +106,46 @@ class BatMeasurements(Spec):
             raise ValueError("bending_frequencies must increase")
         if any(not 0 < node < self.length for node in self.barrel_nodes):
             raise ValueError("barrel_nodes must lie on the bat")
+        for name in ("bending_frequencies", "barrel_nodes"):
+            values, u = getattr(self, name), getattr(self, f"{name}_u")
+            if u and len(u) != len(values):
+                raise ValueError(f"{name}_u has {len(u)} values where {name} has {len(values)}")
+        for name in ("hoop_frequency", "hoop_modal_mass"):
+            if getattr(self, name) is not None and self.template == "wood":
+                raise ValueError(f"{name} belongs to a hollow bat; a wood bat has no hoop mode")
+            if getattr(self, name) is None and getattr(self, f"{name}_u"):
+                raise ValueError(f"{name}_u stands without {name}")
 
     @property
-    def goals(self) -> dict[str, float]:
+    def goals(self) -> dict[str, Goal]:
         """Measured quantities to fit, by name [SI]. The length is not fitted, it is used as is."""
         return {
-            "mass": self.mass,
-            "z_cm": self.z_cm,
-            "inertia": self.inertia,
-            **{f"f{i + 1}": f for i, f in enumerate(self.bending_frequencies)},
-            **{f"node{i + 1}": node for i, node in enumerate(self.barrel_nodes)},
+            name.format(i): goal
+            for field, name in GOALS.items()
+            for i, goal in enumerate(self._values(field), start=1)
         }
+
+    def varied(self, draws: Array) -> BatMeasurements:
+        """Return the measurements plus `draws` of their uncertainties, one row per `MEASURED`.
+
+        Raises `ValueError` if the varied values contradict one another.
+        """
+        values: dict[str, float | tuple[float, ...]] = {}
+        for field, draw in zip(MEASURED, draws, strict=True):
+            varied = tuple(
+                value + u * float(x)
+                for (value, u), x in zip(self._values(field), draw, strict=False)
+            )
+            if varied:
+                values[field] = varied if isinstance(getattr(self, field), tuple) else varied[0]
+        return replace(self, **values)  # type: ignore[arg-type]
+
+    def _values(self, field: str) -> list[Goal]:
+        """Return the values of a field with their uncertainties; none if it was not measured."""
+        value, u = getattr(self, field), getattr(self, f"{field}_u")
+        if isinstance(value, tuple):
+            return [Goal(*pair) for pair in zip(value, u or (0.0,) * len(value), strict=True)]
+        return [] if value is None else [Goal(value, u)]
 
 
 class Parameter(NamedTuple):
@@ -130,7 +194,7 @@ def fit(
     ----------
     measured
         The measurements.
-    wanted
+    target
         Preferred parameters; by default the typical ones of the template.
     start
         Initial parameters; by default `target`.
@@ -138,7 +202,9 @@ def fit(
     Raises
     ------
     InputError
-        No bat of the template fits the data. The message lists the misfits of the best one.
+        No bat of the template fits the data within 3 u, or .1 % (nodes .05 in) if that is more; the
+        message lists the misfits of the best one. Or the modal mass of the hoop mode is not
+        plausible.
     """
     template = TEMPLATES[measured.template]
     usual, spread = template.usual, template.spread
@@ -147,7 +213,7 @@ def fit(
 
     def residuals(x: Array) -> Array:  # x: deviation from the typical values [spreads]
         missed = _misfits(template.build(usual + spread * x, measured.length), measured)
-        data = [value / _weight(name) for name, value in missed.items()]
+        data = [value / max(_weight(name), _u(name, measured)) for name, value in missed.items()]
         return np.concatenate((data, x - near))
 
     def jacobian(x: Array) -> Array:
@@ -169,8 +235,13 @@ def fit(
     )
     parameters = usual + spread * solution.x
     body = template.build(parameters, measured.length)
+    _require_plausible_hoop(body, measured)
     misfits = _misfits(body, measured)
-    missed = {name: value for name, value in misfits.items() if abs(value) > _tolerance(name)}
+    missed = {
+        name: value
+        for name, value in misfits.items()
+        if abs(value) > max(_tolerance(name), 3 * _u(name, measured))
+    }
     if missed:
         allowed = "no bat of this template fits the data; misfit of the best one: "
         raise InputError(
@@ -199,15 +270,38 @@ def compute_quantities(
     return values
 
 
+def hoop_quantities(body: BatBody) -> dict[str, float]:
+    """Return frequency [Hz] and modal mass [kg] of the hoop mode, by the names of the goals."""
+    if body.hoop is None:
+        return {}
+    return {"hoop frequency": body.hoop.frequency, "hoop modal mass": body.hoop.modal_mass}
+
+
+def _require_plausible_hoop(body: BatBody, measured: BatMeasurements) -> None:
+    """Raise `InputError` if a measured modal mass is not that of a shell like the bat's."""
+    mass = measured.hoop_modal_mass
+    if mass is None:
+        return
+    low, high = (share * shell_mode(body).modal_mass for share in PLAUSIBLE_SHARES)
+    if not low <= mass <= high:
+        allowed = (
+            f"allowed: {low:.3f} to {high:.3f} kg, half to twice the modal mass of a shell with "
+            "this bat's outline and wall"
+        )
+        raise InputError(measured.name, "hoop_modal_mass", f"{mass:g} kg", allowed)
+
+
 def _misfits(body: BatBody, measured: BatMeasurements) -> dict[str, float]:
     values = compute_quantities(
         body,
         measured.inertia_axis,
         frequencies=len(measured.bending_frequencies),
         nodes=len(measured.barrel_nodes),
-    )
+    ) | hoop_quantities(body)
     return {
-        name: values[name] - goal if name.startswith("node") else values[name] / goal - 1
+        name: values[name] - goal.value
+        if name.startswith("node")
+        else values[name] / goal.value - 1
         for name, goal in measured.goals.items()
     }
 
@@ -221,6 +315,12 @@ def _misfit_words(missed: dict[str, float]) -> str:
         else f"{name} by {100 * missed[name]:+.1f} %"
         for name in worst_first
     )
+
+
+def _u(name: str, measured: BatMeasurements) -> float:
+    """Return the uncertainty of a measured value: relative, or for a node in m."""
+    goal = measured.goals[name]
+    return goal.u if name.startswith("node") else goal.u / goal.value
 
 
 def _weight(name: str) -> float:

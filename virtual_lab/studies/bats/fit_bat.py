@@ -1,8 +1,8 @@
 """Bat file from the measurements of a user, and the remaining uncertainty.
 
 The bat is the most typical bat of the template that fits the data. Other bats, with parameters
-close to random values, fit the same data. Their differences show which quantities the measurements
-do not determine.
+close to random values, fit the same data, varied by their uncertainties. Their differences show
+which quantities the measurements do not determine.
 """
 
 from __future__ import annotations
@@ -27,16 +27,20 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.streams import Streams
 from virtual_lab.studies.bats.bat_templates import (
+    MEASURED,
     TEMPLATES,
     BatMeasurements,
     BodyFit,
     compute_quantities,
     fit,
+    hoop_quantities,
 )
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
+PEAK_PLACE = "peak e_A at"
+HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +54,7 @@ class Spread:
     high: float = column("highest")
     sd: float = column("standard deviation")
     measured: bool = column("measured", form=lambda row: "yes" if row.measured else "no")
+    remark: str = column("remark", form="s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -115,6 +120,7 @@ class FittedBat(StudyResult):
             *(
                 f"#   {row.quantity} [{row.unit}]: {row.fit:.4g}, {row.low:.4g}, "
                 f"{row.high:.4g}{', measured' if row.measured else ''}"
+                f"{f' ({row.remark})' if row.remark else ''}"
                 for row in self.spread
             ),
             f"name = {_text(name)}",
@@ -139,8 +145,10 @@ class FittedBat(StudyResult):
             lines += ["", "[[body.lumps]]", f"name = {_text(lump.name)}"]
             lines += [_line("z", lump.z, "m", source), _line("mass", lump.mass, "kg", source)]
         if body.hoop:
-            lines += ["", "[body.hoop]", _line("frequency", body.hoop.frequency, "Hz", "assumed")]
-            lines.append(_line("modal_mass", body.hoop.modal_mass, "kg", "assumed"))
+            lines += ["", "[body.hoop]"]
+            for key, unit in (("frequency", "Hz"), ("modal_mass", "kg")):
+                origin = "assumed" if getattr(self.measured, f"hoop_{key}") is None else source
+                lines.append(_line(key, getattr(body.hoop, key), unit, origin))
         lines += ["", "[body]", _line("damping_ratio", body.damping_ratio, "1", "assumed")]
         lines += ["", "[spread]"]
         scatter = zip(
@@ -162,18 +170,19 @@ def fit_bat(
     Parameters
     ----------
     path
-        File of the measurements, .toml; see ``data/README.md``.
+        File of the measurements, .toml; see ``data/README.md``. Each may have its uncertainty.
     members
         Number of fitted bats that show the spread; those whose fit fails are omitted.
     seed
-        Seed of the random parameters.
+        Seed of the random parameters and of the variation of the measurements.
     progress
         Function that is called with the number of bats fitted.
 
     Raises
     ------
     InputError
-        The file cannot be used, or no bat of the template fits the data.
+        The file cannot be used, no bat of the template fits the data, or the modal mass of the hoop
+        mode is below half or above twice that of a shell with the bat's outline.
     """
     path = str(path)
     if not path.endswith(".toml"):
@@ -183,14 +192,16 @@ def fit_bat(
     measured = catalog.load("bats", path, BatMeasurements).spec
     template = TEMPLATES[measured.template]
     best = fit(measured)
-    draws = Streams(seed).normal("fit-bat", (members, len(template.parameters)))
+    streams = Streams(seed)
+    draws = streams.normal("fit-bat", (members, len(template.parameters)))
+    errors = streams.normal("fit-bat measurements", (members, len(MEASURED), 2))
     bodies = []
-    for number, draw in enumerate(draws):
+    for number, (draw, error) in enumerate(zip(draws, errors, strict=True)):
         progress("bats that fit the data", number, members)
         target = template.usual + template.spread * draw
         try:
-            bodies.append(fit(measured, target, best.parameters).body)
-        except InputError:  # this fit does not reach the data
+            bodies.append(fit(measured.varied(error), target, best.parameters).body)
+        except ValueError:  # the fit does not reach the data, or the data contradict themselves
             continue
     progress("collisions")
     units, best_values = _quantities(best.body, measured)
@@ -205,6 +216,7 @@ def fit_bat(
             high=float(max(every.max(), value)),
             sd=float(every.std(ddof=1)) if len(every) > 1 else 0.0,
             measured=name in measured.goals,
+            remark=remark_on(name, value, *every),
         )
         for (name, value), unit, every in zip(best_values.items(), units, table.T, strict=True)
     ]
@@ -226,6 +238,7 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
     e_A = ModalModel.of(body, Free()).collide(scenes).collision_efficiency
     top = peak(PLACES_IN, e_A)
     rows = [
+        *((name, HOOP_UNITS[name], value) for name, value in hoop_quantities(body).items()),
         ("f1", "Hz", values["f1"]),
         ("f2", "Hz", values["f2"]),
         ("node1", "in", values["node1"] / INCH),
@@ -235,9 +248,17 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
             for z in (3.0, 5.0, 6.0, 7.0, 9.0)
         ),
         ("peak e_A", "1", top.value),
-        ("peak e_A at", "in", top.place),
+        (PEAK_PLACE, "in", top.place),
     ]
     return [unit for _, unit, _ in rows], {name: value for name, _, value in rows}
+
+
+def remark_on(quantity: str, *values: float) -> str:
+    """Return the remark on a peak if it stands at an end of the positions for one of the bats."""
+    low, high = PLACES_IN[0], PLACES_IN[-1]
+    if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):
+        return f"at the end of the range {low:g} to {high:g} in: the true peak may lie beyond it"
+    return ""
 
 
 def _line(key: str, value: float | tuple[float, ...], unit: str, source: str) -> str:

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CONDITIONS = "standard-2003"
+BARREL_END = 12.0  # end of the barrel in the search for the peaks [in]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +130,7 @@ class BatProfile(StudyResult):
 
     @property
     def peaks(self) -> dict[str, Peak]:
-        """Largest e, BPF, e_A and v_f [mph] along the bat, each with its position [in]."""
+        """Largest e, BPF, e_A and v_f [mph] on the barrel, each with its position [in]."""
         return peaks_of({name: self.table[name].to_numpy() for name in ("z_in", *PEAKS)})
 
     @property
@@ -250,8 +251,13 @@ def curves_of(
 
 
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
-    """Return the largest e, BPF, e_A and v_f [mph] of `curves_of`, each with its position [in]."""
-    return {name: peak(curves["z_in"], curves[name]) for name in PEAKS}
+    """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position [in].
+
+    Further from the tip a heavy ball may touch the bat twice, and e_A is then larger than anywhere
+    on the barrel.
+    """
+    barrel = curves["z_in"] <= BARREL_END
+    return {name: peak(curves["z_in"][barrel], curves[name][barrel]) for name in PEAKS}
 
 
 @lru_cache(maxsize=16)

@@ -31,7 +31,7 @@ CURVE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peaks:
-    """Largest values along a bat, each with its position [in]: `e` at `e_at_in`, and so on."""
+    """Largest values on a barrel, each with its position [in]: `e` at `e_at_in`, and so on."""
 
     bat: str
     n: float | None  # exponent of the swing law; None: constant energy
