@@ -24,7 +24,7 @@ END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 LOOKED = (*PLAIN[:11], ("gauge-gates", {}), ("tap-bat", {}), *PLAIN[11:])
 
 
-def test_what_a_fault_moved_the_result_by_is_the_day_without_it() -> None:
+def test_the_effect_of_a_fault_equals_the_difference_from_a_day_without_it() -> None:
     """Against the same actions really taken in a sound laboratory."""
     closing = debrief_of(day_of([*PLAIN, *END], "gate-moved"), "gate-moved")
     with_it, without = (Desk(day_of(PLAIN, *faults)).result for faults in (("gate-moved",), ()))
@@ -69,7 +69,9 @@ def handed_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_branch_draws_as_the_day_and_is_practice(handed_in: Path, tmp_path: Path) -> None:
+def test_a_branch_repeats_the_draws_of_its_day_and_counts_as_practice(
+    handed_in: Path, tmp_path: Path
+) -> None:
     source = StoredDay(handed_in)
     again = StoredDay.branch(handed_in, 15, tmp_path / "again")
     assert (again.day.practice, len(again.day.events)) == (15, 15)
@@ -79,7 +81,7 @@ def test_a_branch_draws_as_the_day_and_is_practice(handed_in: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("entry", [-1, 1000])
-def test_a_branch_from_an_entry_that_is_none_is_refused(
+def test_a_branch_from_a_missing_entry_is_refused(
     entry: int, handed_in: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=r"entry = .*allowed: 0 to"):
@@ -87,13 +89,13 @@ def test_a_branch_from_an_entry_that_is_none_is_refused(
     assert not (tmp_path / "again").exists()
 
 
-def test_a_day_that_goes_on_has_no_branch(tmp_path: Path) -> None:
+def test_an_unfinished_day_cannot_be_branched(tmp_path: Path) -> None:
     StoredDay.begin(tmp_path / "day", load_scenario("tuesday"), 3).do(action_of("tare"))
     with pytest.raises(InputError, match="has not been handed in"):
         StoredDay.branch(tmp_path / "day", 1, tmp_path / "again")
 
 
-def test_curves_leave_practice_out(handed_in: Path, tmp_path: Path) -> None:
+def test_learning_curves_leave_practice_out(handed_in: Path, tmp_path: Path) -> None:
     """Two days alike: the mean of each score is that score, and no third day is counted."""
     for name in ("1", "2"):
         shutil.copytree(handed_in, tmp_path / "Ada" / name)
@@ -118,7 +120,7 @@ def test_the_page_leads_from_the_debrief_to_the_entry_and_to_practice(handed_in:
     assert browser.ask("/branch", {"entry": "2"}).status == 422  # it is not handed in
 
 
-def test_an_own_result_after_the_certificate_is_refused() -> None:
+def test_a_result_entered_after_the_certificate_is_refused() -> None:
     given = [*PLAIN, *END[:2], ("enter-result", {"BPF": 0.95})]
     with pytest.raises(InputError, match="has been reduced"):
         play_actions(apparatus(), asked(given))

@@ -52,7 +52,7 @@ def test_the_truth_of_a_day_is_that_of_the_plain_test(plain: Desk) -> None:
     assert found == pytest.approx(certified(seed=3).sealed.measurand, rel=1e-12)
 
 
-def test_the_order_of_readings_changes_no_record(plain: Desk) -> None:
+def test_the_order_of_the_readings_changes_no_record(plain: Desk) -> None:
     """The wall first, the bench from its end: what makes ready stays before what it is for."""
     order = ("hit-wall", "aim-paper", "fit-clamp", "swing", "level-stand", "measure-balance")
     first = [each for name in order for each in PLAIN if each[0] == name]
@@ -60,7 +60,7 @@ def test_the_order_of_readings_changes_no_record(plain: Desk) -> None:
     assert moved(day_of([*first, *later]), plain) == set()
 
 
-def test_untared_scale(plain: Desk) -> None:
+def test_an_untared_scale_shifts_all_its_readings_alike(plain: Desk) -> None:
     day = day_of(without("tare"))
     off = readings(day, "bat-mass") - readings(plain.day, "bat-mass")
     assert np.ptp(off) <= RESOLUTION * 1.01
@@ -70,7 +70,7 @@ def test_untared_scale(plain: Desk) -> None:
     assert moved(day, plain) == {"bat-mass", "ball-mass", "reference-mass"}
 
 
-def test_stand_out_of_level(plain: Desk) -> None:
+def test_a_stand_out_of_level_shifts_the_balance_by_1_mm(plain: Desk) -> None:
     day = day_of(without("level-stand"))
     off = readings(day, "balance") - readings(plain.day, "balance")
     assert off == pytest.approx(np.full(off.shape, 1e-3), abs=1e-9)
@@ -78,7 +78,7 @@ def test_stand_out_of_level(plain: Desk) -> None:
 
 
 @pytest.mark.parametrize("days", [without("fit-clamp"), with_change("fit-clamp", fitted="no")])
-def test_clamp_left_off(plain: Desk, days: list) -> None:
+def test_a_missing_clamp_is_subtracted_all_the_same(plain: Desk, days: list) -> None:
     """What the bat swings without is taken off all the same: I m_c/(M d) - I_c too much."""
     day = day_of(days)
     assert moved(day, plain) == {"pendulum"}
@@ -90,7 +90,7 @@ def test_clamp_left_off(plain: Desk, days: list) -> None:
     assert bat.inertia_cm - sound.inertia_cm == pytest.approx(much, abs=1e-4)  # u is 3e-5
 
 
-def test_swing_angle_number_and_clock(plain: Desk) -> None:
+def test_the_pendulum_record_follows_angle_number_and_clock(plain: Desk) -> None:
     def pendulum(**how: object) -> object:
         day = day_of(with_change("swing", **how))
         assert moved(day, plain) == {"pendulum"}
@@ -118,14 +118,14 @@ def test_swing_angle_number_and_clock(plain: Desk) -> None:
         ("measure-balance", "balance", "in", 25.4),
     ],
 )
-def test_another_unit_typed(
+def test_a_reading_typed_in_another_unit_is_wrong_by_the_factor(
     plain: Desk, action: str, channel: str, unit: str, factor: float
 ) -> None:
     day = day_of([(action, {"entered_as": unit})])
     assert readings(day, channel) / factor == pytest.approx(readings(plain.day, channel), rel=1e-2)
 
 
-def test_balance_from_the_knob(plain: Desk) -> None:
+def test_a_balance_from_the_knob_is_the_length_minus_the_right_one(plain: Desk) -> None:
     day = day_of(with_change("measure-balance", end="knob"))
     both = readings(day, "balance") + readings(plain.day, "balance")
     assert both == pytest.approx(np.full(both.shape, 34 * 25.4e-3), abs=1.5e-3)
@@ -151,7 +151,7 @@ def first_counts(days: list) -> np.ndarray:
     return Desk(day_of(days)).session.records["impact"]["encoder"].counts
 
 
-def test_encoder_not_zeroed(plain: Desk) -> None:
+def test_an_encoder_not_zeroed_shifts_all_counts_of_a_shot_alike(plain: Desk) -> None:
     """All counts of a shot are off by one number; the recoil does not know it."""
     off = first_counts(without("zero-encoder")) - plain.session.records["impact"]["encoder"].counts
     assert (np.ptp(off, axis=1) == 0).all()
@@ -159,7 +159,7 @@ def test_encoder_not_zeroed(plain: Desk) -> None:
     assert Desk(day_of(without("zero-encoder"))).reasons == plain.reasons
 
 
-def test_bat_not_at_rest(plain: Desk) -> None:
+def test_a_bat_not_at_rest_is_noticed_in_most_shots(plain: Desk) -> None:
     desk = Desk(day_of(without("wait-rest")))
     assert moved(desk.day, plain) == {"encoder"}
     assert [shot for shot, why in enumerate(desk.reasons) if "turned at" in why] == [
@@ -172,14 +172,14 @@ def test_bat_not_at_rest(plain: Desk) -> None:
     ]
 
 
-def test_no_wait_for_the_pressure(plain: Desk) -> None:
+def test_without_the_wait_for_pressure_balls_are_2_5_mph_slow(plain: Desk) -> None:
     slow = Desk(day_of(without("wait-pressure")))
     off = slow.by_rules.shots.speed - plain.by_rules.shots.speed
     assert off / 0.44704 == pytest.approx(np.full(off.shape, -2.5), abs=0.01)
     assert all(reason.startswith("ball at") for reason in slow.reasons)
 
 
-def test_scrap_not_cleared(plain: Desk) -> None:
+def test_scrap_breaks_the_first_gate_30_mm_too_early(plain: Desk) -> None:
     """None at the first shot, then now and then: the first gate breaks 30 mm ahead of the ball."""
     times = Desk(day_of(without("clear-scrap"))).session.records["impact"]["gates"].times
     early = plain.session.records["impact"]["gates"].times - times
@@ -190,7 +190,7 @@ def test_scrap_not_cleared(plain: Desk) -> None:
     assert early[tripped, 0, 0, 0] * speed[tripped] == pytest.approx(0.03, abs=1e-3)
 
 
-def test_the_same_ball_again(plain: Desk) -> None:
+def test_a_ball_fired_again_at_once_has_lost_e0(plain: Desk) -> None:
     days = with_change("load-ball", ball=1)
     desk = Desk(day_of(days))
     log = desk.session.records["impact"]["log"]
@@ -208,13 +208,13 @@ def test_the_same_ball_again(plain: Desk) -> None:
     assert lost[3:] == pytest.approx(0.006, abs=0.0031)  # those within ten minutes
 
 
-def test_a_shifted_place_is_another_place(plain: Desk) -> None:
+def test_a_wrong_impact_position_is_recorded_and_rejected(plain: Desk) -> None:
     desk = Desk(day_of(with_change("set-place", place="6.5 in")))
     assert desk.session.records["impact"]["log"].place == pytest.approx(0.165, abs=1e-9)
     assert all("set at" in reason for shot, reason in enumerate(desk.reasons) if shot != 1)
 
 
-def test_a_new_aim_moves_marks_and_what_is_known(plain: Desk) -> None:
+def test_a_new_aim_moves_the_marks_and_the_calibration(plain: Desk) -> None:
     day = day_of(
         [
             ("aim-paper", {}),
@@ -252,7 +252,7 @@ def test_without_a_reading_there_is_no_result(name: str, missing: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["weigh-bat", "measure-length", "swing", "measure-balance"])
-def test_measured_again_the_last_counts_unless_struck_out(plain: Desk, name: str) -> None:
+def test_of_repeated_readings_the_last_counts_unless_struck_out(plain: Desk, name: str) -> None:
     again = [*PLAIN, (name, {})]
     day = day_of(again)
     assert len(moved(day, plain)) == 1

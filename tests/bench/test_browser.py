@@ -76,7 +76,7 @@ def names(day: ServedDay) -> list[str]:
     return [event.action for event in day.stored.day.events]
 
 
-def test_a_day_by_the_book_is_one_key(visit: Visit) -> None:
+def test_the_enter_key_alone_plays_a_day_by_the_book(visit: Visit) -> None:
     """Enter on what has the focus: the page leads through the hits, and each is judged alone."""
     day, page = visit()
     do(day, *PLAIN[: len(preparation())])
@@ -141,7 +141,7 @@ def test_after_a_shot_the_page_stays_where_its_pictures_are(visit: Visit) -> Non
         assert 0 <= top < size["height"]
 
 
-def test_rules_and_instruments_are_a_key_away(visit: Visit) -> None:
+def test_one_key_opens_rules_and_instruments(visit: Visit) -> None:
     day, page = visit()
     for key, heading in (("r", "The rules"), ("i", "The instruments")):
         page.wait_for_selector("body :focus", state="attached")
@@ -154,7 +154,7 @@ def test_rules_and_instruments_are_a_key_away(visit: Visit) -> None:
 
 
 @pytest.mark.long
-def test_a_careless_day_is_kept_whole(visit: Visit) -> None:
+def test_careless_clicks_make_no_entry_twice(visit: Visit) -> None:
     """Double clicks, a key held, the way back, two tabs, a shot too early: no entry twice."""
     day, page = visit()
     tare = page.get_by_role("button", name="Tare the scale").last
@@ -340,7 +340,7 @@ def test_axe_finds_nothing_in_an_exam(visit: Visit, looks: Looks) -> None:
 
 
 @pytest.mark.long
-def test_axe_finds_nothing_on_another_laboratorys_records(visit: Visit, looks: Looks) -> None:
+def test_axe_finds_nothing_on_the_records_of_another_laboratory(visit: Visit, looks: Looks) -> None:
     _, page = visit("records")
     open_all(page)
     looks.look(page, "records")

@@ -24,11 +24,11 @@ def rehearsal(tmp_path: Path) -> StoredDay:
     return StoredDay.begin(tmp_path / "day", load_scenario("plain-day"), 3)
 
 
-def test_every_action_is_in_the_table_and_every_argument_of_one() -> None:
+def test_the_table_holds_every_action_and_argument() -> None:
     assert ARGUMENTS.keys() <= action_table().actions.keys()
 
 
-def test_a_day_taken_up_again_is_the_day(rehearsal: StoredDay) -> None:
+def test_a_resumed_day_equals_the_day_before_the_break(rehearsal: StoredDay) -> None:
     for action in asked(PLAIN[:20]):
         rehearsal.do(action)
     again = StoredDay(rehearsal.log.path.parent)

@@ -41,7 +41,7 @@ FIRST_SHOT = PLAIN[:18]  # to its decision
         ("another", OPEN, "no record"),
     ],
 )
-def test_a_step_left_out_is_held_against_what_its_shot_showed(
+def test_an_omitted_step_is_judged_by_the_record_of_its_shot(
     step: str, expected: str, why: str
 ) -> None:
     days = [each for each in FIRST_SHOT if each[0] != step or step == "load-ball"]
@@ -50,12 +50,12 @@ def test_a_step_left_out_is_held_against_what_its_shot_showed(
     assert why in found.why
 
 
-def test_a_note_before_there_is_anything_to_see_is_the_trainers() -> None:
+def test_a_note_before_its_shot_is_left_to_the_trainer() -> None:
     days = [note("wait-rest"), *(each for each in FIRST_SHOT if each[0] != "wait-rest")]
     assert [each.judged for each in judged(days)] == [OPEN]
 
 
-def test_a_ball_fired_again_was_warm_or_had_rested() -> None:
+def test_a_ball_fired_again_is_judged_by_its_rest() -> None:
     shots = PLAIN[12:18]
     again = [each for each in shots if each[0] not in {"load-ball", "accept"}]
     for rest, expected in ((0, DENIED), (8, JUSTIFIED)):
@@ -63,7 +63,7 @@ def test_a_ball_fired_again_was_warm_or_had_rested() -> None:
         assert judged([*FIRST_SHOT, *waited, *again, note("load-ball")])[-1].judged == expected
 
 
-def test_a_scale_is_clear_or_not() -> None:
+def test_a_missing_tare_is_judged_by_the_display_of_the_scale() -> None:
     """Not tared it shows what it crept; with a dish on it 2 g more, whatever it crept."""
     days = [("weigh-check-mass", {}), note("tare"), ("weigh-bat", {})]
     desk = Desk(day_of(days))
@@ -74,7 +74,7 @@ def test_a_scale_is_clear_or_not() -> None:
     assert judged(days, "scale-not-tared")[0].judged == DENIED
 
 
-def test_a_step_made_good_is_justified_once_it_is() -> None:
+def test_a_step_is_justified_once_it_is_made_good() -> None:
     late = [("level-stand", {}), ("measure-balance", {})]
     first = without("level-stand")
     assert judged([*first, note("level-stand")])[-1].judged == OPEN
@@ -82,7 +82,7 @@ def test_a_step_made_good_is_justified_once_it_is() -> None:
     assert judged([*first, *late[::-1], note("level-stand")])[-1].judged == OPEN
 
 
-def test_what_is_justified_is_not_marked_down_and_what_is_denied_is() -> None:
+def test_only_unjustified_deviations_cost_points() -> None:
     def protocol(step: str, *more: Asked) -> float:
         day = play_actions(apparatus(), asked([*without(step), *more, *END]))
         closing = debrief_of(day, scores_only=True)
@@ -96,7 +96,7 @@ def test_what_is_justified_is_not_marked_down_and_what_is_denied_is() -> None:
     assert protocol("wait-rest", note("wait-rest")) == protocol("wait-rest") < 1
 
 
-def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
+def test_only_an_odd_hit_may_be_rejected() -> None:
     """A gate that fires twice: the windows let some of its hits through, the traces do not."""
     scores = []
     for faults in ((), ("gate-doubles",)):
@@ -113,7 +113,7 @@ def test_an_odd_hit_may_be_rejected_and_a_sound_one_not() -> None:
     assert scores[1][1] is False
 
 
-def test_a_check_that_a_sign_asked_for_costs_nothing() -> None:
+def test_a_check_after_a_sign_of_its_fault_costs_nothing() -> None:
     twice = [("gauge-gates", {}), ("gauge-gates", {"use": "gauge"})]
     for faults in ((), ("gate-moved",)):
         day = play_actions(apparatus(*faults), asked([*twice, *PLAIN, *END]))

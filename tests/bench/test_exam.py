@@ -38,7 +38,7 @@ def hall(tmp_path: Path) -> tuple[Browser, Browser, Hall]:
     return trainer, ada, opened
 
 
-def test_days_are_closed_until_the_exam_begins_and_once_it_is_over(
+def test_days_are_closed_before_and_after_the_exam(
     hall: tuple[Browser, Browser, Hall],
 ) -> None:
     trainer, ada, opened = hall
@@ -55,7 +55,7 @@ def test_days_are_closed_until_the_exam_begins_and_once_it_is_over(
     assert [each.entries for each in opened.trainees()] == [1, 0]
 
 
-def test_the_trainer_sees_who_is_where_and_no_truth(
+def test_the_trainer_sees_the_progress_of_each_trainee_and_no_truth(
     hall: tuple[Browser, Browser, Hall],
 ) -> None:
     trainer, ada, opened = hall
@@ -72,7 +72,7 @@ def test_the_trainer_sees_who_is_where_and_no_truth(
     assert opened.is_open
 
 
-def test_a_code_lets_a_trainee_in_again_and_ends_the_session_that_was_lost(
+def test_a_code_readmits_a_trainee_and_ends_the_lost_session(
     hall: tuple[Browser, Browser, Hall],
 ) -> None:
     trainer, ada, opened = hall
@@ -108,7 +108,9 @@ def test_a_code_lets_a_trainee_in_again_and_ends_the_session_that_was_lost(
         (('["Ada", "Ben"]', "[]"), "trainees"),
     ],
 )
-def test_an_unfit_class_is_refused(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+def test_an_invalid_class_file_is_refused(
+    tmp_path: Path, change: tuple[str, str], message: str
+) -> None:
     path = tmp_path / "class.toml"
     path.write_text(CLASS, "utf-8")
     assert load_class(path).trainees == ("Ada", "Ben")

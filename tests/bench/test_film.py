@@ -53,12 +53,12 @@ def fitted(film: bytes) -> float:
 
 
 @pytest.mark.parametrize("rebound", [0.12, 0.31])
-def test_a_fit_of_the_frames_finds_what_the_sketch_has(rebound: float) -> None:
+def test_a_fit_of_the_frames_gives_the_efficiency_of_the_sketch(rebound: float) -> None:
     """Their e_A is the sketch's, which is off by 0.03 a day and 0.03 a shot: u is at least 0.02."""
     assert fitted(film_as_seen(setup(3), event(rebound))) == pytest.approx(rebound, abs=0.02)
 
 
-def test_another_truth_changes_no_frame() -> None:
+def test_another_truth_leaves_the_frames_unchanged() -> None:
     """Seed and faults exchanged behind the same entry: byte for byte the same picture."""
     one, other = (
         film_as_seen(setup(seed, *faults), event(0.2))
@@ -67,12 +67,12 @@ def test_another_truth_changes_no_frame() -> None:
     assert one == other != film_as_seen(setup(3), event(0.21))
 
 
-def test_a_shot_that_no_ball_came_of_has_no_frames() -> None:
+def test_a_shot_without_a_ball_has_no_frames() -> None:
     missed = DayEvent(number=1, action="fire", arguments={}, seconds=0.0, sketch={"struck": []})
     assert film_as_seen(setup(3), missed) == b""
 
 
-def test_frames_are_served_as_seen_and_after_the_reveal_as_they_were(tmp_path: Path) -> None:
+def test_frames_show_the_sketch_before_the_reveal_and_the_truth_after_it(tmp_path: Path) -> None:
     browsers = [Browser(served_day(tmp_path / name, name)) for name in ("filmed-day", "plain-day")]
     for browser in browsers:
         browser.open()

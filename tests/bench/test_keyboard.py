@@ -13,7 +13,7 @@ from tests.bench.keystrokes import by_enter, by_list
     ("scenario", "take", "minutes", "actions"),
     [("plain-day", by_enter, 25, 60), ("college-day", by_list, 45, 120)],
 )
-def test_a_day_by_keyboard_takes_no_longer(
+def test_a_day_by_keyboard_stays_within_its_minutes_and_actions(
     tmp_path: Path, scenario: str, take, minutes: float, actions: int
 ) -> None:
     with served(tmp_path / "day", scenario) as (day, address), opened() as browser:

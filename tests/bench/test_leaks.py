@@ -78,7 +78,7 @@ def everything(browser: Browser) -> Iterator[str]:
         yield f"{name} {answer.status} {answer.headers} {answer.text}"
 
 
-def test_another_truth_behind_the_same_records_changes_no_byte(tmp_path: Path) -> None:
+def test_another_truth_behind_the_same_records_leaves_pages_unchanged(tmp_path: Path) -> None:
     """Seed, salt, faults and all that was drawn exchanged; log and commitment as they were."""
     room = begun(tmp_path, "one")
     for action in asked([*CHECKS, *PLAIN[:26]]):
@@ -98,7 +98,7 @@ def test_another_truth_behind_the_same_records_changes_no_byte(tmp_path: Path) -
     assert logs[0].read_bytes() == logs[1].read_bytes()
 
 
-def test_a_fault_that_shows_nowhere_yet_changes_no_page(tmp_path: Path) -> None:
+def test_a_fault_without_a_sign_changes_no_page(tmp_path: Path) -> None:
     """Up to the first shot a bat that cracks is a sound one."""
     pages = []
     for name, faults in (("sound", ()), ("cracked", ("bat-cracked",))):

@@ -56,7 +56,7 @@ def scores(found: Debrief) -> dict[str, float]:
     return {score.name: score.value for score in found.scores}
 
 
-def test_the_book_takes_the_plain_test() -> None:
+def test_the_operator_book_scores_full_marks() -> None:
     found = debrief_by("book")
     assert found.verdict == found.right_verdict == "PASS"
     assert found.costly == ()
@@ -79,7 +79,7 @@ def test_an_expert_finds_what_the_book_does_not(fault: str) -> None:
     assert fault not in {doubt.fault for doubt in suspected_faults(Desk(day_by("book")))}
 
 
-def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
+def test_only_a_remedied_fault_leaves_a_verdict() -> None:
     """A gate gauged and reduced with, a dish taken off the scale: as on a sound day.
 
     A cracked bat has no remedy. Balls of another lot than those at the wall leave no trace, and
@@ -98,7 +98,7 @@ def test_a_remedied_fault_leaves_a_verdict_and_a_spoilt_day_none() -> None:
 
 
 @pytest.mark.parametrize("name", catalog.names("bench/scenarios"))
-def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) -> None:
+def test_an_expert_has_a_check_for_every_fault_of_a_scenario(name: str) -> None:
     """Its checks found each of these on 100 days of 100; names give nothing away."""
     found = load_scenario(name).spec
     assert {*found.may_go_wrong, *(found.faults or ())} <= set(detectable())
@@ -107,12 +107,12 @@ def test_no_scenario_holds_a_fault_that_an_expert_has_no_check_for(name: str) ->
     assert not any(fault in told_of + name for fault in fault_titles())
 
 
-def test_an_expert_reduces_with_the_gauge_where_a_gate_was_moved() -> None:
+def test_an_expert_uses_the_gauge_after_a_gate_was_moved() -> None:
     used = [event for event in day_by("expert", "gate-moved").events if event.constants]
     assert [event.action for event in used] == ["gauge-gates"]
 
 
-def test_the_careless_leave_out_and_wave_through() -> None:
+def test_the_careless_operator_skips_steps_and_accepts_hits() -> None:
     found, day = debrief_by("careless"), day_by("careless")
     assert scores(found)["protocol"] < 0.9
     assert scores(found)["record"] < 1
@@ -126,7 +126,7 @@ def test_the_careless_leave_out_and_wave_through() -> None:
     assert found.costly
 
 
-def test_the_cheating_reject_what_is_high() -> None:
+def test_the_cheating_operator_rejects_high_hits() -> None:
     """Every reason given against the windows is on a hit above the middle of those before."""
     day = day_by("cheating")
     made_up = [e.arguments["shot"] for e in day.events if "sound right" in str(e.arguments)]
@@ -135,7 +135,7 @@ def test_the_cheating_reject_what_is_high() -> None:
     assert scores(debrief_by("cheating"))["protocol"] == 1.0
 
 
-def test_the_cost_of_a_decision_is_the_day_played_with_it_mended() -> None:
+def test_the_cost_of_a_decision_equals_the_gain_of_a_day_without_it() -> None:
     """Against a day that was really taken otherwise: the balance entered in inches."""
     wrong = [
         (name, given | {"end": "knob"} if name == "measure-balance" else given)
@@ -177,7 +177,7 @@ def test_a_justified_deviation_is_not_marked_down() -> None:
     assert bare < excused == 1.0
 
 
-def test_confidence_counts() -> None:
+def test_a_confident_false_alarm_costs_more() -> None:
     """By Brier: a false alarm of 30 % costs less than one of 90 %."""
 
     def score(confidence: float) -> float:
@@ -189,7 +189,7 @@ def test_confidence_counts() -> None:
     assert score(90) == pytest.approx(1 - 0.81)
 
 
-def test_a_false_pass_is_worth_nothing() -> None:
+def test_a_wrong_verdict_scores_nothing() -> None:
     day = replace(after_plain(*END), verdict="FAIL")
     assert scores(debrief_of(day, scores_only=True))["result"] == 0
 
@@ -215,7 +215,7 @@ def test_a_fail_is_explained_in_the_debrief_and_the_bench_gives_no_verdict() -> 
     assert debrief_by("book").right_because == ""
 
 
-def test_the_debrief_waits_for_the_end() -> None:
+def test_the_debrief_is_closed_until_the_day_ends() -> None:
     with pytest.raises(InputError, match="handed in"):
         debrief_of(after_plain())
 
@@ -228,7 +228,7 @@ def test_what_is_typed_is_escaped() -> None:
     assert "&lt;script&gt;" in page
 
 
-def test_a_script_is_taken_as_it_stands_and_a_wrong_line_is_named(tmp_path: Path) -> None:
+def test_a_script_is_played_line_by_line_and_a_wrong_line_is_named(tmp_path: Path) -> None:
     actions = [{"do": name, **given} for name, given in (*PLAIN, *END)]
     path = tmp_path / "day.json"
     path.write_text(json.dumps({"actions": actions}), "utf-8")
@@ -287,7 +287,7 @@ def _until_fire(look):
         yield action
 
 
-def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
+def test_the_debrief_compares_the_trainee_with_an_expert_on_the_same_day() -> None:
     """The same bat, balls and draws: hits of the same ball at the same place are the same hit."""
     longer = debrief_by("careless")
     assert len(longer.hits) == longer.shots > longer.expert.shots
@@ -318,7 +318,7 @@ def test_the_debrief_sets_an_experts_day_beside_the_trainees() -> None:
         ("expert", ("gate-moved",), None, ""),
     ],
 )
-def test_why_an_expert_gives_another_verdict_than_is_right_is_told(
+def test_the_debrief_explains_an_expert_whose_verdict_is_wrong(
     name: str, faults: tuple[str, ...], limit: float | None, said: str
 ) -> None:
     if limit is None:
@@ -333,13 +333,13 @@ def test_why_an_expert_gives_another_verdict_than_is_right_is_told(
     assert found.expert.apart in debrief_page(found).replace("&#39;", "'")
 
 
-def test_nothing_went_wrong_is_said_and_only_then() -> None:
+def test_only_a_sound_day_is_called_sound() -> None:
     assert "Nothing went wrong" in debrief_page(debrief_by("book"))
     assert "Nothing went wrong" not in debrief_page(debrief_by("careless"))
     assert "Nothing went wrong" not in debrief_page(debrief_by("expert", "gate-moved"))
 
 
-def test_a_fault_is_told_with_the_entry_that_showed_it_and_the_one_that_named_it() -> None:
+def test_the_debrief_lists_where_a_fault_showed_and_where_it_was_named() -> None:
     found = debrief_by("expert", "bat-cracked")
     events = {event.number: event for event in day_by("expert", "bat-cracked").events}
     (review,) = found.fault_reviews
@@ -356,7 +356,7 @@ def test_the_confidence_in_the_verdict_is_scored_by_brier() -> None:
         assert debrief_of(day, scores_only=True).brier == pytest.approx(brier)
 
 
-def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
+def test_results_entered_by_hand_are_checked_and_decide_the_verdict() -> None:
     """Those of the software to four digits agree; one with a slip of a digit costs its error."""
     sound = Desk(after_plain()).certification.quantities
     names = {"r": "recoil_factor", "e_A": "collision_efficiency", "e": "restitution"}
@@ -385,7 +385,7 @@ def test_own_results_are_checked_and_are_what_the_verdict_rests_on() -> None:
     assert slipped.costly[0].cost == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_disputed_score_keeps_the_trainees_note() -> None:
+def test_a_disputed_score_shows_the_note_of_the_trainee() -> None:
     note = ("dispute-score", {"score": "economy", "note": "the wall rig was =taken="})
     with pytest.raises(InputError, match="has not been handed in"):
         play_actions(apparatus(), asked([*PLAIN, note]))

@@ -41,7 +41,7 @@ def test_a_page_shows_a_fault(scenario: str, fault: str) -> None:
     assert check(scenario, fault, 1).found == 1
 
 
-def test_what_is_beyond_its_limit_stands_first_and_a_rig_has_its_own_columns() -> None:
+def test_readings_beyond_their_limit_come_first() -> None:
     """One page of a rig without an encoder: nothing is asked of one, and nothing shown."""
     page = page_of("college-day", "gate-misses", FAULTY)
     within = [row[1] for row in rows(page[page.index('id="checks"') :])]

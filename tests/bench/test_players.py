@@ -20,7 +20,7 @@ def played(days: int) -> Scores:
 
 
 @pytest.mark.long
-def test_who_looks_leads_on_a_few_days() -> None:
+def test_the_player_who_looks_leads_on_a_few_days() -> None:
     """On 2 + 2 days no other player comes near in sum, or is ahead in detection."""
     scores = played(2)
     for name in OTHERS:
@@ -33,7 +33,7 @@ def test_who_looks_leads_on_a_few_days() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("other", OTHERS)
 @pytest.mark.parametrize("look", LOOK)
-def test_who_looks_beats_every_other_by_two_standard_errors(look: str, other: str) -> None:
+def test_the_player_who_looks_leads_by_two_standard_errors(look: str, other: str) -> None:
     """Over 40 sound and 40 faulty days, paired; and none beats who looks so in result."""
     leads = lead(played(40), look, other)
     assert all(leads[each] >= 2 for each in SUM_AND_DETECTION), leads

@@ -36,12 +36,12 @@ def test_the_same_checks_name_nothing_on_a_sound_day(fault: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["reweigh-balls", "recheck-balls"])
-def test_a_reading_again_needs_the_first(name: str) -> None:
+def test_a_repeated_reading_needs_the_first(name: str) -> None:
     with pytest.raises(InputError, match="comes first"):
         play_actions(apparatus(), [action_of(name)])
 
 
-def test_a_pendulum_let_go_too_far_is_so_from_every_angle() -> None:
+def test_a_pendulum_released_too_far_shows_at_every_angle() -> None:
     for amplitude in (2, 4, 20, 45):
         days = [("fit-clamp", {}), ("swing", {"amplitude": amplitude})]
         named = [
@@ -51,14 +51,14 @@ def test_a_pendulum_let_go_too_far_is_so_from_every_angle() -> None:
         assert named == [set(), {"pendulum-wide"}]
 
 
-def test_what_finds_a_fault_is_done_at_the_bench() -> None:
+def test_every_check_of_a_fault_is_an_action_at_the_bench() -> None:
     for sheet in fault_sheets().values():
         if sheet.found_by:
             assert set(sheet.found_by.actions) <= action_table().actions.keys()
             assert set(sheet.found_by.unless) <= set(catalog.names("faults")) - {sheet.name}
 
 
-def test_detectable_is_what_the_study_found_on_99_days_of_100() -> None:
+def test_detectable_faults_are_those_found_on_99_of_100_days() -> None:
     """`python -m tests.bench.study detection --days 100`, kept with its date."""
     found = {name: int(days) for name, days in ROW.findall(STUDY.read_text("utf-8"))}
     assert found.keys() == set(detectable())

@@ -67,13 +67,13 @@ def whole_again(fault: str) -> bool:
 
 
 @pytest.mark.parametrize("fault", FEW)
-def test_a_repair_ends_what_its_checks_show(fault: str) -> None:
+def test_a_repair_removes_the_sign_of_its_fault(fault: str) -> None:
     assert whole_again(fault)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("fault", sorted(set(detectable()) - NO_REMEDY - set(FEW)))
-def test_every_repair_ends_what_its_checks_show(fault: str) -> None:
+def test_every_repair_removes_the_sign_of_its_fault(fault: str) -> None:
     assert whole_again(fault)
 
 
@@ -85,7 +85,7 @@ def test_every_fault_has_its_remedy_but_a_cracked_bat() -> None:
         assert set(sheet.again) <= sheets.keys()
 
 
-def test_a_repair_of_what_is_whole_says_so_and_costs_its_minutes() -> None:
+def test_a_needless_repair_says_so_and_costs_time() -> None:
     sound, broken = (
         play_actions(apparatus(*faults), [action_of("tighten-coupling")])
         for faults in ((), ("encoder-slip",))
@@ -95,7 +95,7 @@ def test_a_repair_of_what_is_whole_says_so_and_costs_its_minutes() -> None:
     assert sound.seconds == broken.seconds == repairs()["tighten-coupling"].minutes > 0
 
 
-def test_after_a_repair_the_laboratory_draws_as_a_sound_one() -> None:
+def test_a_repaired_laboratory_draws_as_a_sound_one() -> None:
     """The same shot of the same ball, to the last count; the records before it are others."""
     mended = asked([PLAIN[0], ("tighten-coupling", {}), *PLAIN[1:]])
     one = play_actions(apparatus("encoder-slip"), mended)

@@ -81,7 +81,7 @@ def to_two_undecided_hits(look: Callable[[], Desk]) -> Iterator[Action]:
         yield from map(action_of, (*ready_steps(look().day), "fire"))
 
 
-def test_a_college_day_shows_its_rules_and_what_holds_the_scan() -> None:
+def test_a_college_day_shows_its_rules_and_the_hits_that_hold_the_scan() -> None:
     """Two undecided hits hold the scan; accepted, they send it on by its first step, 1 in."""
     told = load_scenario("college-day").spec
     machines = Apparatus(laboratory_of(told, 3, b""))
@@ -144,7 +144,7 @@ def test_a_fault_that_no_check_finds_is_in_no_scenario(tmp_path: Path) -> None:
         load_scenario(str(path))
 
 
-def test_a_day_draws_from_what_may_go_wrong_at_its_rates(tmp_path: Path) -> None:
+def test_faults_befall_days_at_the_rates_of_the_scenario(tmp_path: Path) -> None:
     """Of 4 000 days each fault befalls 10 %, within 4 standard errors; the page lists them all."""
     told = load_scenario("tuesday").spec
     drawn = [told.draw_faults(seed).faults or () for seed in range(4000)]
@@ -160,7 +160,7 @@ def test_a_day_draws_from_what_may_go_wrong_at_its_rates(tmp_path: Path) -> None
     assert all(how in listed for how in told.laboratory.values())
 
 
-def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:
+def test_a_scenario_replaces_the_limit_of_its_procedure(tmp_path: Path) -> None:
     day = begun(tmp_path, "at-the-limit")
     assert day.desk.rules.spec.metric_limit == 0.948
     for action in asked([*PLAIN, ("reduce", {})]):
@@ -172,14 +172,14 @@ def test_the_limit_is_the_scenarios(tmp_path: Path) -> None:
     assert "0.948" in on_the_page(tmp_path, "at-the-limit").certificate()
 
 
-def test_feedback_during_the_day_names_what_was_left_out(tmp_path: Path) -> None:
+def test_feedback_during_the_day_names_omitted_steps(tmp_path: Path) -> None:
     first, plain = (begun(tmp_path, name) for name in ("first-day", "plain-day"))
     assert "skipped: tare the scale" in shown(first, "weigh-bat")
     assert not any("skipped" in what for what in shown(plain, "weigh-bat"))
     assert not any("skipped" in what for what in shown(first, "measure-length"))
 
 
-def test_a_checklist_says_what_was_done(tmp_path: Path) -> None:
+def test_a_checklist_marks_the_steps_done(tmp_path: Path) -> None:
     day = begun(tmp_path, "first-day")
     day.do(action_of("tare"))
     listed = shown(day, "start-checklist")
@@ -221,7 +221,7 @@ def test_records_of_another_laboratory_are_judged_with_its_machines_far(tmp_path
     assert line.seen.entry <= day.day.supplied_events < line.named.entry
 
 
-def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None:
+def test_another_sealed_file_breaks_the_seal(tmp_path: Path) -> None:
     day = begun(tmp_path, "plain-day")
     shown_first = on_the_page(tmp_path, "plain-day").briefing["commitment"]
     assert day.seal.startswith("intact")
@@ -232,7 +232,7 @@ def test_the_seal_holds_until_the_sealed_file_is_another(tmp_path: Path) -> None
     assert StoredDay(tmp_path / "plain-day").seal.startswith("BROKEN")
 
 
-def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
+def test_a_day_can_begin_again_after_a_crash_at_its_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The sealed file is on disk, the log is not yet."""
@@ -246,7 +246,7 @@ def test_a_crash_while_a_day_begins_leaves_a_folder_to_begin_in(
     assert day.seal.startswith("intact")
 
 
-def test_a_class_in_one_table_a_day_played_back_and_a_scenario_tried(
+def test_commands_list_a_class_replay_a_day_and_try_a_scenario(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def run(*words: str) -> object:

@@ -119,7 +119,7 @@ def scores(found: Debrief) -> dict[str, float]:
     return {score.name: score.value for score in found.scores}
 
 
-def test_who_keeps_the_book_and_is_sure(debrief_of: Any) -> None:
+def test_a_sure_day_by_the_book_scores_full_marks(debrief_of: Any) -> None:
     """.05 U off, PASS at 90 %, nothing listed. 22 actions of 5 min: 100/110; 2 shots of 2."""
     found = debrief_of([*BOOK, *verdict("PASS", 90)], result=(TRUTH + 0.05 * 2 * U, U))
     assert scores(found) == pytest.approx(
@@ -135,7 +135,9 @@ def test_who_keeps_the_book_and_is_sure(debrief_of: Any) -> None:
 
 
 @pytest.mark.parametrize(("off", "score"), [(0.99, 1.0), (1.01, 1 / 1.01), (1.5, 2 / 3), (-2, 0.5)])
-def test_who_measures_wrongly(off: float, score: float, debrief_of: Any) -> None:
+def test_an_error_beyond_its_uncertainty_lowers_the_result_score(
+    off: float, score: float, debrief_of: Any
+) -> None:
     """Within U all of it, beyond it U over what it is off; the verdict is right all the same."""
     found = debrief_of([*BOOK, *verdict("PASS", 60)], result=(TRUTH + off * 2 * U, U))
     assert scores(found)["result"] == pytest.approx(score)
@@ -143,14 +145,14 @@ def test_who_measures_wrongly(off: float, score: float, debrief_of: Any) -> None
     assert scores(found)["economy"] == pytest.approx(score * MINUTES / (5 * (len(BOOK) + 2)))
 
 
-def test_who_fails_a_good_bat(debrief_of: Any) -> None:
+def test_a_wrong_verdict_scores_no_result_and_no_economy(debrief_of: Any) -> None:
     """However near the number: nothing, and none of the time it took."""
     found = debrief_of([*BOOK, *verdict("FAIL", 90)])
     assert scores(found)["result"] == scores(found)["economy"] == 0
     assert found.brier == pytest.approx(0.81)
 
 
-def test_who_judges_by_a_number_of_their_own(debrief_of: Any) -> None:
+def test_an_entered_result_is_scored_instead_of_the_reduced_one(debrief_of: Any) -> None:
     """Entered .98, 1.5 U off, where the records give .95: 2/3. One of two own results agrees.
 
     The record: two hits of two as the windows have it and one of two own results: 3/4.
@@ -166,7 +168,7 @@ def test_who_judges_by_a_number_of_their_own(debrief_of: Any) -> None:
     assert scores(found)["record"] == pytest.approx(3 / 4)
 
 
-def test_who_refuses_a_sound_day(debrief_of: Any) -> None:
+def test_refusing_a_sound_day_scores_no_result(debrief_of: Any) -> None:
     """Named at 30 % without a record that bears it out: nothing. A false alarm: .09."""
     found = debrief_of([*BOOK, doubt("gate-moved", 30), *verdict("INVALID", 50)])
     assert scores(found)["result"] == scores(found)["economy"] == 0
@@ -174,7 +176,7 @@ def test_who_refuses_a_sound_day(debrief_of: Any) -> None:
     assert (found.right_verdict, found.false_alarms) == ("PASS", ("gate-moved",))
 
 
-def test_two_clicks_are_worth_nothing(debrief_of: Any) -> None:
+def test_a_verdict_without_a_measurement_scores_nothing(debrief_of: Any) -> None:
     """INVALID and hand in, nothing measured, on a day with a fault."""
     found = debrief_of(
         [*verdict("INVALID", 100)],
@@ -190,7 +192,7 @@ def test_two_clicks_are_worth_nothing(debrief_of: Any) -> None:
 
 @pytest.mark.parametrize(("off", "right"), [(0.99, "PASS"), (1.01, "INVALID")])
 @pytest.mark.parametrize(("fault", "worth"), [("gate-moved", 0.6), ("bat-cracked", 1.0)])
-def test_who_finds_the_fault_and_refuses(
+def test_refusing_a_day_counts_less_if_its_fault_had_a_remedy(
     off: float, right: str, fault: str, worth: float, debrief_of: Any
 ) -> None:
     """A moved gate could have been gauged and reduced with; a cracked bat has no remedy."""
@@ -207,14 +209,14 @@ def test_who_finds_the_fault_and_refuses(
     assert found.found == (fault,)
 
 
-def test_who_puts_a_fault_right_may_judge(debrief_of: Any) -> None:
+def test_after_a_repair_the_truth_decides_the_verdict(debrief_of: Any) -> None:
     """After the repair the truth alone decides: beyond U by chance, the verdict is right."""
     repaired = [*BOOK, doubt("encoder-slip", 90), ("tighten-coupling", {}), *verdict("PASS", 90)]
     found = debrief_of(repaired, faults=("encoder-slip",), visible=("encoder-slip",))
     assert (found.right_verdict, scores(found)["result"]) == ("PASS", 1.0)
 
 
-def test_who_judges_a_spoilt_day_and_names_half_of_it(debrief_of: Any) -> None:
+def test_a_missed_fault_costs_its_share_of_detection(debrief_of: Any) -> None:
     """2 U off: .2. Of three at 10 % one named at 100 %, one missed, .9², the third .1²."""
     faults = ("gate-moved", "scale-not-tared")
     found = debrief_of(
@@ -231,7 +233,9 @@ def test_who_judges_a_spoilt_day_and_names_half_of_it(debrief_of: Any) -> None:
 @pytest.mark.parametrize(
     ("confidence", "squares"), [(0, 1 + 2 * 0), (1, 0.99**2 + 2 * 0.01**2), (50, 3 * 0.25)]
 )
-def test_who_names_everything(confidence: float, squares: float, debrief_of: Any) -> None:
+def test_naming_every_fault_scores_by_the_confidence(
+    confidence: float, squares: float, debrief_of: Any
+) -> None:
     """Of three listed at 10 % one is there; at 0 and 1 % none is found, at 50 % two are alarms."""
     listed = ("gate-moved", "scale-not-tared", "wrong-lot")
     found = debrief_of(
@@ -244,7 +248,7 @@ def test_who_names_everything(confidence: float, squares: float, debrief_of: Any
     assert (found.found, len(found.false_alarms)) == (listed[:above], 2 * above)
 
 
-def test_who_strikes_a_doubt_out_has_not_named_it(debrief_of: Any) -> None:
+def test_a_doubt_struck_out_does_not_count(debrief_of: Any) -> None:
     """The fault is missed: 1. A note at 60 % counts: .16."""
     noted = doubt("gate-moved", 90)
     strike = ("strike-out", {"entry": len(BOOK) + 1, "because": "it was the wind"})
@@ -258,7 +262,7 @@ def test_who_strikes_a_doubt_out_has_not_named_it(debrief_of: Any) -> None:
     assert scores(again)["detection"] == pytest.approx(1 - 0.16)
 
 
-def test_who_names_the_worst_doubt_with_the_verdict_alone(debrief_of: Any) -> None:
+def test_a_doubt_named_only_with_the_verdict_counts_50_percent(debrief_of: Any) -> None:
     """As sure as not, 50 %: .25; noted before, what was noted counts. By its title as well."""
     spoilt = {"faults": ("gate-moved",), "result": (TRUTH + 4 * U, U)}
     worst = verdict("INVALID", 100, "a gate moved after its survey")
@@ -275,7 +279,7 @@ def test_who_names_the_worst_doubt_with_the_verdict_alone(debrief_of: Any) -> No
         ("the wind", "other:"),
     ],
 )
-def test_words_that_name_no_fault_are_asked_back(words: str, said: str) -> None:
+def test_an_unknown_doubt_is_refused_with_a_suggestion(words: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         asked([doubt(words, 50)])
     assert asked([doubt("other: the wind", 50)])[0].arguments["doubt"] == "other: the wind"
@@ -285,7 +289,7 @@ def departure(entry: int, judged: str, step: str = "") -> Deviation:
     return Deviation(entry=entry, what="", because="", judged=judged, why="", step=step)
 
 
-def test_who_hurries(debrief_of: Any) -> None:
+def test_omitted_and_late_steps_lower_the_protocol_score(debrief_of: Any) -> None:
     """Twelve steps are due. Left out: tare, no reason noted; level-stand, open to the trainer.
 
     And wait-rest before both shots, denied by the records: 9 of 12.
@@ -300,7 +304,7 @@ def test_who_hurries(debrief_of: Any) -> None:
     assert scores(debrief_of(late, departed=departed))["protocol"] == pytest.approx(9 / 12)
 
 
-def test_who_decides_by_feeling(debrief_of: Any) -> None:
+def test_unjustified_decisions_lower_the_record_score(debrief_of: Any) -> None:
     """Of four hits the windows reject the last. Rejected: 1, odd in its trace, and 2, by feeling.
 
     Accepted: 3, and 4 against the windows. Right are 1 and 3: 2 of 4.
@@ -323,7 +327,7 @@ def test_who_decides_by_feeling(debrief_of: Any) -> None:
     assert scores(found)["economy"] == pytest.approx(100 / (5 * (len(days) + 2)) * 2 / 4)
 
 
-def test_who_looks_where_a_sign_asked_for_it(debrief_of: Any) -> None:
+def test_only_checks_without_a_sign_cost_time(debrief_of: Any) -> None:
     """Its five minutes do not count: 100 of 110 min again; those of a check nobody asked for do."""
     days = [("gauge-gates", {}), *BOOK, *verdict("PASS", 90)]
     for judged, minutes in ((JUSTIFIED, 5 * (len(days) - 1)), (OPEN, 5 * len(days))):
@@ -331,7 +335,7 @@ def test_who_looks_where_a_sign_asked_for_it(debrief_of: Any) -> None:
         assert scores(found)["economy"] == pytest.approx(100 / minutes)
 
 
-def test_the_u_of_a_cost_is_that_of_the_hits_by_which_two_days_differ() -> None:
+def test_the_u_of_a_cost_comes_from_the_hits_that_differ() -> None:
     """Hits 1, 2, 3, 4 of s² = 5/3; the mean of all less that of three: weights 1/4, thrice -1/12.
 
     u² = 5/3 (1/16 + 3/144) = 5/36.

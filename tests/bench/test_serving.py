@@ -31,7 +31,9 @@ HERE = Path(__file__)
         ({}, "try another"),
     ],
 )
-def test_what_cannot_be_served_is_said(tmp_path: Path, given: dict[str, Any], message: str) -> None:
+def test_an_address_that_cannot_be_served_is_refused(
+    tmp_path: Path, given: dict[str, Any], message: str
+) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -52,7 +54,7 @@ def test_what_cannot_be_served_is_said(tmp_path: Path, given: dict[str, Any], me
     ("host", "name"),
     [("127.0.0.1", "127.0.0.1"), ("localhost", "localhost"), ("::1", "[::1]")],
 )
-def test_this_computer_is_served_by_each_of_its_names(
+def test_the_page_is_served_under_each_name_of_this_computer(
     tmp_path: Path, host: str, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Open the printed address as a browser does; no certificate is asked for."""

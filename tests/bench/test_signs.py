@@ -94,13 +94,13 @@ def shown(action: str, **numbers: float) -> tuple[str, dict[str, float], dict[st
     return action, {what.replace("_", " "): value for what, value in numbers.items()}, {}
 
 
-def test_the_check_mass(number: Any) -> None:
+def test_the_check_mass_deviates_by_3_u(number: Any) -> None:
     """1.002 · 500 g + 1 g = 502.0 g; shown 502.9: .9 over √(.2² + .2² + .1²) = .3."""
     event = ("weigh-check-mass", {"reading 1": 502.8, "reading 2": 503.0, "shows": 1.0}, {})
     assert number("scale-not-tared", event) == pytest.approx(3)
 
 
-def test_a_bat_and_balls_typed_in_ounces() -> None:
+def test_masses_typed_in_ounces_are_below_their_limit() -> None:
     """A bat has .4 of 800 g at least; balls half of the windows' middle, 144 g."""
     row = row_of("bat-ounces-as-grams", shown("weigh-bat", reading_1=31.0, reading_2=31.4))
     assert (row.reading, row.low, row.within) == (pytest.approx(31.2), pytest.approx(320), False)
@@ -108,7 +108,7 @@ def test_a_bat_and_balls_typed_in_ounces() -> None:
     assert (row.reading, row.low, row.within) == (pytest.approx(5.1), pytest.approx(72), False)
 
 
-def test_a_balance_from_the_knob() -> None:
+def test_a_balance_from_the_knob_is_above_its_limit() -> None:
     """561 of 850 mm, at most .55; .5 mm of 850."""
     length = shown("measure-length", reading=850.0)
     row = row_of(
@@ -118,13 +118,13 @@ def test_a_balance_from_the_knob() -> None:
     assert row.u == pytest.approx(0.5 / 850)
 
 
-def test_the_clamp_alone(number: Any) -> None:
+def test_the_inertia_of_the_clamp_deviates_by_3_u(number: Any) -> None:
     """30 kg mm² over √(6² + 8²)."""
     event = ("swing-clamp", {"clamp, measured": 230.0, "clamp, as entered": 200.0}, {})
     assert number("clamp-forgotten", event) == pytest.approx(3)
 
 
-def test_balls_weighed_again(number: Any) -> None:
+def test_wrong_entries_of_ball_masses_deviate_by_3_u(number: Any) -> None:
     """The displays 144.2 and 145.0, entered 144.0 and 144.6: .3 g off, of steps of .1 g."""
     again = {
         "ball 1, display": 144.2,
@@ -136,7 +136,7 @@ def test_balls_weighed_again(number: Any) -> None:
     assert number("ball-mass-typed", *events) == pytest.approx(3)
 
 
-def test_balls_fired_again() -> None:
+def test_balls_of_the_wrong_lot_exceed_their_limit() -> None:
     """1.02 and 1.04 of the morning's: 1.03, of two balls of a lot with s = .01/.56 relative."""
     morning = shown("hit-wall", a=0.55, b=0.57, c=0.56, d=0.55)  # the slowest is left out
     again = {"ball 1, now": 0.561, "ball 1": 0.55, "ball 2, now": 0.5928, "ball 2": 0.57}
@@ -145,14 +145,14 @@ def test_balls_fired_again() -> None:
     assert row.u == pytest.approx(0.01 / 0.56 / 2**0.5)
 
 
-def test_a_worn_out_ball() -> None:
+def test_a_worn_out_ball_is_below_its_limit() -> None:
     """.54 where the middle of five is .6, and 4 % less is allowed."""
     row = row_of("ball-worn-out", shown("hit-wall", a=0.6, b=0.61, c=0.54, d=0.6, e=0.59))
     assert (row.reading, row.expected, row.low) == (0.54, 0.6, pytest.approx(0.576))
     assert "ball 3" in row.what
 
 
-def test_the_axis_from_the_knob(number: Any) -> None:
+def test_a_displaced_axis_deviates_by_3_u(number: Any) -> None:
     """3.9 mm off, over √(.5² + 1.2²) = 1.3 mm."""
     event = {
         "axis from the knob, measured": 148.1,
@@ -161,13 +161,15 @@ def test_the_axis_from_the_knob(number: Any) -> None:
     assert number("pivot-off", ("measure-pivot", event, {})) == pytest.approx(3)
 
 
-def test_the_gates_clock(number: Any) -> None:
+def test_a_wrong_gate_clock_deviates_by_3_u(number: Any) -> None:
     name = readings.CLOCK
     event = {f"{name}, today": -9.0, f"{name}, chart": 6.0, f"{name}, {CHART}": 5.0}
     assert number("gate-clock", ("compare-clock", event, {})) == pytest.approx(3)
 
 
-def test_a_gauged_gate(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_displaced_gate_deviates_and_the_other_one_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """1 mm off its certificate's place, over √(.4² + .3²) = .5 mm; the other one stands."""
     event = {
         "gate 1, gauged": 900.0,
@@ -182,7 +184,7 @@ def test_a_gauged_gate(monkeypatch: pytest.MonkeyPatch) -> None:
     assert [row.u for row in found] == pytest.approx([0.5, 0.5])
 
 
-def test_a_check_standard_against_its_chart(number: Any) -> None:
+def test_a_check_standard_deviates_from_its_chart(number: Any) -> None:
     """.52 where the chart has .5 ± .003, itself known to .2 %: .02 over √(.003² + .001²)."""
 
     def charted(name: str, today: float) -> dict[str, float]:
@@ -200,7 +202,7 @@ def test_a_check_standard_against_its_chart(number: Any) -> None:
     assert not row_of("encoder-half-counts", ("fire-check-cylinder", turned, {})).within
 
 
-def test_a_bat_that_rings_lower(number: Any) -> None:
+def test_a_cracked_bat_rings_below_its_first_frequency(number: Any) -> None:
     """From 170 to 153 Hz, of two taps of .5 Hz each; 2 % less is allowed."""
     taps = [("tap-bat", {"frequency": each}, {}) for each in (170.0, 160.0, 153.0)]
     assert number("bat-cracked", *taps) == pytest.approx(17 / (0.5 * 2**0.5))
@@ -210,7 +212,7 @@ def test_a_bat_that_rings_lower(number: Any) -> None:
 @pytest.mark.parametrize(("off", "decides"), [(0.7, True), (0.051, True), (0.049, False)])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("way", "aimed"), [("along", 1.5), ("across", -2.0)])
-def test_marks_are_off_in_diameters_of_the_ball(
+def test_the_aim_is_judged_in_ball_diameters(
     way: str, aimed: float, sign: int, off: float, decides: bool
 ) -> None:
     """Of 73 mm, from where the cannon is known to aim along, from the axis' height across."""
@@ -221,7 +223,7 @@ def test_marks_are_off_in_diameters_of_the_ball(
     assert row.within is not decides
 
 
-def test_a_row_in_print() -> None:
+def test_a_row_is_printed_to_the_second_digit_of_u() -> None:
     """Numbers to the two digits of u; either limit, or both."""
     row = CheckRow(
         fault="gate-moved",
@@ -264,6 +266,6 @@ def test_a_day_has_one_system_of_units(said: str, printed: str) -> None:
     assert in_units(said, "inch-ounce-mph") == said
 
 
-def test_what_rounds_to_nothing_has_no_minus() -> None:
+def test_a_value_that_rounds_to_zero_has_no_minus() -> None:
     column = printed_column("Shortened by [ms]", np.array([-4e-4, 4e-4, -6e-4, np.nan]), "+z.3f")
     assert column.cells == ["+0.000", "+0.000", "-0.001", "not seen"]

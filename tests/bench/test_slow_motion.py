@@ -79,7 +79,7 @@ def test_no_fit_of_the_animations_gives_the_efficiency() -> None:
         assert np.sqrt(np.sum(within**2) / (DAYS * (SHOTS - 1))) >= 0.02
 
 
-def test_the_eye_is_right_in_kind() -> None:
+def test_the_sketch_shows_the_true_events() -> None:
     """Each shot of a plain day: the bat struck once, the ball back, within the blur."""
     day = plain_day()
     fired = [event.sketch for event in day.events if event.action == "fire"]
@@ -89,7 +89,7 @@ def test_the_eye_is_right_in_kind() -> None:
     assert np.abs([sketch["rebound"] for sketch in fired] - found).max() < 0.2
 
 
-def test_before_the_reveal_the_page_shows_the_sketch_after_it_the_scene() -> None:
+def test_the_page_shows_the_true_scene_only_after_the_reveal() -> None:
     """A true scene drawn to the millimetre gives e_A to 0.002: it is not there before."""
     day, firing = plain_day(), apparatus().firing
     rules = Desk(day).rules.spec
@@ -113,7 +113,7 @@ def before_shot(day: Day, shot: int) -> Day:
     return replay_events(morning, day.events[: at - 1])
 
 
-def test_a_shot_that_meets_the_frame_says_so() -> None:
+def test_the_sketch_says_that_a_shot_hit_a_frame() -> None:
     """Aimed beyond the opening of the gates, the ball strikes a frame before the bat."""
     seen = scene_of_shot(apparatus().firing, conditions(0)._replace(place=0.55))
     assert seen is not None
@@ -126,7 +126,7 @@ def test_a_shot_that_meets_the_frame_says_so() -> None:
 
 
 @pytest.mark.parametrize(("up", "side"), [(0.025, "up"), (-0.025, "down")])
-def test_a_ball_above_the_axis_goes_up(up: float, side: str) -> None:
+def test_the_sketch_shows_the_side_to_which_the_ball_flies(up: float, side: str) -> None:
     """Aimed 25 mm across: the sketch's side is that to which the ball flies off the bat."""
     aimed = conditions(0)._replace(shift=((0.0, up),))
     firing = apparatus().firing

@@ -139,7 +139,7 @@ def test_the_first_page_lists_the_days_and_begins_one(tmp_path: Path) -> None:
     assert trainee.ask("/begin", {"scenario": "tuesday"}).status == 422
 
 
-def test_a_debrief_being_made_says_so_and_holds_no_other_day_up(
+def test_a_debrief_in_the_making_delays_no_other_day(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server, "PATIENCE", 0.05)
@@ -159,7 +159,7 @@ def test_a_debrief_being_made_says_so_and_holds_no_other_day_up(
     assert "Your verdict" in browser.ask("/debrief").text
 
 
-def test_the_address_opens_once_and_a_cookie_after_it(tmp_path: Path) -> None:
+def test_the_address_works_once_and_then_only_the_cookie(tmp_path: Path) -> None:
     first = Browser(served(tmp_path / "day"))
     assert first.ask("/").status == 403
     assert first.ask("/?token=guessed").status == 403
@@ -191,7 +191,7 @@ def test_a_request_from_elsewhere_is_refused(
     assert "Your readings will appear here" in browser.ask("/").text
 
 
-def test_a_browser_that_hangs_up_is_no_error(browser: Browser) -> None:
+def test_a_browser_that_hangs_up_causes_no_error(browser: Browser) -> None:
     """It leaves in the middle of its form: no traceback on the terminal, and nothing was done."""
     gone = {"type": "http.disconnect"}
     browser.ask("/do", {"do": "tare", "entry_number": "1"}, message=gone)
@@ -203,7 +203,7 @@ def test_too_many_requests_are_refused_for_a_second(browser: Browser) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/bench.css", "/nowhere", "/certificate", "/debrief"])
-def test_every_answer_is_guarded(browser: Browser, path: str) -> None:
+def test_every_answer_has_the_security_headers(browser: Browser, path: str) -> None:
     for host in (HOST, "evil.example"):
         headers = browser.ask(path, host=host).headers
         assert headers["x-content-type-options"] == "nosniff"
@@ -215,7 +215,7 @@ def test_every_answer_is_guarded(browser: Browser, path: str) -> None:
         assert "unsafe" not in policy
 
 
-def test_a_day_by_forms(browser: Browser) -> None:
+def test_forms_alone_play_a_day_to_its_debrief(browser: Browser) -> None:
     """Nineteen buttons from the morning to the debrief."""
     assert browser.ask("/debrief").status == browser.ask("/certificate").status == 409
     for name, given in PLAIN[:12]:
@@ -301,7 +301,7 @@ class Form(HTMLParser):
         self.forbidden += [tag] if runs or tag == "style" else []
 
 
-def test_every_control_has_a_label_and_nothing_runs_but_one_file(browser: Browser) -> None:
+def test_every_control_has_a_label_and_only_one_script_runs(browser: Browser) -> None:
     for name, given in PLAIN[:12]:
         browser.do(name, **given)
     browser.do("fire-shots", shots=2)
@@ -357,7 +357,7 @@ def test_each_trainee_has_a_token_a_cookie_and_a_day(tmp_path: Path) -> None:
     assert Browser(rooms["ben"]).ask("/?token=ben").status == 403
 
 
-def test_by_tls_the_cookie_is_secure_and_the_origin_too(tmp_path: Path) -> None:
+def test_tls_makes_cookie_and_origin_secure(tmp_path: Path) -> None:
     browser = Browser(served(tmp_path / "day"))
     browser.application = application({TOKEN: browser.day}, hosts=frozenset({HOST}), secure=True)
     assert "Secure" in browser.open().headers["set-cookie"]
@@ -377,7 +377,7 @@ def test_the_first_page_does_not_wait_for_the_laboratory(tmp_path: Path) -> None
     assert sealed.subn("", browser.ask("/").text) == (first, 1)
 
 
-def test_nor_does_that_of_a_day_taken_up_again(tmp_path: Path) -> None:
+def test_the_page_of_a_resumed_day_does_not_wait_for_the_laboratory(tmp_path: Path) -> None:
     """Its page is made of the log; only how a shot really went waits for the laboratory."""
     before = served(tmp_path / "day")
     for action in asked(PLAIN[:18]):
@@ -395,7 +395,7 @@ def test_nor_does_that_of_a_day_taken_up_again(tmp_path: Path) -> None:
     assert "Top view of the true motion" in last.ask("/").text
 
 
-def test_a_day_is_played_back_entry_by_entry_once_it_is_handed_in(tmp_path: Path) -> None:
+def test_a_finished_day_is_played_back_entry_by_entry(tmp_path: Path) -> None:
     """Each page has what the page of the day had then, and leads on; no machine is needed."""
     day, shown = served(tmp_path / "day"), []
     browser = Browser(day)
@@ -420,7 +420,7 @@ def test_a_day_is_played_back_entry_by_entry_once_it_is_handed_in(tmp_path: Path
     assert "Start of the day</strong>" in later.ask("/replay?entry=x").text
 
 
-def test_an_exam_is_played_back_by_its_trainer_alone(tmp_path: Path) -> None:
+def test_only_the_trainer_plays_an_exam_back(tmp_path: Path) -> None:
     day = served(tmp_path / "day", "exam-day")
     for action in asked((("give-verdict", {"verdict": "INVALID"}), END[-1])):
         day.do(action)
@@ -431,7 +431,7 @@ def test_an_exam_is_played_back_by_its_trainer_alone(tmp_path: Path) -> None:
     assert trainer.ask("/replay?entry=1").status == 200
 
 
-def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:
+def test_the_notebook_lists_actions_and_readings(browser: Browser) -> None:
     browser.do("weigh-bat")
     browser.do("strike-out", entry=1, because="wrong bat")
     page = browser.ask("/notebook").text
@@ -440,7 +440,7 @@ def test_the_notebook_holds_what_was_done_and_shown(browser: Browser) -> None:
     assert "reason: wrong bat" in page
 
 
-def test_no_cell_of_a_table_sent_out_is_a_formula(browser: Browser) -> None:
+def test_no_cell_of_a_table_is_a_formula(browser: Browser) -> None:
     """What is typed stands behind its name; a cell that began with it would be quoted."""
     browser.do("note-deviation", because="=1+1")
     rows = list(csv.reader(StringIO(browser.ask("/notebook.csv").text)))

@@ -428,7 +428,9 @@ def test_an_address_of_dask_that_does_not_answer(
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_scheduler_of_dask_without_workers(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dask_scheduler_without_workers_is_refused(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """There is no worker from the start, or the only one ended before its first part."""
     from distributed import LocalCluster
 
@@ -489,7 +491,9 @@ def test_the_study_of_the_docs_can_be_used_and_its_lines_read_the_parts(
 KEYS_OF_DOCS = ["impact.gates.distance_u", "impact.pivot.from_knob_u"]
 
 
-def test_the_commands_of_a_campaign(copy: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_campaign_commands_check_resume_and_summarize(
+    copy: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     lose(part(copy, 1))
     assert cli.main(["campaign", "check", str(copy)], standalone_mode=False) == 4
     assert "missing, not made: r161 by astm-f1881" in capsys.readouterr().out

@@ -246,7 +246,9 @@ WALL = 'wall = {{ value = [{}], unit = "in", source = "assumed", verified = fals
         ("value = 0.9,", "value = 1.1,", "body.material.shear_coefficient", "1.1", "equal to 1"),
     ],
 )
-def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed: str) -> None:
+def test_every_fault_of_a_bat_file_is_named(
+    old: str, new: str, key: str, value: str | None, allowed: str
+) -> None:
     """One fault at a time in a valid file: key, value and remedy are named."""
     assert old in BAT
     fault = _refused(BAT.replace(old, new, 1))
@@ -299,7 +301,7 @@ def test_a_bad_bat_file(old: str, new: str, key: str, value: str | None, allowed
         ("instruments", GATES, "value = 20,", "value = -20,", "clock_u", "equal to 0"),
     ],
 )
-def test_a_bad_file_of_another_kind(
+def test_every_fault_of_another_sheet_is_named(
     kind: str, text: str, old: str, new: str, key: str, allowed: str
 ) -> None:
     """One fault at a time in a valid shipped file."""
@@ -316,7 +318,7 @@ def test_broken_toml_names_the_line() -> None:
     assert "line 2" in fault.allowed
 
 
-def test_not_utf8(tmp_path: Path) -> None:
+def test_a_file_that_is_not_utf8_is_named(tmp_path: Path) -> None:
     """The message names a file that was saved in Latin-1."""
     path = tmp_path / "latin.toml"
     path.write_bytes('title = "Schläger"\n'.encode("latin-1"))
@@ -328,7 +330,7 @@ def test_not_utf8(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["nowhere.toml", ""])
-def test_missing_file(name: str, tmp_path: Path) -> None:
+def test_a_missing_file_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
     """A path that does not exist, a folder, and an empty name."""
     with pytest.raises(InputError) as caught:
         catalog.load_bat(str(tmp_path / name) if name else "")
@@ -360,7 +362,7 @@ class Sample(Spec):
 
 
 @given(value=st.floats(1e-6, 1e6), unit=st.sampled_from(list(DEFINED["modulus"])))
-def test_quantity_through_toml(value: float, unit: str) -> None:
+def test_a_quantity_in_toml_is_read_exactly(value: float, unit: str) -> None:
     """TOML keeps a double (repr round trip); the SI value is the rational product."""
     text = f"""
 density = {{ value = {value!r}, unit = "kg/m^3", source = "s", verified = true }}
@@ -478,7 +480,7 @@ def test_a_bat_may_be_its_base_with_nothing_but_a_name_or_a_sport_of_its_own(bas
         ('base = "ea70"', 'base = "ea70"\ncolour = "red"', "colour", "unknown key"),
     ],
 )
-def test_a_bad_modified_bat(old: str, new: str, key: str, allowed: str) -> None:
+def test_every_fault_of_a_modified_bat_is_named(old: str, new: str, key: str, allowed: str) -> None:
     """One line names the remedy, and the file if the change is wrong."""
     with pytest.raises(InputError) as caught:
         catalog.read_bat(MODIFIED.replace(old, new), "mine.toml")

@@ -54,7 +54,7 @@ def with_customer(name: str) -> CertificateDocument:
 
 
 @pytest.mark.parametrize("profile", ["ua1", "3a"])
-def test_it_conforms(pdf: bytes, profile: str) -> None:
+def test_the_pdf_conforms_to_its_profiles(pdf: bytes, profile: str) -> None:
     """The validator passes the corpus of veraPDF, and refuses a PDF with a tag removed."""
     report = validator.validate_pdf_bytes(pdf, profile=profile)
     assert [str(each) for each in report.failures] == []

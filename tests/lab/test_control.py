@@ -165,7 +165,7 @@ def test_the_certificate_says_what_it_was_divided_by(rules: str) -> None:
     assert certificate(plain).ball_correction is None
 
 
-def test_bad_input(rules: str) -> None:
+def test_wrong_input_on_control_bats_is_refused(rules: str) -> None:
     with pytest.raises(InputError, match="control bat; is missing: bbcor corrects its balls"):
         certify("r161", procedure=rules, seed=1)
     with pytest.raises(InputError, match="bbcor has no \\[correction\\]"):

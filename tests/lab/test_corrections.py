@@ -637,7 +637,7 @@ def test_the_beams_of_a_board_are_where_its_sheet_says(played: Play) -> None:
         ("bench.scale.span", 1.01, "ball_mass", None),
     ],
 )
-def test_a_hundredth_more(
+def test_a_constant_one_percent_larger_has_the_effect_of_its_equation(
     name: str, factor: float, field: str, power: float | None, played: Play
 ) -> None:
     """A clock known to be fast makes balls faster, a coarser encoder bats slower, and so on."""

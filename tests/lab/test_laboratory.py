@@ -79,7 +79,9 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
         assert not lost
 
 
-def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_noise_free_laboratory_measures_e_a_within_1e_3(
+    played: Play, capsys: pytest.CaptureFixture[str]
+) -> None:
     """With ring, counts, air, friction and the operator's steps, e_A is right within 1e-3.
 
     If encoder counts are read, it is within three standard uncertainties of the rate of one shot:
@@ -111,7 +113,7 @@ def test_noise_free_laboratory(played: Play, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize("procedure", ["bbcor", "ncaa-besr", "proposed"])
-def test_a_scan_on_a_real_day(procedure: str, played: Play) -> None:
+def test_scans_of_real_days_are_within_4_5_u(procedure: str, played: Play) -> None:
     """Four days each are within 4.5 standard uncertainties, and u is near its expected value.
 
     The maximum of a fitted curve, or the new mean at the best position, against the sealed result
@@ -134,7 +136,7 @@ def test_noise_free_and_ideal_know_no_seed(played: Play) -> None:
         assert numbers(first.certification) == numbers(other.certification)
 
 
-def test_same_seed_same_numbers(played: Play) -> None:
+def test_the_same_seed_gives_the_same_numbers(played: Play) -> None:
     """The test is run twice in one process, the second time from the seed alone."""
     again = certify("r161", procedure=PROCEDURE, seed=1)
     assert numbers(again.certification) == numbers(played(seed=1).certification)
@@ -158,7 +160,7 @@ def test_a_chosen_seed_gives_the_same_folder_to_the_byte(tmp_path: Path) -> None
     assert drawn[0].salt != drawn[1].salt
 
 
-def test_other_seed_other_numbers(played: Play) -> None:
+def test_another_seed_changes_every_number(played: Play) -> None:
     """Another seed gives another bat, balls and noise: no number is equal."""
     first, other = numbers(played(seed=1).certification), numbers(played(seed=2).certification)
     assert all(first[name][0] != other[name][0] for name in first)
@@ -234,7 +236,7 @@ def test_a_negative_seed_is_refused() -> None:
         certify("r161", procedure=PROCEDURE, seed=-1)
 
 
-def test_the_commitment_opens(played: Play) -> None:
+def test_the_commitment_is_the_hash_of_salt_and_seed(played: Play) -> None:
     """The session has the SHA-256 of the sealed salt and seed."""
     tested = played(seed=3)
     said = tested.certification.session.origin.seed_commitment
@@ -400,7 +402,7 @@ def scores(played: Play) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", [*RECOVERED, "ball_restitution"])
-def test_scores_of_real_days(name: str, scores: dict[str, np.ndarray]) -> None:
+def test_scores_of_real_days_are_standard_normal(name: str, scores: dict[str, np.ndarray]) -> None:
     """24 seeds: mean z within 4/√24 of 0, standard deviation 0.6 to 1.6, no z beyond 6.
 
     A Student t with 5 degrees of freedom has a standard deviation of 1.29; with 24 of them the
@@ -414,7 +416,7 @@ def test_scores_of_real_days(name: str, scores: dict[str, np.ndarray]) -> None:
 
 
 @pytest.mark.parametrize("name", [*RECOVERED, "ball_restitution"])
-def test_intervals_of_real_days(name: str, played: Play) -> None:
+def test_intervals_of_real_days_cover_the_truth(name: str, played: Play) -> None:
     """At least 19 of 24 intervals of 95 % hold the truth (binomial: fewer by chance 1 in 1000)."""
     held = 0
     for seed in SEEDS:

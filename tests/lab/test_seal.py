@@ -115,7 +115,7 @@ def test_a_certificate_laid_out_otherwise_is_the_same(folder: Path) -> None:
     assert alterations(folder) == []
 
 
-def test_keys_removed_and_added(folder: Path) -> None:
+def test_removed_and_added_keys_are_named(folder: Path) -> None:
     path = folder / "certificate.json"
     document = json.loads(path.read_text())
     del document["metric"]["limit"]
@@ -136,7 +136,7 @@ def test_a_certificate_that_is_none(text: str, folder: Path) -> None:
     assert {each.file for each in found} == {"certificate.json"}
 
 
-def test_a_record_cut_short(folder: Path) -> None:
+def test_a_truncated_record_is_named(folder: Path) -> None:
     path = folder / "records" / "impact" / "encoder.csv"
     path.write_bytes(path.read_bytes()[:4000])
     assert named(folder) == ["records/impact/encoder.csv: altered since it was sealed"]
@@ -157,7 +157,7 @@ def test_one_sample_altered_and_its_digest_in_the_session_too(folder: Path) -> N
     ]
 
 
-def test_records_removed_and_added(folder: Path) -> None:
+def test_removed_and_added_records_are_named(folder: Path) -> None:
     (folder / "records" / "bench" / "balance.csv").rename(folder / "records" / "balance.csv")
     assert named(folder) == [
         "records/bench/balance.csv: removed since it was sealed",
@@ -209,7 +209,7 @@ def test_the_rules_and_the_calibration(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["certificate.html", "readings.csv", "truth/truth.json"])
-def test_other_files(name: str, folder: Path) -> None:
+def test_an_altered_or_removed_file_is_named(name: str, folder: Path) -> None:
     """Other files are altered by a byte, or removed."""
     path = folder / name
     path.write_bytes(path.read_bytes() + b" ")
@@ -242,7 +242,7 @@ def test_no_other_value_passes_for_a_sealed_one(tmp_path: Path) -> None:
     assert min(map(len, sealed.values())) >= 16
 
 
-def test_no_seal(folder: Path) -> None:
+def test_a_missing_seal_is_refused(folder: Path) -> None:
     (folder / "truth" / "seal.json").unlink()
     with pytest.raises(InputError, match=r"truth/seal.json: seal; is missing"):
         alterations(folder)
@@ -256,7 +256,7 @@ def test_the_seal_gives_nothing_of_the_truth_away(folder: Path) -> None:
     assert len(bytes.fromhex(json.loads(data)["salt"])) == 16
 
 
-def test_folders_within(folder: Path, tmp_path: Path) -> None:
+def test_a_control_bats_folder_is_sealed_too(folder: Path, tmp_path: Path) -> None:
     """The test of a control bat is sealed with the test that used it, and alone."""
     shutil.copytree(folder, folder / "control")
     write_seal(folder)

@@ -185,7 +185,7 @@ def test_fixed_places_say_what_the_paper_does(procedure: str, bat: str, played: 
         ("trampoline", sqrt(1 - (1 - 0.52**2) * (1 - 0.5**2) / (1 - 0.45**2))),
     ],
 )
-def test_corrections_by_hand(method: str, by_hand: float) -> None:
+def test_corrections_agree_with_hand_calculations(method: str, by_hand: float) -> None:
     """The e with a ball of e0 0.45 is converted to a ball of 0.50."""
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     curve = replace(

@@ -131,7 +131,7 @@ def test_what_is_no_such_picture_is_refused_in_one_line(
     assert "\n" not in str(caught.value)
 
 
-def test_it_stands_beside_the_file_of_particulars(tmp_path: Path) -> None:
+def test_a_logo_is_read_beside_the_file_of_particulars(tmp_path: Path) -> None:
     written(tmp_path)
     (tmp_path / "lab.toml").write_text('[laboratory]\nname = "L"\nlogo = "logo.svg"\n')
     found = read_particulars(tmp_path / "lab.toml", {})

@@ -86,7 +86,7 @@ def test_every_type_is_registered() -> None:
 
 
 @given(record=ANY)
-def test_through_a_table_bit_for_bit(record: Record) -> None:
+def test_a_record_survives_a_table_bit_for_bit(record: Record) -> None:
     """The file has every row once; the whole-number indices are counted by hand."""
     table = record.table()
     sizes = record.sizes()
@@ -126,19 +126,19 @@ def test_records_cannot_be_changed() -> None:
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (1, 2, 3)])
-def test_wrong_number_of_axes(shape: tuple[int, ...]) -> None:
+def test_a_wrong_number_of_axes_is_refused(shape: tuple[int, ...]) -> None:
     """The shape of readings is (item, repeat)."""
     with pytest.raises(ValueError, match=r"readings needs axes \('item', 'repeat'\)"):
         MassReadings(readings=np.zeros(shape))
 
 
-def test_fields_that_disagree() -> None:
+def test_fields_of_different_lengths_are_refused() -> None:
     """One field has two shots, another has three."""
     with pytest.raises(ValueError, match="place has 3 along 'shot', others 2"):
         ShotLog(ball=np.zeros(2), nominal_speed=np.ones(2), place=np.ones(3))
 
 
-def test_join_of_rounds() -> None:
+def test_joining_rounds_appends_their_shots() -> None:
     """Shots are appended; values of the session are those of the first round."""
     rounds = [EncoderRecord(counts=np.full((n, 3), float(n)), times=np.arange(3.0)) for n in (1, 2)]
     both = join(rounds)
@@ -201,7 +201,7 @@ def _set(column: str, value: object, row: int = -1):
         (EncoderRecord, ENCODER, _set("time_s", 7.0), "time_s", ""),
     ],
 )
-def test_a_bad_table(
+def test_every_fault_of_a_table_is_named(
     kind: type[Record], good: pd.DataFrame, change, key: str, allowed: str
 ) -> None:
     """One fault at a time in a valid table (the last: one clock, two times)."""
@@ -255,7 +255,7 @@ def test_gates_that_time_runs_backwards_at(
     assert [int(n) for n in re.findall(r" (\d+)[,)]", shifted.value.allowed)] == numbers
 
 
-def test_a_ball_back_before_it_came() -> None:
+def test_a_ball_that_returns_before_it_arrives_is_refused() -> None:
     """All times of the flight back are in order, but before the flight in."""
     with pytest.raises(InputError, match="came back before it came in"):
         GateRecord.from_table(

@@ -261,7 +261,7 @@ GATES = "impact/gates.csv"
         ),
     ],
 )
-def test_a_broken_folder(
+def test_every_fault_of_a_session_folder_is_named(
     break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
 ) -> None:
     """One fault at a time in a valid folder: one line names file, key and remedy."""
@@ -466,7 +466,7 @@ def _shorter(folder: Path) -> None:
         ),
     ],
 )
-def test_broken_arrays_beside_a_table(
+def test_every_fault_of_stored_arrays_is_named(
     break_it: Callable[[Path], object], file: str, key: str, allowed: str, tmp_path: Path
 ) -> None:
     """One fault at a time: the message names the array's file, or the table it belongs to."""

@@ -24,7 +24,7 @@ def test_a_board_is_laid_out_as_opencv_does(rows: int) -> None:
     assert own[0, 0] == -1
 
 
-def test_boards_by_name() -> None:
+def test_a_board_is_read_from_its_name() -> None:
     assert board_of("chessboard:14x9:1.5in") == Board(
         columns=14, rows=9, square=pytest.approx(0.0381), source="chessboard:14x9:1.5in"
     )
@@ -37,7 +37,7 @@ def test_boards_by_name() -> None:
     ("text", "metres"),
     [("73mm", 0.073), ("7.3 cm", 0.073), (".073m", 0.073), ("2.875in", 0.073025)],
 )
-def test_lengths_with_units(text: str, metres: float) -> None:
+def test_lengths_are_read_with_their_units(text: str, metres: float) -> None:
     assert length_of(text, "--ball", 0, 1) == pytest.approx(metres)
 
 

@@ -8,7 +8,7 @@ from virtual_lab.relations.peaks import peak
 PLACES = np.linspace(-1.0, 1.3, 41)
 
 
-def test_the_top_of_a_cosine() -> None:
+def test_the_peak_of_a_cosine_is_at_its_top() -> None:
     top = peak(PLACES, np.cos(PLACES - 0.2))
     assert top.value == pytest.approx(1, abs=1e-6)
     assert top.place == pytest.approx(0.2, abs=1e-4)

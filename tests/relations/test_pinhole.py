@@ -39,7 +39,7 @@ def test_constants_may_be_columns() -> None:
         assert found == pytest.approx(undistort(row, lens), abs=1e-15)
 
 
-def test_looking_down() -> None:
+def test_looking_down_turns_y_up_and_z_to_the_camera() -> None:
     """Without tilt, X points right, Y up (OpenCV's y points down) and Z toward the camera."""
     assert np.array_equal(looking_down(np.zeros(3)), np.diag([1.0, -1.0, -1.0]))
     several = looking_down(np.array([[0.0, 0.0, 0.0], [0.1, -0.2, 0.3]]))

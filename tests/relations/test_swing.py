@@ -13,7 +13,7 @@ def test_forty_five_radians_a_second_is_about_seventy_miles_an_hour_at_six_inche
 @pytest.mark.parametrize(
     ("exponent", "ratio"), [(0.0, 1.0), (0.5, 2**-0.5), (1 / 3, 2 ** (-1 / 3))]
 )
-def test_power_law(exponent: float, ratio: float) -> None:
+def test_swing_speed_follows_the_power_law(exponent: float, ratio: float) -> None:
     swing = PowerLawSwing(angular_speed_0=45, inertia_0=1.7e4 * OZ_IN2, exponent=exponent)
     assert swing.angular_speed(1.7e4 * OZ_IN2) == 45
     assert swing.angular_speed(3.4e4 * OZ_IN2) == pytest.approx(45 * ratio)

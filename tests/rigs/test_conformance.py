@@ -31,7 +31,7 @@ def test_a_rig_is_installed_under_its_own_name(name: str) -> None:
 
 @pytest.mark.parametrize("check", conformance.CHECKS, ids=conformance.name_of)
 @pytest.mark.parametrize("name", INSTALLED)
-def test_installed_rig(name: str, check, tmp_path: Path) -> None:
+def test_every_installed_rig_passes_the_conformance_suite(name: str, check, tmp_path: Path) -> None:
     """The suite of tests/rigs/conformance.py passes for each rig."""
     bench = BENCHES.setdefault(name, conformance.Bench(INSTALLED[name], tmp_path))
     bench.folder = tmp_path

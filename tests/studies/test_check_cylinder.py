@@ -62,7 +62,7 @@ def test_the_chart_tells_the_first_day() -> None:
     assert last["e_A_cylinder"] == played.cylinder[-1]
 
 
-def test_what_cannot_be_played() -> None:
+def test_a_day_without_valid_hits_is_refused() -> None:
     with pytest.raises(InputError, match="day = 2; no hit at the check cylinder is valid: ball"):
         check_cylinder(3, 2, seed=1, faults=("cannon-slow",), since=2)
     with pytest.raises(InputError, match="did you mean gate-moved"):

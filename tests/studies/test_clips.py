@@ -33,7 +33,7 @@ def test_one_clip_is_no_study() -> None:
         clip_coverage(clips=1)
 
 
-def test_the_statistics_of_clips_by_hand() -> None:
+def test_statistics_of_clips_agree_with_a_hand_calculation() -> None:
     """20 clips with true speed 50 m/s and u .5, and one without a result.
 
     Eighteen have no error, one has .97 (1.94 u: held), one .99 (1.98 u: not). 19 of 20: .7513 to

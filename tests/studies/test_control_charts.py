@@ -216,7 +216,7 @@ def test_rules_on_a_few_days(rule: int, x: list[float], flagged: list[int]) -> N
     assert np.flatnonzero(breaks(np.array(x), rule)).tolist() == flagged
 
 
-def test_many_laboratories_at_once(days: Array) -> None:
+def test_a_block_of_laboratories_equals_each_one_alone(days: Array) -> None:
     """The last axis is the days; leading axes are laboratories."""
     block = days[:6, :50].reshape(2, 3, 50)
     for operate in (ewma, moving_range, lambda x: cusum(x)[0], lambda x: breaks(x, 2)):
@@ -224,7 +224,7 @@ def test_many_laboratories_at_once(days: Array) -> None:
         assert np.array_equal(together(block)[1, 2], together(block[1, 2]), equal_nan=True)
 
 
-def test_the_baseline_by_hand() -> None:
+def test_the_baseline_agrees_with_a_hand_calculation() -> None:
     """Ranges 2, 4, 2 have the mean 8/3; divided by d2 = 1.1284 it is 2.3633."""
     baseline = Baseline.of([5.0, 7.0, 3.0, 5.0])
     assert baseline.centre == 5.0

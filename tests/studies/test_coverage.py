@@ -121,7 +121,7 @@ def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
         assert row.by_dof == (0.0,) * 5 + (0.5,) * 5
 
 
-def test_mean_and_scatter_of_errors_by_hand(studied: Any) -> None:
+def test_errors_and_z_agree_with_a_hand_calculation(studied: Any) -> None:
     """Errors 1, 2, 6 with u 1, 1, 2 [hundredths]: z = 1, 2, 3, mean 2, s 1, standard error 1/√3.
 
     rms error √(41/3), rms u √2, mean error 3 with s² = (4 + 1 + 9)/2 = 7.

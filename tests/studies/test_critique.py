@@ -75,7 +75,7 @@ def test_the_proposal_ranks_as_the_field_of_its_own_exponent(paper: Critique) ->
         assert each.ranking.wrong == 0
 
 
-def test_metrics_stand_beside_the_field(paper: Critique) -> None:
+def test_the_proposed_metric_agrees_with_the_field(paper: Critique) -> None:
     """The proposal's v_f equals the field's within 0.1 mph and four u, 0.16 mph."""
     for each in paper.metrics:
         if each.procedure == "proposed":
@@ -138,7 +138,9 @@ def test_counted_share_is_clopper_and_pearsons() -> None:
         (1.0, [-2.0, -2.0], "other way round"),
     ],
 )
-def test_verdicts(field: float, differences: list[float], verdict: str) -> None:
+def test_the_verdict_on_a_ranking_follows_its_differences(
+    field: float, differences: list[float], verdict: str
+) -> None:
     assert misranking(field, np.array(differences)).verdict == verdict
 
 

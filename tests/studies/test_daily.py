@@ -36,7 +36,7 @@ def test_the_wall_takes_its_part() -> None:
     assert loose.wall.tolist() == [1.0] * 30 + [0.9] * 10
 
 
-def test_a_drift_goes_on() -> None:
+def test_a_drift_grows_from_day_to_day() -> None:
     """From day 31 the drift is 0.001 per day: 0.01 after ten days."""
     played = daily(days=40, drift=0.001, since=31)
     assert played.wall[[29, 30, 39]] == pytest.approx([1, 0.999, 0.99], rel=1e-12)
@@ -88,7 +88,7 @@ def test_a_day_is_a_block_of_its_own() -> None:
     assert not set(daily(days=30, seed=2).values) & set(short.values)
 
 
-def test_what_is_written(tmp_path: Path) -> None:
+def test_the_study_saves_table_and_charts(tmp_path: Path) -> None:
     """The study writes days as CSV, charts as PNG, and one JSON document."""
     played = daily(drift=0.001, rules=(1, 4))
     played.save(tmp_path / "out")
@@ -132,7 +132,7 @@ def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
         ({"ball": "check-bal"}, "did you mean check-ball"),
     ],
 )
-def test_what_cannot_be_played(asked: dict, said: str) -> None:
+def test_impossible_options_are_refused(asked: dict, said: str) -> None:
     with pytest.raises(InputError) as caught:
         daily(**asked)
     assert said in str(caught.value)

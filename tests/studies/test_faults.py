@@ -141,7 +141,7 @@ def test_a_prediction_is_one_of_two_kinds() -> None:
         Prediction(procedure="bbcor", metric_bias=0.1, metric_bias_u=0.1)
 
 
-def test_bad_words() -> None:
+def test_wrong_options_are_refused() -> None:
     with pytest.raises(InputError, match="2 and more"):
         faults(laboratories=1)
     with pytest.raises(InputError, match="did you mean gate-moved"):

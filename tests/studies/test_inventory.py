@@ -21,7 +21,7 @@ RADIUS = 0.0366
     ("v_in_mph", "efficiency", "distance", "fall"),
     [(60, 0.2, 0.25, 11e-3), (60, 0.2, 0.5, 43e-3), (60, 0.1, 0.5, 170e-3), (136, 0.1, 0.5, 33e-3)],
 )
-def test_falls_worked_by_hand(
+def test_the_fall_of_a_ball_agrees_with_a_hand_calculation(
     v_in_mph: float, efficiency: float, distance: float, fall: float
 ) -> None:
     """A rebound of a 60 mph ball at e_A = 0.2 falls 43 mm in half a metre [mm]."""

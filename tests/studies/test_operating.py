@@ -58,14 +58,14 @@ def test_more_hits_make_it_steeper(found) -> None:
     assert "conditional" in found.text
 
 
-def test_its_picture(found, tmp_path: Path) -> None:
+def test_picture_and_table_are_saved(found, tmp_path: Path) -> None:
     found.save(tmp_path / "out")
     assert (tmp_path / "out" / "operating.png").read_bytes().startswith(b"\x89PNG")
     assert len(found.table) == 80
     assert list(found.limits.values()) == [1.2, 1.2]
 
 
-def test_a_procedure_without_a_limit() -> None:
+def test_a_procedure_without_a_limit_is_refused() -> None:
     with pytest.raises(vl.InputError, match="has no limit"):
         vl.operating("r161", procedures=["proposed"], laboratories=1, progress=quiet)
     with pytest.raises(vl.InputError, match="laboratories = 0"):

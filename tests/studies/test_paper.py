@@ -63,7 +63,7 @@ def made_up(found: float, *, paper: float | None = None, low: float, high: float
     )
 
 
-def test_bounds_of_a_claim() -> None:
+def test_a_claim_holds_within_its_bounds() -> None:
     assert made_up(6.4, paper=6.0, low=5.5, high=6.5).row().holds
     below = made_up(5.4, paper=6.0, low=5.5, high=6.5)
     assert not below.row().holds

@@ -33,7 +33,7 @@ def panels(monkeypatch: pytest.MonkeyPatch) -> Any:
     return drawn
 
 
-def test_coverage(panels: Any) -> None:
+def test_the_coverage_picture_shows_its_table(panels: Any) -> None:
     """The interval is not symmetric; of 100 laboratories per tenth, 90 to 99 hold the value."""
     about = NOTHING | {"quantity": "metric", "laboratories": 1000}
     shares = {"coverage": 0.96, "low": 0.90, "high": 0.98}
@@ -51,7 +51,7 @@ def test_coverage(panels: Any) -> None:
     assert (band.get_y(), band.get_y() + band.get_height()) == pytest.approx((90, 99))
 
 
-def test_sensitivity(panels: Any) -> None:
+def test_the_sensitivity_picture_shows_its_table(panels: Any) -> None:
     curves = {"z_in": [5.0, 6.0], "e": [0.49, 0.48], "v_f_mph": [104.0, 102.0]}
     peaks = {"e": 0.5, "e_at_in": 5.2, "v_f_mph": 105.0, "v_f_mph_at_in": 5.4}
     law = {"law": "power law", "exponent": 1.5, "stiffness": 0, "wall_time_ms": 0}
@@ -63,7 +63,7 @@ def test_sensitivity(panels: Any) -> None:
         assert peak == pytest.approx([peaks[f"{name}_at_in"], peaks[name]])
 
 
-def test_slope(panels: Any) -> None:
+def test_the_slope_picture_shows_its_table(panels: Any) -> None:
     slopes = {"r161": -0.01, "ea70": 0.03, "mean": 0.01, "deviation": 0.02}
     rows = [Slope(bat=bat, place_in=None, slope_per_in=at) for bat, at in slopes.items()]
     (axes,) = panels(Slopes(name="slope", title="", rows=rows, on_sheet=(0.006, 0.014)))
@@ -74,7 +74,7 @@ def test_slope(panels: Any) -> None:
     assert bar.get_segments()[0][:, 0] == pytest.approx([-0.01, 0.03])
 
 
-def test_bias(panels: Any) -> None:
+def test_the_bias_picture_shows_its_table(panels: Any) -> None:
     words = "bat_performance_factor collision_efficiency restitution recoil_factor ball_restitution"
     names = words.split()
     rows = [
@@ -92,7 +92,7 @@ def test_bias(panels: Any) -> None:
         )
 
 
-def test_convergence(panels: Any) -> None:
+def test_the_convergence_picture_shows_its_table(panels: Any) -> None:
     """Four lines, solid for those with the flexibility of the omitted modes."""
     modes = np.array([8, 12, 16, 20, 30])
     rows = [

@@ -42,7 +42,7 @@ def rewrite(path: Path, **changes: Any) -> None:
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
 
 
-def test_a_whole_seal(folder: Path) -> None:
+def test_a_whole_seal_is_scored(folder: Path) -> None:
     scored = score_folder(folder)
     document = scored.document
     assert set(document) == {"seal", "altered", "sealing", "faults"} | ROWS
@@ -118,7 +118,7 @@ def test_what_a_score_cannot_do_without(name: str, folder: Path) -> None:
         score_folder(folder)
 
 
-def test_sealed_without_a_result(folder: Path) -> None:
+def test_a_test_without_a_result_has_no_score(folder: Path) -> None:
     """A sealed test without a result has no score: bad input."""
     rewrite(folder / "certificate.json", metric={})
     write_seal(folder)

@@ -46,7 +46,7 @@ def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
         assert abs(row.bias - row.expected) < 4 * row.bias_se
 
 
-def test_effects_of_every_term() -> None:
+def test_the_effect_of_every_term_agrees_with_its_stated_value() -> None:
     """A short version of ``coverage softball-34 --procedure asa --summed --effects``.
 
     Each effect is within 4.5 standard errors of the stated one (30 terms of 100 dof: by chance 1 in
@@ -99,7 +99,7 @@ def test_coverage_with_every_edge_and_count() -> None:
         assert row.coverage >= 9 / 12  # fewer: by chance 1 in 5000
 
 
-def test_bias_without_noise() -> None:
+def test_the_bias_without_noise_is_below_1e_3() -> None:
     """The bias is below 1e-3 in e_A for every bat, with ring, counts, friction and drag.
 
     The heavy check cylinder turns so slowly that one count of the encoder shows, and without
@@ -114,7 +114,7 @@ def test_bias_without_noise() -> None:
         assert abs(row["ball_restitution"]) < 1e-5
 
 
-def test_score_of_a_known_error() -> None:
+def test_a_known_error_is_scored_in_units_of_u() -> None:
     names = ("collision_efficiency", "restitution", "recoil_factor", "ball_restitution")
     certificate = {"metric": {"name": "bat_performance_factor", "value": 1.0, "u": 0.01}}
     certificate |= {name: {"value": 0.25, "u": 0.0} for name in names}
@@ -125,6 +125,6 @@ def test_score_of_a_known_error() -> None:
     assert rows["restitution"].z is None
 
 
-def test_bad_words() -> None:
+def test_one_laboratory_is_too_few_for_coverage() -> None:
     with pytest.raises(InputError, match="2 and more"):
         coverage("r161", laboratories=1)

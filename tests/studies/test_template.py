@@ -144,7 +144,7 @@ def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
     assert len((folder / "bench" / "ball-mass.csv").read_text().splitlines()) == 1 + 7 * 5
 
 
-def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_the_command_writes_a_form_that_lists_its_gaps(run: Run, tmp_path: Path) -> None:  # noqa: F811
     assert run("template", "astm-f1881", "form")[:2] == (0, "form\n")
     assert (tmp_path / "form" / "laboratory.toml").is_file()
     assert json.loads(run("template", "astm-f1881", "json", "--json")[1]) == {"folder": "json"}

@@ -45,7 +45,7 @@ def test_the_mean_agrees_with_nist_numacc1() -> None:
     readings=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=30),
     shift=st.floats(-1e3, 1e3),
 )
-def test_mean_by_textbook_sums(readings: list[float], shift: float) -> None:
+def test_mean_and_u_agree_with_textbook_sums(readings: list[float], shift: float) -> None:
     """The oracle is sums written out here; a shift moves the value and leaves the scatter."""
     mean = mean_of_readings(readings)
     n = len(readings)

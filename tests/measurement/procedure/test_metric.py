@@ -98,7 +98,7 @@ def corrected(method: str, e: float, e0: float, *, standard: float = 0.5, **opti
     return of(rules, curve((e - 0.25) / 1.25, 0.25, e0), **options)
 
 
-def test_the_corrections_of_e_for_a_ball_a_hundredth_off_the_standard() -> None:
+def test_corrections_for_a_ball_with_low_e0_agree_with_hand_calculations() -> None:
     """For e 0.50 and e0 0.49: +0.0102 by the ratio, +0.0097 by the stiffness of the shell."""
     assert corrected("none", 0.5, 0.49) == pytest.approx(0.5, rel=1e-12)
     assert corrected("ratio", 0.5, 0.49) - 0.5 == pytest.approx(0.5 / 49, rel=1e-12)
@@ -131,7 +131,7 @@ def test_for_a_rigid_shell_both_corrections_agree() -> None:
     assert both == pytest.approx(0.48, abs=5e-6)  # continuity of the two formulas
 
 
-def test_the_peak_of_a_sine_and_of_a_line() -> None:
+def test_the_peak_of_a_sine_is_inside_and_of_a_line_at_its_end() -> None:
     """A sine's maximum lies between two points, with an error of h⁴; a line's is at its end."""
     places = np.linspace(0.08, 0.22, 41)
     wave = np.sin((places - 0.0713) * 20)

@@ -122,7 +122,7 @@ def test_every_correction_is_made(bench: Session, constant: str) -> None:
     assert abs(bat_properties(wrong).inertia_cm / INERTIA_CM - 1) > 1e-4
 
 
-def test_the_mean_square_of_the_lateral_marks_and_its_u() -> None:
+def test_the_u_of_a_mean_square_follows_chi_square() -> None:
     """The mean square of 3 and 4 mm is 12.5 mm², and its u is √(2/n) of it (chi-square)."""
     log = ShotLog(ball=np.zeros(1), nominal_speed=np.ones(1), place=np.ones(1))
     marks = AimMarks(along=np.zeros(2), across=np.array([3e-3, -4e-3]))

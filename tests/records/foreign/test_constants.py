@@ -37,7 +37,7 @@ UNITS = [(dimension, unit) for dimension in KEYS for unit in DIMENSIONS[dimensio
     dof=st.none() | st.floats(1e-3, 1e6),
     unit=st.sampled_from(UNITS),
 )
-def test_any_unit_of_a_dimension(
+def test_constants_are_read_in_any_unit(
     share: float, wide: float, dof: float | None, unit: tuple[str, str]
 ) -> None:
     """Value and u have the same unit. The oracle is the factor in the table of units."""
@@ -54,7 +54,7 @@ def test_any_unit_of_a_dimension(
     assert known.source == "certificate 7"
 
 
-def test_inches_by_hand() -> None:
+def test_inches_and_ounce_inches_are_converted_by_nist() -> None:
     """By NIST: 1 in is 25.4 mm, and 1 oz in is 28.349523125 g times 25.4 mm."""
     entries = {
         "impact.gates.distance_0": {"value": 20, "unit": "in", "u": 0.01},

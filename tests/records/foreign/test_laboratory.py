@@ -28,7 +28,7 @@ QUANTITIES = [name for name in KNOWN if name != "verdict"]
 
 
 @pytest.mark.parametrize("name", QUANTITIES)
-def test_the_known_answer(name: str) -> None:
+def test_foreign_records_reduce_to_the_known_answer(name: str) -> None:
     """The rounding of the recorders changes the result by u/50; the truth lies within 2 u."""
     budget = reduce(RECORDS).certification.quantities[name]
     known = KNOWN[name]
@@ -47,7 +47,7 @@ def test_names_and_sources_are_kept() -> None:
     assert session.calibration["bench.scale.span"].source == "certificate 4411"
 
 
-def test_by_the_command_line(run: Run, tmp_path: Path) -> None:  # noqa: F811
+def test_the_command_reduces_and_saves_foreign_records(run: Run, tmp_path: Path) -> None:  # noqa: F811
     """The saved records are in our format and SI, and reduce to the same numbers."""
     code, out, _ = run("reduce", str(RECORDS), "--out", "theirs", "--json")
     document = json.loads(out)
@@ -167,7 +167,7 @@ def _no_line(start: str) -> Change:
         (lambda f: (f / "session.json").write_text("{}"), ["session.json", "keep only one"]),
     ],
 )
-def test_a_laboratory_with_one_fault(
+def test_every_fault_of_foreign_records_is_named_in_one_line(
     break_it: Change,
     words: list[str],
     run: Run,  # noqa: F811
@@ -183,7 +183,7 @@ def test_a_laboratory_with_one_fault(
     assert [path.name for path in tmp_path.iterdir()] == ["theirs"]
 
 
-def test_rules_of_their_own(tmp_path: Path) -> None:
+def test_a_procedure_file_beside_the_form_is_used(tmp_path: Path) -> None:
     """A procedure file beside the form, with Windows line ends; its faults name the file."""
     from virtual_lab import catalog
 
@@ -199,7 +199,7 @@ def test_rules_of_their_own(tmp_path: Path) -> None:
         reduce(tmp_path / "theirs")
 
 
-def test_a_form_written_on_windows(tmp_path: Path) -> None:
+def test_a_form_written_on_windows_is_read(tmp_path: Path) -> None:
     shutil.copytree(RECORDS, tmp_path / "theirs")
     path = tmp_path / "theirs" / "laboratory.toml"
     path.write_bytes(b"\xef\xbb\xbf" + path.read_text("utf-8").replace("\n", "\r\n").encode())

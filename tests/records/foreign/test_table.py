@@ -89,7 +89,9 @@ def test_the_units_a_column_may_have(column: str) -> None:
     index_from=st.sampled_from([0, 1]),
 )
 @settings(max_examples=60)
-def test_any_unit_of_a_dimension(record: Record, data: st.DataObject, index_from: int) -> None:
+def test_a_table_in_any_unit_is_read_in_si(
+    record: Record, data: st.DataObject, index_from: int
+) -> None:
     """A table in random units, with indices from 0 or 1, is read in SI."""
     table = record.table()
     for column in record.columns.values():
@@ -123,7 +125,7 @@ def test_any_order_and_any_names_of_columns(record: Record, data: st.DataObject)
 
 @given(times=st.lists(st.booleans(), min_size=16, max_size=16), index_from=st.sampled_from([0, 1]))
 @settings(max_examples=30)
-def test_a_row_a_shot(times: list[bool], index_from: int) -> None:
+def test_a_table_with_one_row_per_shot_gives_its_record(times: list[bool], index_from: int) -> None:
     """Gates in a wide table with empty cells give the record from which it was written."""
     assume(any(times))
     seen = np.reshape(times, (2, 2, 2, 2))
@@ -150,7 +152,7 @@ def test_rows_are_counted_within_what_the_table_tells_apart() -> None:
     assert record.readings == pytest.approx(np.array([[0.011, 0.012], [0.021, 0.022]]))
 
 
-def test_the_one_item_of_a_table() -> None:
+def test_a_table_of_one_item_needs_no_item_column() -> None:
     """The mass of a bat is one column of readings."""
     form = ChannelForm(record="mass-readings", file="x.csv", rows="repeat", fixed={"item": 1})
     record = read(b"mass_g\n881\n882\n", form, 1)
@@ -314,7 +316,7 @@ def test_a_form_that_does_not_fit(more: dict, key: str, allowed: str, tmp_path: 
     assert WHERE in str(caught.value) or "csv" in caught.value.where
 
 
-def test_200_000_rows() -> None:
+def test_all_of_200_000_rows_are_checked() -> None:
     """All rows are read and checked: a time that decreases in the last row is found."""
     table = pd.DataFrame(
         {
@@ -333,7 +335,7 @@ def test_200_000_rows() -> None:
         read(table, form, 1)
 
 
-def test_200_000_rows_of_something_else() -> None:
+def test_numbers_that_imply_too_many_readings_are_refused() -> None:
     """Shot numbers that imply 10^10 readings are refused, and no such array is allocated."""
     number = np.arange(200_000)
     table = pd.DataFrame({"item": number, "repeat": number, "mass_kg": 1.0})

@@ -436,7 +436,7 @@ def test_pendulum_period_is_the_elliptic_integral() -> None:
     assert record.last_amplitude[0] == pytest.approx(displayed[8], rel=1e-12)
 
 
-def test_pendulum_scatter_and_steps() -> None:
+def test_a_pendulum_record_has_the_scatter_and_steps_of_its_sheet() -> None:
     """Jitter of 50 µs and steps of 10 µs at each passage; amplitudes in steps of 0.1°."""
     pendulum = Pendulum.commission(STAND, Streams(3), "p")
     record = pendulum.swing(

@@ -166,6 +166,6 @@ def test_data_no_bat_of_the_template_meets_are_refused(other: dict[str, Any], sa
         ({"hoop_frequency_u": 20.0}, "stands without hoop_frequency"),
     ],
 )
-def test_measurements_that_contradict_themselves(other: dict[str, Any], said: str) -> None:
+def test_contradictory_measurements_are_refused(other: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         measured(**other)

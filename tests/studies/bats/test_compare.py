@@ -43,7 +43,7 @@ def test_names_are_drawn_and_written_as_they_are(tmp_path: Path) -> None:
     assert found.peaks[2].bat == names[2]
 
 
-def test_peak_of_a_known_curve() -> None:
+def test_the_peak_of_a_sine_is_found() -> None:
     z = np.arange(0.5, 16, 0.25)
     found = peak(z, np.sin(z / 4))
     assert found.value == pytest.approx(1, abs=1e-6)
@@ -109,7 +109,7 @@ def test_bat_speed_follows_the_swing_law_by_hand() -> None:
     assert at.iloc[np.abs(at.index - 6).argmin()] == pytest.approx(expected, rel=1e-12)
 
 
-def test_constant_energy_by_hand() -> None:
+def test_constant_energy_agrees_with_a_hand_calculation() -> None:
     """45 rad/s times the square root of the ratio of inertias about 20 in beyond the knob."""
     beam = beam_of(load_bat("knob-loaded").spec.body)
     own = beam.mass * (54 * INCH - beam.z_cm) ** 2 + beam.inertia_cm
@@ -166,7 +166,7 @@ def test_the_ball_is_that_of_the_bats_sport_or_the_one_asked_for() -> None:
     ("text", "value"),
     [("17000 oz in^2", 17000 * OZ_IN2), (" 0.31 kg m^2", 0.31), ("1.7e4 oz in^2", 1.7e4 * OZ_IN2)],
 )
-def test_an_inertia_with_its_unit(text: str, value: float) -> None:
+def test_an_inertia_is_read_with_its_unit(text: str, value: float) -> None:
     assert read_inertia(text, -KNOB_OFFSET) == pytest.approx(value)
 
 

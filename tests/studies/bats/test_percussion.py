@@ -96,7 +96,7 @@ def laboratory_spec(station: object) -> object:
     return replace(station.encoder.spec, whole_counts=False)  # type: ignore[attr-defined]
 
 
-def test_the_table_and_its_words(found: PercussionStudy, tmp_path: Path) -> None:
+def test_table_text_and_picture_are_saved(found: PercussionStudy, tmp_path: Path) -> None:
     said = found.text
     assert "At the centre of percussion, 6.40 in, the axis gets" in said
     assert "The gates miss most rebounds at 2, " in said

@@ -44,7 +44,7 @@ def test_x_runs_right_and_y_up() -> None:
 
 
 @pytest.mark.parametrize("x", [0.0, 0.3, 0.6])
-def test_the_outline_of_a_sphere_off_the_axis(x: float) -> None:
+def test_the_outline_of_a_sphere_agrees_with_its_tangents(x: float) -> None:
     """Centre and both half axes from the tangents of the pinhole, at α ± asin(r/D)."""
     radius, depth = 0.0365, 2.0
     far = np.hypot(x, depth)
