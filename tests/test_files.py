@@ -1,4 +1,4 @@
-"""Drafts of real processes that are killed, stopped or running, and folders of others."""
+"""Drafts of real processes that are killed, stopped or running, folders of others, and tables."""
 
 import signal
 import subprocess
@@ -7,10 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files, new_folder
+from virtual_lab.files.tables import csv_text
 
 HALF_WAY = """
 import sys, time
@@ -139,3 +142,19 @@ def test_every_generalised_function_is_compiled_by_one_process_at_a_time() -> No
         text = file.read_text("utf-8")
         alone = text.count("@one_process_at_a_time(\n    guvectorize(")
         assert text.count("guvectorize(") + text.count("vectorize(") == 2 * alone, file
+
+
+def test_a_table_is_written_as_pandas_writes_it() -> None:
+    """All digits, empty cells for missing values, and quotes around commas and line ends."""
+    numbers = np.random.default_rng(3).normal(size=200) * 10.0 ** np.arange(-100, 100)
+    table = pd.DataFrame(
+        {
+            "float": np.where(numbers > 0, numbers, np.nan),
+            "count": np.arange(200),
+            "hit": numbers > 0,
+            "words": ["a, b", 'say "so"', "two\nlines", "", "plain"] * 40,
+            "some": [None, "x", np.nan, 2.5, 3] * 40,
+        }
+    )
+    assert csv_text(table) == table.to_csv(index=False, lineterminator="\n")
+    assert csv_text({"one": np.array([np.nan])}) == 'one\n""\n'  # no empty line

@@ -170,6 +170,19 @@ def test_the_import_loads_no_slow_module(module: str) -> None:
     assert loaded & HEAVY == set()
 
 
+def test_a_certificate_loads_only_what_it_uses(tmp_path: Path) -> None:
+    """Each of these takes as long to load as a certificate takes to compute, or longer."""
+    command = ["certify", "r161", "--seed", "1", "--out", str(tmp_path / "out")]
+    code = f"import sys; from virtual_lab.cli import cli; cli({command}, standalone_mode=False)"
+    done = python("-c", f"{code}; print(*sorted(sys.modules))")
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert (tmp_path / "out/certificate.html").is_file()
+    slow = {f"scipy.{name}" for name in ("fft", "integrate", "interpolate", "optimize", "stats")}
+    locator = {"virtual_lab.video.locate.sharp", "rigs.filmed_cannon"}
+    assert loaded & (HEAVY - {"numba", "pydantic", "scipy"} | slow | locator) == set()
+
+
 def draws_of_its_own(tree: ast.AST) -> Iterator[int]:
     """Yield the lines of a module that use random numbers of numpy or of Python."""
     for node in ast.walk(tree):

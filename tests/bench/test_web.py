@@ -21,7 +21,7 @@ from virtual_lab.bench.entrance.served_day import DEBRIEFS, ServedDay
 from virtual_lab.bench.pages.page import day_page
 from virtual_lab.bench.web import server
 from virtual_lab.bench.web.server import application
-from virtual_lab.output.tables import quote
+from virtual_lab.files.tables import quote
 
 SOUND = {"number": "1", "whole": "1", "text": "so", "doubt": "none"}  # by kind of argument
 HOST, TOKEN = "127.0.0.1:8377", "the token of the opened address"

@@ -354,7 +354,7 @@ CASES: dict[str, Case] = {
     "stations without diameters": (
         bat((r"\[2.2991.*?\]", "[2, 2]")),
         "profile mine.toml",
-        ["2 stations, but z has 12"],
+        ["2 stations where z has 12"],
     ),
     "a wall of nothing": (
         file(
@@ -412,7 +412,7 @@ CASES: dict[str, Case] = {
             "ball.toml", BALL, (r"stiffness = \{ value = [\d.e]+", "stiffness = { value = 1e14")
         ),
         "profile r161 --ball ball.toml",
-        ["compressed by 1 cm", "1e7 N"],
+        ["pressed in by 1 cm", "1e7 N"],
     ),
     # session.json
     "100 000 brackets": (session("[" * 100_000), "reduce r", ["r/session.json", "nested"]),
@@ -553,7 +553,7 @@ CASES: dict[str, Case] = {
     "a time before the others": (
         record(GATES, _last_cell("-5")),
         "reduce r",
-        ["clears before it breaks"],
+        ["cleared before it broke"],
     ),
     "a decimal comma": (
         record(GATES, _last_cell("1,5")),

@@ -75,7 +75,7 @@ def test_every_record_comes_back_bit_for_bit(record: Record, known: dict) -> Non
 
 
 @pytest.mark.parametrize("example", [EXAMPLE, SUPPLIED])
-def test_names_rules_and_origin_survive_a_folder(example: Session, tmp_path: Path) -> None:
+def test_what_is_no_record_comes_back_too(example: Session, tmp_path: Path) -> None:
     """Names, rigs, the exact text of the procedure, and the origin of the records."""
     save_session(example, tmp_path)
     loaded = load_session(tmp_path)
@@ -159,18 +159,18 @@ GATES = "impact/gates.csv"
             "impact.gates.rows",
             "missing",
         ),
-        (_linked("procedure.toml"), "procedure.toml", "file", "ordinary files"),
-        (_linked("session.json"), "session.json", "file", "ordinary files"),
-        (_linked(GATES), "gates.csv", "file", "ordinary files"),
-        (_linked("impact"), "impact", "file", "ordinary files"),
+        (_linked("procedure.toml"), "procedure.toml", "file", "plain files"),
+        (_linked("session.json"), "session.json", "file", "plain files"),
+        (_linked(GATES), "gates.csv", "file", "plain files"),
+        (_linked("impact"), "impact", "file", "plain files"),
         (lambda f: (f / "notes.txt").write_text(""), "notes.txt", "file", "is not listed in"),
         (lambda f: (f / "impact/x.csv").write_text(""), "x.csv", "file", "is not listed in"),
-        (lambda f: os.mkfifo(f / "impact/pipe"), "pipe", "file", "ordinary files"),
+        (lambda f: os.mkfifo(f / "impact/pipe"), "pipe", "file", "plain files"),
         (
             lambda f: ((f / GATES).unlink(), os.mkfifo(f / GATES)),
             "gates.csv",
             "file",
-            "ordinary files",
+            "plain files",
         ),
         (_edit(lambda d: d.pop("origin")), "session.json", "origin", "missing"),
         (_edit(lambda d: d.update(origin="ours")), "session.json", "origin", "'simulated'"),
@@ -215,7 +215,7 @@ GATES = "impact/gates.csv"
         (_file(GATES, "time_s", "time_ms"), "gates.csv", "columns", "time_s"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,soon"), "gates.csv", "time_s", "numbers"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,0,15.0"), "gates.csv", "rows", "same"),
-        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,13.5"), "gates.csv", "time_s", "clears before"),
+        (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,13.5"), "gates.csv", "time_s", "cleared before"),
         (_file(GATES, "1,1,0,1,15.0", "1,1,0,1,15.0,9"), "gates.csv", "CSV", "cannot be read"),
         (
             lambda f: (f / GATES).write_text((f / GATES).read_text().replace("15.0", "15.5")),
@@ -279,7 +279,7 @@ def test_every_fault_of_a_session_folder_is_named(
     assert allowed in caught.value.allowed
 
 
-def test_a_session_written_by_hand_from_the_manual_is_read(tmp_path: Path) -> None:
+def test_a_session_written_by_hand_as_the_manual_says(tmp_path: Path) -> None:
     """Written without this package: keys of data/README.md, plain text, digests by hashlib."""
     (tmp_path / "bench").mkdir()
     (tmp_path / "bench" / "bat-mass.csv").write_text("item,repeat,mass_kg\n0,0,0.91\n0,1,0.92\n")
@@ -364,7 +364,7 @@ def _wrong_kind(session: Session) -> Session:
         (_wrong_kind, "pendulum"),
     ],
 )
-def test_a_missing_or_impossible_entry_of_a_session_is_named(change, named: str, played) -> None:
+def test_a_session_that_lacks_what_the_reduction_needs(change, named: str, played) -> None:
     """A session with one missing or impossible entry gives one line that names it."""
     session = played().certification.session
     with pytest.raises(InputError) as caught:
@@ -449,8 +449,8 @@ def _shorter(folder: Path) -> None:
         ),
         (_array(PIXELS, CLIP.pixels[:, :2]), "clip-pixels.npy", "shape", "2 along 'frame'"),
         (_array(PIXELS, CLIP.pixels[:1]), "clip-pixels.npy", "shape", "1 along 'shot'"),
-        (_array(PIXELS, CLIP.pixels[0]), "clip-pixels.npy", "shape", "needs the axes"),
-        (_array(BACKGROUND, CLIP.pixels), "clip-background.npy", "shape", "needs the axes"),
+        (_array(PIXELS, CLIP.pixels[0]), "clip-pixels.npy", "shape", "needs axes"),
+        (_array(BACKGROUND, CLIP.pixels), "clip-background.npy", "shape", "needs axes"),
         (_array(BACKGROUND, np.full((6, 10), "x")), "clip-background.npy", "shape", "real numbers"),
         (
             _edit(lambda d: d["channels"]["impact"]["clip"]["attached"].update(film="ab")),

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.files import whole_file
+from virtual_lab.files.tables import write_csv
 from virtual_lab.lab import RoundRobin
 from virtual_lab.output.style import figure_file
-from virtual_lab.output.tables import write_csv
 from virtual_lab.studies.coverage import coverage_table, plot_tenths, sample
 
 HERE = Path(__file__).parent

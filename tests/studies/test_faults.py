@@ -100,7 +100,7 @@ def outcome(
 
 
 @pytest.mark.parametrize(("caught", "right"), [(19, True), (18, False)])
-def test_a_fault_is_detected_if_flagged_in_19_of_20_days(caught: int, right: bool) -> None:
+def test_caught_is_caught_by_a_named_flag_in_19_of_20(caught: int, right: bool) -> None:
     """A flag that was not predicted counts as seen, but not as caught.
 
     19 of 20: .7513 to .9987 by the tables of exact binomial limits.
@@ -142,7 +142,7 @@ def test_a_prediction_is_one_of_two_kinds() -> None:
 
 
 def test_wrong_options_are_refused() -> None:
-    with pytest.raises(InputError, match="at least 2"):
+    with pytest.raises(InputError, match="2 and more"):
         faults(laboratories=1)
     with pytest.raises(InputError, match="did you mean gate-moved"):
         faults(("gate-move",), laboratories=2)

@@ -25,7 +25,7 @@ def test_the_claim_holds(claim: Claim) -> None:
     assert row.holds, f"{row.result!r} {claim.unit}, allowed {claim.low!r} to {claim.high!r}"
 
 
-def test_no_claim_is_listed_twice() -> None:
+def test_no_claim_stands_there_twice() -> None:
     assert [
         name for name, count in Counter(claim.name for claim in CLAIMS).items() if count > 1
     ] == []
@@ -35,7 +35,7 @@ def test_no_claim_is_listed_twice() -> None:
         assert claim.paper is None or claim.low < claim.paper < claim.high
 
 
-def test_every_section_and_equation_of_the_paper_has_a_claim() -> None:
+def test_every_section_and_numbered_thing_of_the_paper_is_there() -> None:
     """Secs. II A to V B, Eqs. (1) to (14), Table I, Figs. 2 to 4."""
     sections = {part.strip() for claim in CLAIMS for part in claim.section.split(",")}
     assert sections >= {"II A", "II B", "II C", "II D", "III A", "III B", "III C", "III D", "IV"}

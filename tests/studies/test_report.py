@@ -55,7 +55,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("repeats", "repeats of one test"),
     ],
 )
-def test_the_report_names_its_comparison(results: Path, folder: str, kind: str) -> None:
+def test_it_says_which_comparison_it_took(results: Path, folder: str, kind: str) -> None:
     found = vl.report(results / folder)
     assert found.kind == kind
     assert kind in found.title
@@ -80,7 +80,7 @@ def test_a_copy_is_no_repeat(results: Path, tmp_path: Path) -> None:
     document = json.loads((copy / "certificate.json").read_text("utf-8"))
     document["particulars"]["customer"]["name"] = "another"
     (copy / "certificate.json").write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"copy: records; are also those of .*n0") as refused:
+    with pytest.raises(InputError, match=r"copy: records; are those of .*n0, the") as refused:
         vl.report([results / "repeats", copy])
     assert "\n" not in str(refused.value)
 
@@ -107,8 +107,8 @@ def test_repeats_scatter_as_their_values_do(results: Path) -> None:
     found = vl.report(results / "repeats")
     values = [vl.load(results / "repeats" / f"n{number}").value for number in range(3)]
     (said,) = (each for each in found.words if "mean of" in each)
-    assert f"BPF {statistics.fmean(values):.4f} is the mean of 3" in said
-    assert f"standard deviation is {statistics.stdev(values):.2g}" in said
+    assert f"BPF {statistics.fmean(values):.4f}: mean of 3" in said
+    assert f"standard deviation {statistics.stdev(values):.2g}" in said
     assert not any("mean of" in each for each in vl.report(results / "bats").words)
 
 
@@ -118,14 +118,13 @@ def compared(**known: Any) -> ComparedCertificate:
     return ComparedCertificate(**(empty | told | known))
 
 
-def test_the_scatter_is_stated_relative_to_the_rms_of_u() -> None:
+def test_the_scatter_is_told_in_root_mean_squares_of_u() -> None:
     """Values .1 and .3, s = .1 √2; u .1 and .7, whose root mean square is .5 and mean .4."""
     rows = tuple(compared(value=value, u=u) for value, u in ((0.1, 0.1), (0.3, 0.7)))
     found = CertificateReport(kind=REPEATS, rows=rows, statement="")
     (said,) = (each for each in found.words if "mean of" in each)
     assert said == (
-        "e 0.2000 is the mean of 2 results; their standard deviation is 0.14, which is 0.28 times "
-        "their rms u."
+        "e 0.2000: mean of 2, standard deviation 0.14, 0.28 times the root mean square u."
     )
 
 
@@ -198,7 +197,7 @@ def test_the_figure_shows_results_and_limit_to_scale(results: Path) -> None:
         assert high - low == pytest.approx(scale * (row.high - row.low), abs=0.03)
 
 
-def test_a_folder_without_a_result_is_named(results: Path, tmp_path: Path, run: Run) -> None:  # noqa: F811
+def test_what_is_no_result_is_named(results: Path, tmp_path: Path, run: Run) -> None:  # noqa: F811
     with pytest.raises(InputError, match="allowed: two or more certificates"):
         vl.report(results / "bats" / "ea70")
     with pytest.raises(InputError, match=r"certificate\.json; not found in this folder"):

@@ -99,9 +99,9 @@ class Certificate:
     @cached_property
     def shots(self) -> pd.DataFrame:
         """One row per shot: instrument readings and reduced results."""
-        from virtual_lab.certificate.tables import shot_table
+        import pandas as pd
 
-        return shot_table(self.certification)
+        return pd.DataFrame(self._shot_columns)
 
     @cached_property
     def budget(self) -> pd.DataFrame:
@@ -235,8 +235,8 @@ class Certificate:
         )
         from virtual_lab.certificate.signing import require_key, write_sums
         from virtual_lab.files import new_folder
+        from virtual_lab.files.tables import write_csv
         from virtual_lab.lab.seal import TRUTH, write_seal
-        from virtual_lab.output.tables import write_csv
 
         target = Path(folder)
         pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
@@ -248,7 +248,7 @@ class Certificate:
         missing: list[str] = []
         with new_folder(target) as draft:
             (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
-            write_csv(self.shots, draft / "readings.csv")
+            write_csv(self._shot_columns, draft / "readings.csv")
             (draft / "records").mkdir()
             self._records.write(draft / "records")
             if self.settings:
@@ -270,7 +270,7 @@ class Certificate:
                 with without_if_it_fails("film", missing), new_folder(draft / "film") as film:
                     self.film(film)
             session = self.certification.session
-            fields = descriptors(self.printed, session, self.shots, draft)
+            fields = descriptors(self.printed, session, self._shot_columns, draft)
             for name, each in fields.items():
                 (draft / name).write_text(text_of_descriptor(each), encoding="utf-8")
             if self.sealed:
@@ -282,6 +282,12 @@ class Certificate:
         if missing:
             raise IncompleteError(str(target), missing)
         return target
+
+    @cached_property
+    def _shot_columns(self) -> dict[str, Any]:
+        from virtual_lab.certificate.tables import shots_as_columns
+
+        return shots_as_columns(self.certification)
 
     @cached_property
     def _records(self) -> PackedSession:

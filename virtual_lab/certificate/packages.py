@@ -5,7 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.document import CertificateDocument
@@ -21,9 +24,6 @@ from virtual_lab.records.packages import (
 )
 from virtual_lab.records.session import Session
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 READINGS = "readings.csv"
 APART = ("truth", "control", "film")  # folders that a result may be handed on without
 TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # type by kind of dtype; others are strings
@@ -35,14 +35,16 @@ def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
 
 
 def descriptors(
-    document: CertificateDocument, session: Session, shots: pd.DataFrame, folder: Path
+    document: CertificateDocument, session: Session, shots: Mapping[str, ArrayLike], folder: Path
 ) -> dict[str, Mapping[str, Any]]:
     """Return the descriptors by file name, for a folder with all other files."""
     title = f"Test of bat {document.bat.name} by {document.procedure.name}"
     meanings = shot_columns(document.metric.name)
     readings = [
-        TableColumn(name, meanings[name].meaning, TYPES.get(shots[name].dtype.kind, "string"))
-        for name in map(str, shots)
+        TableColumn(
+            name, meanings[name].meaning, TYPES.get(np.asarray(values).dtype.kind, "string")
+        )
+        for name, values in shots.items()
     ]
     files = [
         name

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from numpy.typing import ArrayLike
+
 from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.filling import budget_lines
 from virtual_lab.measurement.certification import Certification
@@ -14,15 +16,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def shot_table(certification: Certification) -> pd.DataFrame:
-    """Return one row per shot: instrument readings and reduced results."""
-    import pandas as pd
-
+def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
+    """Return instrument readings and reduced results by name of the column, (shot,)."""
     columns = {
         name: column.values(certification)
         for name, column in shot_columns(certification.procedure.metric).items()
     }
-    return pd.DataFrame({name: values for name, values in columns.items() if values is not None})
+    return {name: values for name, values in columns.items() if values is not None}
 
 
 def budget_table(budget: Budget) -> pd.DataFrame:

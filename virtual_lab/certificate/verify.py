@@ -46,13 +46,14 @@ from virtual_lab.certificate.packages import READINGS, descriptors, text_of_desc
 from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, pdf_name
 from virtual_lab.certificate.printed import printed_result
 from virtual_lab.certificate.signing import SIGNATURE, SUMS, compared_sums, signature_fault
-from virtual_lab.certificate.tables import shot_table
+from virtual_lab.certificate.tables import shots_as_columns
 from virtual_lab.errors import InputError
 from virtual_lab.files import contents, read_bytes, read_json
+from virtual_lab.files.tables import csv_text
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
-from virtual_lab.output.tables import csv_text, table_text
+from virtual_lab.output.tables import table_text
 from virtual_lab.parameters import SETTINGS, File, Folder
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
@@ -313,7 +314,7 @@ def _tables(
     elsewhere: bool,
 ) -> Iterator[FolderFinding]:
     """Yield differences of the table of shots and of the descriptors from the records."""
-    shots = shot_table(certification)
+    shots = shots_as_columns(certification)
     rows = list(compared_table(folder / READINGS, csv_text(shots)))
     if document:
         packages = descriptors(document, certification.session, shots, folder)

@@ -19,8 +19,8 @@ import click
 
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import check_new_folder, first_free, new_files
+from virtual_lab.files.tables import write_csv
 from virtual_lab.output.progress import show_progress
-from virtual_lab.output.tables import write_csv
 from virtual_lab.parameters import SETTINGS
 
 HELP_WIDTH = 1000  # largest length of a sentence of help [characters], so that none is cut

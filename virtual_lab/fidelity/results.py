@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from virtual_lab.files.tables import write_csv
 from virtual_lab.output.chart_page import chart_page
 from virtual_lab.output.result import StudyResult
-from virtual_lab.output.tables import Column, table_text, write_csv
+from virtual_lab.output.tables import Column, table_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

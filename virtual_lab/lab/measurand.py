@@ -11,13 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from virtual_lab.lab.true_metric import TrueCurve, Visits, results_of_curves
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.session_reduction import Reduction
+from virtual_lab.simulation.physics.cubics import PiecewiseCubic, smooth_cubic
 from virtual_lab.simulation.stations.rig import ImpactStation, ShotPlan, Specimen
 from virtual_lab.streams import Owner
 from virtual_lab.units import Array
@@ -82,7 +82,7 @@ def _of_continuous(
 
     The results are (curve,). The curves are known at `place`, (curve, place).
     """
-    objective, metric = (CubicSpline(place, values.T) for values in (sought_at, metric_at))
+    objective, metric = (smooth_cubic(place, values.T) for values in (sought_at, metric_at))
     best = _tops(objective)
     top = _at(metric, best)
     results = {CONTINUOUS: top}
@@ -94,33 +94,33 @@ def _of_continuous(
     return results
 
 
-def _tops(curves: CubicSpline) -> Array:
+def _tops(curves: PiecewiseCubic) -> Array:
     """Return the position of the maximum of each curve: an end, or a zero of the slope."""
-    cubic, square, flat, value = curves.c  # (piece, curve)
-    start, size = curves.x[:-1, None], np.diff(curves.x)[:, None]
+    cubic, square, flat, value = curves.coefficients  # (piece, curve)
+    start, size = curves.knots[:-1, None], np.diff(curves.knots)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         root = -(square + np.copysign(np.sqrt(square**2 - 3 * cubic * flat), square))
         turns = np.stack([root / (3 * cubic), flat / root])
     turns = np.where((turns > 0) & (turns < size), turns, 0.0)  # False for NaN
     values = ((cubic * turns + square) * turns + flat) * turns + value
-    ends = np.full((1, curves.c.shape[2]), curves.x[-1])
+    ends = np.full((1, curves.coefficients.shape[2]), curves.knots[-1])
     places = np.concatenate([(start + turns).reshape(-1, ends.size), ends])
     heights = np.concatenate([values.reshape(-1, ends.size), _at(curves, ends[0])[None]])
     return np.asarray(np.take_along_axis(places, heights.argmax(axis=0)[None], axis=0)[0])
 
 
-def _locate_level(curves: CubicSpline, at: Array, level: Array, best: Array, way: int) -> Array:
+def _locate_level(curves: PiecewiseCubic, at: Array, level: Array, best: Array, way: int) -> Array:
     """Return the position at which each curve first falls to `level`, in direction `way` (±1).
 
     The search starts at the maximum `best`. If the curve does not fall to the level, the result is
     the end. `at` are the values at the knots, (knot, curve).
     """
-    knots = curves.x[:, None]
+    knots = curves.knots[:, None]
     beyond = (at < level) & ((knots - best) * way > 0)
     some = beyond.any(axis=0)
     low = beyond.argmax(axis=0) if way > 0 else len(at) - 1 - beyond[::-1].argmax(axis=0)
-    outer = np.where(some, curves.x[low], curves.x[-1 if way > 0 else 0])
-    inner = np.where(way * (curves.x[low - way] - best) > 0, curves.x[low - way], best)
+    outer = np.where(some, curves.knots[low], curves.knots[-1 if way > 0 else 0])
+    inner = np.where(way * (curves.knots[low - way] - best) > 0, curves.knots[low - way], best)
     inner = np.where(some, inner, outer)
     for _ in range(52):  # bisections down to rounding
         middle = (inner + outer) / 2
@@ -129,11 +129,13 @@ def _locate_level(curves: CubicSpline, at: Array, level: Array, best: Array, way
     return np.asarray(outer)
 
 
-def _at(curves: CubicSpline, place: Array) -> Array:
+def _at(curves: PiecewiseCubic, place: Array) -> Array:
     """Return the value of each curve at one position per curve, (curve,), by Horner's rule."""
-    piece = np.clip(np.searchsorted(curves.x, place, side="right") - 1, 0, len(curves.x) - 2)
-    off, total, curve = place - curves.x[piece], np.zeros(place.shape), np.arange(place.size)
-    for power in curves.c:
+    piece = np.clip(
+        np.searchsorted(curves.knots, place, side="right") - 1, 0, len(curves.knots) - 2
+    )
+    off, total, curve = place - curves.knots[piece], np.zeros(place.shape), np.arange(place.size)
+    for power in curves.coefficients:
         total = total * off + power[piece, curve]
     return total
 

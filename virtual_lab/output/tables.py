@@ -4,11 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, fields, is_dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-if TYPE_CHECKING:
-    import pandas as pd
+from typing import Any, NamedTuple
 
 INLINE = "inline"
 
@@ -116,34 +112,6 @@ def table_text(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
         for line in lines
     )
-
-
-def quote(cell: object) -> str:
-    """Return a table cell in a form that no spreadsheet interprets as a formula.
-
-    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
-    """
-    text = str(cell)
-    if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
-        return text
-    try:
-        float(text)
-    except ValueError:
-        return "'" + text
-    return text
-
-
-def write_csv(table: pd.DataFrame, path: Path) -> None:
-    """Write a table as the CSV of `csv_text`."""
-    path.write_text(csv_text(table), encoding="utf-8", newline="")
-
-
-def csv_text(table: pd.DataFrame) -> str:
-    """Return a table as CSV, with texts that no spreadsheet interprets as formulas."""
-    safe = table.rename(columns=quote)
-    for name in safe.select_dtypes(exclude=["number", "bool"]):
-        safe[name] = [quote(cell) if isinstance(cell, str) else cell for cell in safe[name]]
-    return str(safe.to_csv(index=False, lineterminator="\n"))
 
 
 def number(value: float | None, form: str = ".6f") -> str:

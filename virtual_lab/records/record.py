@@ -78,7 +78,7 @@ class Order:
 
 def rising(times: Array, axes: tuple[str, ...]) -> Order:
     """Return the order of times that rise along the last of their axes."""
-    fault = f"must increase from {axes[-1]} to {axes[-1]}"
+    fault = f"must rise from {axes[-1]} to {axes[-1]}"
     return Order(
         column="time_s", values=times, axes=axes, along=axes[-1], fault=fault, strictly=True
     )
@@ -129,12 +129,16 @@ class Record:
         """Return the record in its file form: index columns, then value columns."""
         import pandas as pd
 
+        return pd.DataFrame(self.table_columns())
+
+    def table_columns(self) -> dict[str, NDArray[Any]]:
+        """Return the columns of the record's file by name, (row,): indices, then values."""
         sizes = self.sizes()
         index = np.indices(tuple(sizes.values())).reshape(len(sizes), -1)
         data: dict[str, Any] = dict(zip(sizes, index, strict=True))
         for name, column in self.columns.items():
             data[column.name] = getattr(self, name)[tuple(data[axis] for axis in column.axes)]
-        return pd.DataFrame(data)
+        return data
 
     def select(self, rows: Any) -> Self:
         """Return the record of some rows of its first axis; `rows` is a slice or a mask.
@@ -198,8 +202,7 @@ class Record:
                 grid, np.broadcast_to(np.expand_dims(values, others), grid.shape), equal_nan=True
             ):
                 over = ", ".join(column.axes)
-                allowed = f"needs a single value for each {over}"
-                raise InputError(where, column.name, None, allowed)
+                raise InputError(where, column.name, None, f"one value for each {over}, found more")
             arrays[name] = values
         record = cls(**arrays)
         record._check_orders(where, first)
@@ -224,13 +227,12 @@ def _check_numbers(
         due = first.get(axis, 0) + np.arange(numbers.size)
         if (numbers != due).any():
             skipped = due[numbers != due][0]
-            allowed = f"is missing, although the numbers go up to {numbers[-1]:g}"
-            raise InputError(where, axis, skipped, allowed)
+            raise InputError(where, axis, skipped, f"is missing, others go up to {numbers[-1]:g}")
     for column in columns:
         values = table[column.name].to_numpy(float)
         sound = np.abs(values) <= LARGEST
         if not (sound | (np.isnan(values) & column.may_be_missing)).all():
-            allowed = f"every row needs a finite number up to {LARGEST:g}"
+            allowed = f"every row needs a finite number, of up to {LARGEST:g}"
             raise InputError(where, column.name, values[~sound][0], allowed)
         if column.is_index:
             _check_index(values, column.name, first.get(column.name, 0), where)
@@ -239,7 +241,7 @@ def _check_numbers(
 def _check_index(values: Array, name: str, first: int, where: str) -> None:
     wrong = values[~((values >= first) & (values == np.round(values)))]
     if wrong.size:
-        raise InputError(where, name, wrong[0], f"must be whole numbers, {first} and up")
+        raise InputError(where, name, wrong[0], f"must be whole numbers from {first}")
 
 
 def require_numbers(table: pd.DataFrame, where: str) -> None:
@@ -260,12 +262,10 @@ def require_numbers(table: pd.DataFrame, where: str) -> None:
 def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:
     """Add the lengths of a field's axes to `sizes`; `ValueError` if they differ."""
     if values.ndim != len(axes):
-        raise ValueError(f"{name} needs the axes {axes}, but has the shape {values.shape}")
+        raise ValueError(f"{name} needs axes {axes}, got shape {values.shape}")
     for axis, size in zip(axes, values.shape, strict=True):
         if sizes.setdefault(axis, size) != size:
-            raise ValueError(
-                f"{name} has the length {size} along {axis!r}; other columns have {sizes[axis]}"
-            )
+            raise ValueError(f"{name} has {size} along {axis!r}, others {sizes[axis]}")
 
 
 def join(parts: list[Record]) -> Record:

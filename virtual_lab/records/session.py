@@ -26,6 +26,7 @@ from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, 
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_text
+from virtual_lab.files.tables import csv_text
 from virtual_lab.records import Record, record_name, record_types
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.records.origin import Origin, Simulated, Supplied
@@ -92,15 +93,15 @@ def pack(session: Session) -> PackedSession:
     texts, arrays = dict[str, bytes](), dict[str, Array]()
     for stage, records in session.records.items():
         for channel, record in records.items():
-            table, name = record.table(), f"{stage}/{channel}"
-            data = texts[f"{name}.csv"] = table.to_csv(index=False).encode()
+            columns, name = record.table_columns(), f"{stage}/{channel}"
+            data = texts[f"{name}.csv"] = csv_text(columns).encode()
             beside = {key: getattr(record, key) for key in record.attached}
             beside = {key: values for key, values in beside.items() if values is not None}
             arrays |= {f"{name}-{key}.npy": values for key, values in beside.items()}
             digests = {key: _digest_of_array(values, start) for key, values in beside.items()}
             channels.setdefault(stage, {})[channel] = {
                 "record": record_name(record),
-                "rows": len(table),
+                "rows": next(iter(columns.values())).size,
                 "sha256": digest_of_text(data, start),
                 **({"attached": digests} if digests else {}),
             }
@@ -297,7 +298,7 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
             listed.update(f"{stage}/{channel}-{name}.npy" for name in entry.attached)
     for name, kind in contents(folder).items():
         if kind != "file":
-            allowed = "allowed in a folder of records: ordinary files and folders"
+            allowed = "allowed among records: plain files in plain folders"
             raise InputError(str(folder / name), "file", f"a {kind}", allowed)
         if name not in listed:
             raise InputError(str(folder / name), "file", None, f"is not listed in {where}")
@@ -307,7 +308,7 @@ def require_channel(stage: str, channel: str, where: Path) -> None:
     """Refuse names of a stage and a channel that could lead out of the folder they lie in."""
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
-            allowed = "allowed in names: letters, digits, - and _"
+            allowed = "allowed as names: letters, digits, - and _"
             raise InputError(str(where), "channels", name, allowed)
 
 

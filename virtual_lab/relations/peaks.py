@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from virtual_lab.units import Array
 
@@ -26,6 +25,8 @@ def peak(places: Array, values: Array) -> Peak:
         Shape (n,), with increasing places and n of at least 4. With a step h the error is of order
         h⁴ in the value and h³ in the position.
     """
+    from scipy.interpolate import CubicSpline
+
     spline = CubicSpline(places, values)
     turns = np.asarray(spline.derivative().roots(discontinuity=False, extrapolate=False))
     candidates = np.concatenate((places[[0, -1]], turns[np.isfinite(turns)]))

@@ -8,7 +8,7 @@ import pytest
 from tests.laboratories import certify
 from tests.one_laboratory import reduce_session
 from virtual_lab.certificate.filling import certificate
-from virtual_lab.certificate.tables import shot_table
+from virtual_lab.certificate.tables import shots_as_columns
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.measurement.camera.comparison import COMPARED, CameraComparison, compare_camera
 from virtual_lab.measurement.certification import Certification, certify_session
@@ -203,7 +203,7 @@ def test_the_certificate_states_both_results(certifications: list[Certification]
     text = certificate_text(document)
     assert "gates and video for" in text
     assert "agree" in text
-    table = shot_table(certification)
+    table = shots_as_columns(certification)
     flown, u = certification.camera.filmed, certification.camera.u
     for column, values in {
         "video_speed_mph": flown.flights.speed_in / 0.44704,

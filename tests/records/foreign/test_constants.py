@@ -116,12 +116,12 @@ KEY = "impact.gates.distance_0"
         (GOOD | {"dof": 0}, KEY, "above 0"),
         (GOOD | {"dof": "many"}, f"{KEY}.dof", "number"),
         (GOOD | {"uncertainty": 1}, KEY, "value, unit, u, dof, source"),
-        ({"value": 1, "unit": "in"}, KEY, "lacks u"),
-        ({"u": 1}, KEY, "lacks value, unit"),
+        ({"value": 1, "unit": "in"}, KEY, "misses u"),
+        ({"u": 1}, KEY, "misses value, unit"),
         (21.65, KEY, "expected a table"),
     ],
 )
-def test_every_fault_of_an_entry_is_named(entry: object, key: str, allowed: str) -> None:
+def test_an_entry_that_does_not_fit(entry: object, key: str, allowed: str) -> None:
     """One fault at a time in an entry that is otherwise valid."""
     read_constants({KEY: GOOD}, "x.toml")
     with pytest.raises(InputError) as caught:
@@ -132,7 +132,7 @@ def test_every_fault_of_an_entry_is_named(entry: object, key: str, allowed: str)
     assert allowed in caught.value.allowed
 
 
-def test_a_key_without_quotes_is_refused() -> None:
+def test_a_key_without_its_quotes() -> None:
     """Without quotes, TOML reads the dots as nested tables."""
     with pytest.raises(InputError, match="quotes around the whole key"):
         read_constants({"impact": {"gates": {"distance_0": GOOD}}}, "x.toml")

@@ -19,8 +19,9 @@ from virtual_lab.bench.scoring.debrief import debrief_of
 from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_json
+from virtual_lab.files.tables import quote
 from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import column, quote
+from virtual_lab.output.tables import column
 
 TRIED = (1, 2, 3)  # seeds of the days with which a scenario is checked
 

@@ -24,8 +24,8 @@ from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, motion_of_sk
 from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
 from virtual_lab.bench.pages.traces import traces_of
 from virtual_lab.errors import InputError
+from virtual_lab.files.tables import quote
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.tables import quote
 from virtual_lab.output.template import page_template
 
 PACKAGE = "virtual_lab.bench.pages"

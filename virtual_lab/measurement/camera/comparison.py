@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from virtual_lab.measurement.camera.filmed import CameraResults, frames_u, reduce_film
-from virtual_lab.measurement.camera.windows import Sightings, sight
 from virtual_lab.measurement.procedure import HitWeights
 from virtual_lab.measurement.procedure.model import MeasurementModel
 from virtual_lab.measurement.reduction.flights import FlightModel
@@ -31,6 +31,9 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.budget import Budget, Variants, means_of_hits
 from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    from virtual_lab.measurement.camera.windows import Sightings
 
 COMPARED: Mapping[str, str] = {  # name in a certificate: field of the shots that is averaged
     "collision_efficiency": "lot_collision_efficiency",
@@ -85,6 +88,8 @@ def compare_camera(
     # the gates give a ball's height, from which its distance from the camera follows
     if not isinstance(record, ClipRecord | TrackRecord) or not isinstance(gates, GateReadings):
         return None
+    from virtual_lab.measurement.camera.windows import sight  # loads the ball locator
+
     variants, model = Variants.of(reduced.constants), reduced.single_model(readings)
     best = {name: values[0, 0, 0] for name, values in best_values(reduced.constants).items()}
     columns = {name: values[0] for name, values in variants.columns.items()}

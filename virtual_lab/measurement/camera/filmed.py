@@ -9,14 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.measurement.camera.windows import Sightings
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.relations.flight import time_before
 from virtual_lab.relations.pinhole import looking_down, undistort
 from virtual_lab.units import Array, Mask
+
+if TYPE_CHECKING:
+    from virtual_lab.measurement.camera.windows import Sightings
 
 Constants = Mapping[str, Array]
 

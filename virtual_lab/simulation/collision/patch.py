@@ -14,8 +14,8 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
+from virtual_lab.simulation.physics.cubics import PiecewiseCubic, smooth_cubic
 from virtual_lab.simulation.physics.mesh import gauss_points
 from virtual_lab.simulation.physics.modes import Modes
 from virtual_lab.units import Array
@@ -59,7 +59,9 @@ class PatchTable:
     values: Callable[[Array], Array]
     length: float
     width: float
-    splines: dict[tuple[int, int], CubicSpline] = field(default_factory=dict)  # key: part and tile
+    splines: dict[tuple[int, int], PiecewiseCubic] = field(
+        default_factory=dict
+    )  # key: part and tile
 
     def __call__(self, z: Array) -> Array:
         """Return the values at positions `z` (n,) [m], (n, columns)."""
@@ -89,9 +91,9 @@ class PatchTable:
             for low, high in pairwise(ends)
         ]
 
-    def _spline(self, part: int, tile: int) -> CubicSpline:
+    def _spline(self, part: int, tile: int) -> PiecewiseCubic:
         if (part, tile) not in self.splines:
             first = max(0, tile * TILE - MARGIN)
             knots = self._knots[part][first : (tile + 1) * TILE + 1 + MARGIN]
-            self.splines[part, tile] = CubicSpline(knots, self.values(knots))
+            self.splines[part, tile] = smooth_cubic(knots, self.values(knots))
         return self.splines[part, tile]

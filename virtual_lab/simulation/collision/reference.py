@@ -14,7 +14,6 @@ from math import inf
 from typing import Literal, Self
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.modal import energy_split
@@ -134,6 +133,8 @@ class ReferenceModel:
         self, scene: _Scene, branch: Branch, start: _Run, end: float
     ) -> tuple[_Run, Event] | None:
         """Integrate one branch of the force law to its first event before `end`, else None."""
+        from scipy.integrate import solve_ivp
+
         try:
             solution = solve_ivp(
                 lambda _, y: scene.derivative(y, branch),

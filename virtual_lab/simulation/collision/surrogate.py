@@ -14,7 +14,6 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dctn
 
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
@@ -179,6 +178,8 @@ def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Array:
 
 def _fit(value: Callable[[Array], Array], nodes: tuple[int, ...]) -> Array:
     """Return the Chebyshev coefficients from values at points of the first kind (cosine sums)."""
+    from scipy.fft import dctn
+
     points = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in nodes]
     grid = np.stack([axis.ravel() for axis in np.meshgrid(*points, indexing="ij")])
     coefficients = dctn(value(grid).reshape(nodes), type=2) / np.prod(nodes)
@@ -191,6 +192,8 @@ def _fit(value: Callable[[Array], Array], nodes: tuple[int, ...]) -> Array:
 
 def _nodes_needed(value: Callable[[Array], Array], tolerance: float) -> tuple[int, ...]:
     """Return the number of nodes each axis needs on the line through the centre of the box."""
+    from scipy.fft import dctn
+
     points = np.cos(np.pi * (np.arange(FITTING.line_nodes) + 0.5) / FITTING.line_nodes)
     unit = np.zeros((4, 4, FITTING.line_nodes))
     unit[range(4), range(4)] = points

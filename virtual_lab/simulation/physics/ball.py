@@ -19,7 +19,6 @@ from math import expm1, log1p
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import gammaln
 
 from virtual_lab.units import Array
@@ -185,12 +184,16 @@ LawOfBall = Callable[..., BallLaw]
 
 def _solve_release(x: float) -> float:
     """Return -ln(1 - c w), where w is the speed at release, for an approach with c v = x."""
+    from scipy.optimize import brentq
+
     spent = x - log1p(x)
     return float(brentq(lambda p: p + expm1(-p) - spent, 0.0, spent + 2, xtol=1e-16, rtol=1e-15))
 
 
 def _wall_damping(restitution: float) -> float:
     """Return c v of a Hunt-Crossley ball whose restitution on a wall is e0."""
+    from scipy.optimize import brentq
+
     e = restitution
     if e == 1:
         return 0.0

@@ -15,10 +15,10 @@ from math import inf, isfinite
 from typing import Generic, TypeVar, overload
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from virtual_lab.catalog.specs import BatBody, Lump, Profile
 from virtual_lab.errors import InputError
+from virtual_lab.simulation.physics.cubics import PiecewiseCubic, monotone_cubic
 from virtual_lab.simulation.physics.mesh import Mesh, gauss_points, mesh_through, reference_element
 from virtual_lab.units import INCH, Array
 
@@ -117,7 +117,7 @@ def radius_cubics(profile: Profile) -> tuple[Array, Array]:
     The coefficients start with the highest power. The cubics are those of `outer_diameter`.
     """
     cubic = _interpolant(profile.z, profile.outer_diameter)
-    return cubic.x, cubic.c / 2
+    return cubic.knots, cubic.coefficients / 2
 
 
 def section(body: BatBody, z: Array) -> Section:
@@ -140,12 +140,12 @@ def section(body: BatBody, z: Array) -> Section:
 
 
 def _between_stations(profile: Profile, values: tuple[float, ...], z: Array) -> Array:
-    return np.asarray(_interpolant(profile.z, values)(z))
+    return _interpolant(profile.z, values)(z)
 
 
 @lru_cache(maxsize=16)
-def _interpolant(z: tuple[float, ...], values: tuple[float, ...]) -> PchipInterpolator:
-    return PchipInterpolator(np.array(z), np.array(values))
+def _interpolant(z: tuple[float, ...], values: tuple[float, ...]) -> PiecewiseCubic:
+    return monotone_cubic(np.array(z), np.array(values))
 
 
 Values = TypeVar("Values", float, Array)

@@ -13,7 +13,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.optimize import brentq
 from scipy.sparse import csr_array
 
 from virtual_lab.catalog.specs import BatBody, HoopMode
@@ -164,6 +163,8 @@ def _hoop_frequency(hoop: HoopMode | None) -> Array:
 
 
 def _crossing(modes: Modes, mode: int, left: float, right: float) -> float:
+    from scipy.optimize import brentq
+
     return float(brentq(lambda z: float(modes.shape(z)[mode]), left, right, xtol=1e-12))
 
 

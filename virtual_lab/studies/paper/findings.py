@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from virtual_lab.catalog.reading import DATA
+from virtual_lab.files.tables import write_csv
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
-from virtual_lab.output.tables import table_text, write_csv
+from virtual_lab.output.tables import table_text
 from virtual_lab.studies.paper import computed, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row, read_claims
 from virtual_lab.studies.paper.page import draw_page, write_page

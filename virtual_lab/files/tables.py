@@ -1,0 +1,56 @@
+"""Tables as CSV files that spreadsheets read as they are."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def quote(cell: object) -> str:
+    """Return a table cell in a form that no spreadsheet interprets as a formula.
+
+    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
+    """
+    text = str(cell)
+    if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return "'" + text
+    return text
+
+
+def write_csv(columns: pd.DataFrame | Mapping[str, ArrayLike], path: Path) -> None:
+    """Write a table as the CSV of `csv_text`."""
+    path.write_text(csv_text(columns), encoding="utf-8", newline="")
+
+
+def csv_text(columns: pd.DataFrame | Mapping[str, ArrayLike]) -> str:
+    """Return columns (n,) as CSV, with texts that no spreadsheet interprets as formulas.
+
+    A missing value, None or NaN, is an empty cell. A number has all its digits.
+    """
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow([quote(name) for name, _ in columns.items()])
+    rows.writerows(zip(*(_cells(values) for _, values in columns.items()), strict=True))
+    return text.getvalue()
+
+
+def _cells(values: ArrayLike) -> list[object]:
+    """Return the values of a column, texts quoted, missing values as None."""
+    cells: list[object] = np.asarray(values).tolist()
+    return [
+        quote(cell) if isinstance(cell, str) else None if cell != cell else cell  # noqa: PLR0124
+        for cell in cells
+    ]
