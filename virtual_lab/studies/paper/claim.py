@@ -23,6 +23,7 @@ class Claim:
     unit: str
     why: str  # reason for the limits
     find: Callable[[], float]
+    lost: str = ""  # reason why our result is outside the limits; empty for a claim that holds
 
     @property
     def name(self) -> str:
@@ -77,6 +78,7 @@ class Row:
             "low": claim.low if isfinite(claim.low) else None,
             "high": claim.high if isfinite(claim.high) else None,
             "why": claim.why,
+            "lost": claim.lost,
             "holds": self.holds,
         }
 
@@ -102,7 +104,8 @@ def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iter
 
     The column `find` holds the name of one of the `finders` and its arguments. A printed number has
     the symmetric tolerance `within`. Other claims have the limits `low` and `high`, of which an
-    empty one does not apply. Raises `KeyError` for an unknown finder.
+    empty one does not apply. The column `lost` holds the reason of a known disagreement. Raises
+    `KeyError` for an unknown finder.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):
@@ -120,6 +123,7 @@ def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iter
                 high=high,
                 unit=row["unit"],
                 why=row["why"],
+                lost=row["lost"],
                 find=partial(finders[finder], *map(_argument, arguments)),
             )
 

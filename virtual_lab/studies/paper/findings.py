@@ -47,9 +47,10 @@ class Findings(StudyResult):
 
     @property
     def text(self) -> str:
-        """All claims in a table."""
+        """All claims in a table, and the reason of each that does not hold."""
         table = table_text([row.cells for row in self.claims])
-        return f"{table}\n\n{self.held} of {len(self.claims)} hold"
+        lost = [f"\n{row.claim.name}: {row.claim.lost}" for row in self.claims if not row.holds]
+        return f"{table}\n\n{self.held} of {len(self.claims)} hold{''.join(lost)}"
 
     def draw(self, path: Path) -> None:
         """Draw the paper's Figs. 2 to 4."""

@@ -51,11 +51,11 @@ def draw_page() -> Figure:
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
     """Write the figure and the table of claims as one self-contained HTML page."""
-    table = [row.cells | {"reason": row.claim.why} for row in rows]
+    table = [row.cells | {"reason": row.claim.lost or row.claim.why} for row in rows]
     title = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
     words = (
         "Figs. 2 to 4 of the paper of 2003 as this program computes them, and the numbers and "
         "statements of its Secs. II to VI: number in the paper, our result, deviation, tolerance, "
-        "and the reason for the tolerance."
+        "and the reason for the tolerance or for a disagreement."
     )
     path.write_text(chart_page(title, words, figure, table), encoding="utf-8")
