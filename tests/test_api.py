@@ -513,6 +513,7 @@ def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:
     assert result.table["bat"].tolist()[-2:] == ["mean", "deviation"]
     assert json.dumps(result.document)
     result.save(tmp_path / "slope")
-    assert {path.name for path in (tmp_path / "slope").iterdir()} == {"slope.csv", "slope.png"}
+    files = {path.name for path in (tmp_path / "slope").iterdir()}
+    assert files == {"settings.toml", "slope.csv", "slope.png"}
     with pytest.raises(vl.InputError, match="no picture"):
         vl.shelf("bats").plot(tmp_path / "bats.png")

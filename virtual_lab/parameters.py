@@ -99,6 +99,18 @@ def whole(
     return ParameterRule(read=read, allowed=allowed, parse=int, metavar="NUMBER", python=python)
 
 
+def between(least: float, most: float, words: str) -> ParameterRule:
+    """Return the rule of a number from `least` to `most`."""
+
+    def read(value: Any) -> float:
+        number = read_number(value)
+        if not least <= number <= most:
+            raise ValueError("beyond its limits")
+        return number
+
+    return ParameterRule(read=read, allowed=words, parse=float, metavar="NUMBER")
+
+
 def choice(*values: str) -> ParameterRule:
     """Return the rule of a word out of a few."""
 
@@ -147,7 +159,13 @@ TEXT = ParameterRule(read=read_word, allowed="a text")
 FILE = ParameterRule(read=read_path, allowed="a path", metavar="FILE")
 FOLDER = ParameterRule(read=read_path, allowed="the path of a folder", metavar="FOLDER")
 ANYTHING = ParameterRule(read=lambda value: value, allowed="")
-PLAIN: Mapping[Any, ParameterRule] = {bool: FLAG, int: WHOLE, float: NUMBER, str: TEXT}
+PLAIN: Mapping[Any, ParameterRule] = {
+    bool: FLAG,
+    int: WHOLE,
+    float: NUMBER,
+    str: TEXT,
+    Path: FILE,
+}
 
 SEED = whole(
     0, LARGEST_SEED, f"0 to 2^{SEED_BITS} - 1", python="; for several, vl.sweep(laboratories=20)"
@@ -182,9 +200,6 @@ Address = Annotated[
     str,
     replace(TEXT, allowed="the address of a scheduler: 'tcp://HOST:8786'", metavar="ADDRESS"),
 ]
-# read by the function itself, in the form of the command line
-StatedText = Annotated[str, ANYTHING]
-StatedNumber = Annotated[float, replace(ANYTHING, parse=float, metavar="NUMBER")]
 File = Annotated[str | Path, FILE]
 PicturePaths = Annotated[str | Path | Sequence[str | Path], several(FILE, "paths of pictures")]
 Folder = Annotated[str | Path, FOLDER]
@@ -226,5 +241,6 @@ def rule_of(annotation: Any) -> ParameterRule:
         if isinstance(note, ParameterRule):
             return note
     if get_origin(annotation) is Literal:
-        return choice(*get_args(annotation))
+        values = get_args(annotation)
+        return choice(*values) if all(isinstance(each, str) for each in values) else ANYTHING
     return PLAIN.get(annotation, ANYTHING)

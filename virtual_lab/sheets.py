@@ -22,9 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml
 from virtual_lab.parameters import (
-    ANYTHING,
     SEED,
-    SETTINGS,
     WHOLE,
     ParameterRule,
     read_name,
@@ -346,7 +344,6 @@ AnyName = Annotated[
 AnyBat = Annotated[AnyEntry, BAT]
 AnyBats = Annotated[AnyEntries, BATS]
 AnyBall = Annotated[AnyEntry, entry_rule("balls")]
-BallOrDiameter = Annotated[AnyEntry, ANYTHING]
 AnyProcedure = Annotated[AnyEntry, PROCEDURE]
 AnyProcedures = Annotated[AnyEntries, PROCEDURES]
 AnyCamera = Annotated[AnyEntry, entry_rule("instruments")]
@@ -403,34 +400,45 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     )
 
 
-def settings_text(command: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
+def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
     """Return the arguments of a call as a file of settings, which ``--config`` reads.
 
-    A sheet with changed values is only named, in a comment, because no name gives it again. If the
-    truth is sealed, its seed and its faults are left out. Nothing is said of the faults, because a
-    remark would show that there are some.
+    `call` is the first line. An argument that no file gives again is only named, in a comment: a
+    sheet with changed values, an array, a function. If the truth is sealed, its seed and its faults
+    are left out. Nothing is said of the faults, because a remark would show that there are some.
     """
-    settings, changed = {}, [f"# virtual-lab {command} --config {SETTINGS}\n"]
+    settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():
         if sealed and key in ("seed", "faults"):
             changed += ["# seed: sealed with the truth\n"] if key == "seed" else []
-            continue
-        values = [_setting(each) for each in (value if _is_list(value) else [value])]
-        if None in values:
-            changed.append(f"# {key}: sheets with changed values\n")
-        elif not callable(value):
-            settings[key] = values if _is_list(value) else values[0]
+        elif value is not None and key != "progress":
+            listed = isinstance(value, list | tuple)
+            values = [_setting(each) for each in (value if listed else [value])]
+            if None in values:
+                changed.append(f"# {key}: {_description(value)}\n")
+            else:
+                settings[key] = values if listed else values[0]
     return "".join(changed) + toml_text(settings)
 
 
+def _description(value: Any) -> str:
+    """Return the words for an argument that no file gives again."""
+    values = value if isinstance(value, list | tuple) else [value]
+    sheets = any(isinstance(each, Sheet) for each in values)
+    return "sheets with changed values" if sheets else f"{type(values[0]).__name__} of the program"
+
+
 def _setting(value: Any) -> Any:
-    """Return an argument as a value of a file; None for a sheet with changed values."""
+    """Return an argument as a value of a file; None if no file gives it again."""
     if isinstance(value, Sheet):
         if value.origin.endswith(".toml"):
             return f"{value.name}={value.origin}"
         has_file = value.name in _names(value.kind) or value.name.endswith(".toml")
         return value.name if has_file and value == Sheet.of(value.kind, value.name) else None
-    return str(value) if isinstance(value, Path) else _plain(value)
+    if isinstance(value, Path):
+        return str(value)
+    value = value if getattr(value, "ndim", 0) else _plain(value)
+    return value if isinstance(value, str | bool | int | float) else None
 
 
 def toml_text(document: Mapping[str, Any]) -> str:

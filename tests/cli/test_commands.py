@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 
 import virtual_lab as vl
@@ -172,20 +173,22 @@ def test_another_package_can_add_a_command(run: Run, monkeypatch: pytest.MonkeyP
     group = "virtual_lab.commands"
     selection = {"group": group}
     points = tomllib.loads(PACKAGE.read_text())["project"]["entry-points"][group]
+    points |= {"broken": "third_party_rig.nowhere:none", "certify": points["radar-cosine"]}
     ours = [EntryPoint(name, value, group) for name, value in points.items()]
-    ours.append(EntryPoint("broken", "third_party_rig.nowhere:none", group))
     monkeypatch.setattr(
         "importlib.metadata.entry_points", lambda **words: ours if words == selection else ()
     )
     code, text, err = run("--help")
-    assert (code, err.count("\n")) == (0, 1)
-    assert "third_party_rig.nowhere:none: no command can be read" in err
+    assert (code, err.count("\n")) == (0, 2)
+    assert "third_party_rig.nowhere:none: broken; is no command: " in err
+    assert "third_party_rig.cosine:cosine: certify; is no command: another command has this" in err
     assert text.index("Of other packages:") < text.index("radar-cosine  Show how much too low")
-    code, out, _ = run("radar-cosine", "60", "--json", "--csv", "cosine.csv")
-    assert (code, json.loads(out)) == (
-        0,
-        [{"angle_deg": 60.0, "error_percent": pytest.approx(-50)}],
-    )
+    code, out, err = run("radar-cosine", "60", "--json", "--csv", "cosine.csv")
+    row = {"angle_deg": 60.0, "error_percent": pytest.approx(-50)}
+    assert (code, json.loads(out), err) == (0, [row], "cosine.csv\n")
+    code, _, err = run("broken")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "nowhere.py" in err
     code, _, err = run("radar-cosine", "x")
     assert (code, err.splitlines()[-1]) == (
         2,
@@ -225,10 +228,23 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
     assert "# bat: sheets with changed values" in sealed
     assert run("slope", "--csv", "t.csv", "--config", "first/settings.toml")[0] == 2
     assert run("profile", "r161", "--swing", "0.3", "--out", "p")[0] == 0
-    assert tomllib.loads((tmp_path / "p" / "settings.toml").read_text()) == {
-        "bats": ["r161"],
-        "swings": [0.3],
-    }
+    at_shell = (tmp_path / "p" / "settings.toml").read_text()
+    assert at_shell.startswith("# virtual-lab profile --config settings.toml\n")
+    assert tomllib.loads(at_shell) == {"bats": ["r161"], "swings": [0.3]}
+    vl.profile(Path("r161"), swings=(each for each in (0.3,))).save(tmp_path / "q")
+    in_python = (tmp_path / "q" / "settings.toml").read_text()
+    assert in_python.startswith("# arguments of vl.profile\n")
+    assert tomllib.loads(in_python) == {"bats": ["r161"], "swings": [0.3]}
+
+
+def test_settings_name_what_no_file_gives_again() -> None:
+    """Neither the pixels of a clip nor a function stand in the settings."""
+    frames = np.zeros((3, 20, 20), np.uint8)
+    settings = vl.track(frames, ball="73mm", fps=240, tripod=True).settings
+    assert settings == (
+        "# arguments of vl.track\n# clip: ndarray of the program\n"
+        'ball = "73mm"\nfps = 240.0\ntripod = true\n'
+    )
 
 
 def test_a_sweep_at_the_shell_equals_that_in_python(run: Run, tmp_path: Path) -> None:  # noqa: F811
@@ -238,6 +254,40 @@ def test_a_sweep_at_the_shell_equals_that_in_python(run: Run, tmp_path: Path) ->
     assert code == 0
     assert json.loads(out) == json.loads(table.to_json(orient="records"))
     assert (tmp_path / "rows.csv").read_text().startswith("bat,procedure,laboratory,")
+
+
+TYPED = '''
+def sides(side: Literal["left", "right"], size: list[float] = [], *, file: Path | None = None):
+    """Say a side."""
+
+
+def tables(of: DataFrame, side: Literal[1, 2] = 1):
+    """Say nothing."""
+'''
+
+
+def test_a_rule_follows_from_the_annotation_of_another_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Choices, numbers, lists and paths have a rule; a command of another type is refused."""
+    (tmp_path / "sided.py").write_text(TYPED)
+    monkeypatch.syspath_prepend(tmp_path)
+    command = FunctionCommand("sides", ("sided", "sides"))
+    command.require_rules()
+    values = command.make_context("sides", ["left", "2", "3e1", "--file", "a.csv"]).params
+    assert values == {"side": "left", "size": (2, 30), "file": Path("a.csv"), "as_json": False}
+    for wrong, allowed in ((["lefd"], "did you mean left"), (["left", "x"], "a number")):
+        with pytest.raises(click.BadParameter, match=allowed):
+            command.make_context("sides", wrong)
+    other = FunctionCommand("tables", ("sided", "tables"))
+    with pytest.raises(ValueError, match=r"the type of of has no rule \(DataFrame\)"):
+        other.require_rules()
+
+
+def test_every_parameter_of_a_command_has_a_rule() -> None:
+    for name, command in COMMANDS.items():
+        if name != "track":  # a clip is a path or an array; `track` checks which
+            command.require_rules()
 
 
 def test_a_function_without_a_docstring_is_no_command(

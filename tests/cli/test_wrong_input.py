@@ -203,6 +203,11 @@ CASES: dict[str, Case] = {
         ["loop/x", "cannot be written"],
     ),
     "the folder one is in": (nothing, "profile r161 --out .", ["where you are"]),
+    "a folder that takes no file": (
+        nothing,
+        "profile r161 --out /proc/x",
+        ["/proc cannot be written to"],
+    ),
     "a device as a folder": (nothing, "profile r161 --out /dev/null", ["/dev/null", "is a file"]),
     "a bat's name of 300": (nothing, f"certify {LONG}", ["bat = 'xxx", "known: "]),
     "a bat's file of 300": (nothing, f"certify {LONG}.toml", ["bat file", "no such file"]),

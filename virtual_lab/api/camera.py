@@ -7,6 +7,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab.api.clip_statements import (
+    BallOrDiameter,
+    BallPosition,
+    Duration,
+    FrameRange,
+    FrameRate,
+    PictureRegion,
+    PictureScale,
+    StatedGravity,
+    StatedMass,
+    StatedRuler,
+    ball_keys,
+    read_frames,
+    read_mass,
+    read_position,
+    read_region,
+    read_seconds,
+    scale_keys,
+)
 from virtual_lab.errors import InputError
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
@@ -17,11 +36,9 @@ from virtual_lab.parameters import (
     PictureName,
     PicturePaths,
     Seed,
-    StatedNumber,
-    StatedText,
     paths_of,
 )
-from virtual_lab.sheets import AnyCamera, BallOrDiameter, entry_name
+from virtual_lab.sheets import AnyCamera, entry_name
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,6 +55,7 @@ class Track:
     clip: FollowedClip
     progress: Progress = quiet
     film: bool = False  # whether `save` writes a film
+    settings: str = ""  # arguments of the call that made it, as ``settings.toml``
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -83,7 +101,8 @@ class Track:
         """Write track, result, plot, contact sheet, and a film on request into a new folder."""
         from virtual_lab.video.show.tracked_clip import save_track
 
-        save_track(self.clip, Path(folder), self.progress, film=self.film)
+        progress = self.progress
+        save_track(self.clip, Path(folder), progress, film=self.film, settings=self.settings)
         return Path(folder)
 
     def __repr__(self) -> str:
@@ -96,16 +115,16 @@ def track(
     clip: str | Path | NDArray[Any],
     *,
     ball: BallOrDiameter | None = None,
-    mass: StatedText | None = None,
-    fps: StatedNumber | None = None,
-    exposure: StatedText | None = None,
-    gravity: StatedNumber | None = None,
-    frames: StatedText | None = None,
-    region: StatedText | None = None,
-    ball_at: StatedText | None = None,
-    scale: StatedText | None = None,
-    ruler: StatedText | None = None,
-    readout: StatedText | None = None,
+    mass: StatedMass | None = None,
+    fps: FrameRate | None = None,
+    exposure: Duration | None = None,
+    gravity: StatedGravity | None = None,
+    frames: FrameRange | None = None,
+    region: PictureRegion | None = None,
+    ball_at: BallPosition | None = None,
+    scale: PictureScale | None = None,
+    ruler: StatedRuler | None = None,
+    readout: Duration | None = None,
     global_shutter: bool = False,
     phone: bool = False,
     tripod: bool = False,
@@ -133,7 +152,7 @@ def track(
 
         Or a sheet. A bare number is refused.
     mass
-        Mass of the ball, ``145g``, in g, kg or oz: gives its drag.
+        StatedMass of the ball, ``145g``, in g, kg or oz: gives its drag.
     fps
         Frames per second of real time, repeated frames included. By default the file's rate, or,
         where the ball would not fall with g by it, the rate that makes it.
@@ -182,31 +201,36 @@ def track(
     """
     import numpy as np
 
+    from virtual_lab.video.follow.knowledge import STATED_LEVEL_U
     from virtual_lab.video.show.tracked_clip import track_clip
 
     if not isinstance(clip, str | Path | np.ndarray):
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)
-    stated = {
-        "calibration": calibration,
-        "ball": ball,
-        "fps": fps,
-        "mass": mass,
-        "exposure": exposure,
+    if readout and global_shutter:
+        raise InputError("", "--readout", readout, "a global shutter has none: give one")
+    statements = {
+        **ball_keys(ball),
+        **scale_keys(scale),
+        "frames_per_second": fps,
+        "frames_per_second_u": None if fps is None else 0.0,
         "gravity": gravity,
-        "frames": frames,
-        "region": region,
-        "ball_at": ball_at,
-        "scale": scale,
+        "gravity_u": None if gravity is None else 0.0,
+        "mass": read_mass(mass),
+        "exposure": read_seconds(exposure),
+        "frames": read_frames(frames),
+        "region": read_region(region),
+        "ball_at": read_position(ball_at),
         "ruler": ruler,
-        "readout": readout,
-        "global_shutter": global_shutter,
-        "phone": phone,
-        "tripod": tripod,
-        "level": level,
-        "corrected": corrected,
+        "readout": 0.0 if global_shutter else read_seconds(readout),
+        "phone": phone or None,
+        "stands": tripod or None,
+        "level_u": STATED_LEVEL_U if level else None,
+        "file": None if calibration is None else Path(calibration),
+        "corrected": None if corrected is None else Path(corrected),
     }
     file = clip if isinstance(clip, np.ndarray) else Path(clip)
+    stated = {key: value for key, value in statements.items() if value is not None}
     result = track_clip(file, stated, progress=progress)
     return Track(clip=result, progress=progress, film=film_of_track)
 

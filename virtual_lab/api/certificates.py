@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
-    SETTINGS,
     CollisionName,
     Correction,
     File,
@@ -246,13 +245,11 @@ class Certificate:
         if sign:
             require_key(Path(sign), private=True)
         missing: list[str] = []
-        with new_folder(target) as draft:
+        with new_folder(target, self.settings) as draft:
             (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
             write_csv(self._shot_columns, draft / "readings.csv")
             (draft / "records").mkdir()
             self._records.write(draft / "records")
-            if self.settings:
-                (draft / SETTINGS).write_text(self.settings, encoding="utf-8")
             if self.sealed:
                 (draft / TRUTH).parent.mkdir()
                 (draft / TRUTH).write_bytes(self._truth)

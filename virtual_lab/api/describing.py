@@ -15,13 +15,20 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from textwrap import dedent
-from typing import Any
+from typing import Any, Literal
 
 from virtual_lab.errors import nearest
-from virtual_lab.parameters import ANYTHING, PLAIN, ParameterRule, read_callable, rule_of
+from virtual_lab.parameters import (
+    ANYTHING,
+    PLAIN,
+    ParameterRule,
+    read_callable,
+    rule_of,
+    several,
+)
 
 # modules that define types of parameters, and load fast
-TYPES = ("virtual_lab.parameters", "virtual_lab.sheets")
+TYPES = ("virtual_lab.parameters", "virtual_lab.sheets", "virtual_lab.api.clip_statements")
 CALLED = ParameterRule(read=read_callable, allowed="a function that is called with a sentence")
 BY_NAME = {kind.__name__: rule for kind, rule in PLAIN.items()} | {"Progress": CALLED}
 
@@ -149,19 +156,21 @@ def _source(module: str) -> Path:
 
 
 def _rule(annotation: ast.expr | None) -> ParameterRule:
-    """Return the rule of an annotation, None aside."""
-    if isinstance(annotation, ast.BinOp):
-        parts = [
-            part for part in (annotation.left, annotation.right) if ast.unparse(part) != "None"
-        ]
-        annotation = parts[0] if len(parts) == 1 else None
-    if not isinstance(annotation, ast.Name):
-        return ANYTHING
-    if annotation.id in BY_NAME:
-        return BY_NAME[annotation.id]
-    for module in map(import_module, TYPES):
-        if hasattr(module, annotation.id):
-            return rule_of(getattr(module, annotation.id))
+    """Return the rule of an annotation, None aside; `ANYTHING` for a type that has none."""
+    match annotation:
+        case ast.BinOp(left=left, right=right):
+            parts = [part for part in (left, right) if ast.unparse(part) != "None"]
+            return _rule(parts[0]) if len(parts) == 1 else ANYTHING
+        case ast.Subscript(value=ast.Name("Literal"), slice=values):
+            return rule_of(Literal[ast.literal_eval(values)])
+        case ast.Subscript(value=ast.Name("Sequence" | "list"), slice=of_one):
+            rule = _rule(of_one)
+            return rule if rule is ANYTHING else several(rule)
+        case ast.Name(name) if name in BY_NAME:
+            return BY_NAME[name]
+        case ast.Name(name):
+            found = [getattr(module, name, None) for module in map(import_module, TYPES)]
+            return rule_of(next(filter(None, found), None))
     return ANYTHING
 
 

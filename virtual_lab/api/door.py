@@ -19,7 +19,7 @@ from virtual_lab.output.progress import show_progress
 from virtual_lab.sheets import NAMED, Sheet, settings_text
 
 LABORATORY = "instruments"  # the parameter that changes the laboratory itself
-KEPT = ("certify", "reduce")  # functions whose result keeps their arguments
+SEALED = ("certify", "rehearse")  # functions whose seed and faults are sealed with the truth
 SHOWN = ("propagate", "sweep")  # functions whose progress is shown by default
 Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
@@ -39,7 +39,8 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
         request, store = dict(bound.arguments), Store()
         for key, value in bound.arguments.items():
             if value is not description.parameters[key].default:
-                bound.arguments[key] = _read(name, description, key, value, store)
+                request[key] = _read(name, description, key, value)
+                bound.arguments[key] = _store_sheets(request[key], store)
         function = getattr(import_module(place[0]), place[1])
         waiting = name in SHOWN and "progress" not in bound.arguments
         with (
@@ -48,21 +49,24 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
         ):
             more = {"progress": bar} if waiting else {}
             result = function(*bound.args, **bound.kwargs, **more)
-        for sheet in bound.arguments.get(LABORATORY, ()):
+        for sheet in request.get(LABORATORY, ()):
             if (sheet.kind, sheet.name) not in used:
                 in_use = sorted({each for kind, each in used if kind in ("instruments", "rigs")})
                 allowed = f"no rig of this test uses it; in use: {', '.join(in_use) or 'none'}"
                 raise InputError("", LABORATORY, sheet.name, allowed)
-        return (
-            replace(result, settings=settings_text(name, request, sealed=True))
-            if name in KEPT
-            else result
-        )
+        return with_settings(result, f"arguments of vl.{name}", request, sealed=name in SEALED)
 
     call.__name__ = call.__qualname__ = name
     call.__module__, call.__doc__ = place[0], description.doc
     call.__signature__ = description.signature  # type: ignore[attr-defined]
     return call
+
+
+def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, sealed: bool) -> Any:
+    """Return a result with the arguments of its call, if it keeps them for its folder."""
+    if not hasattr(result, "settings"):
+        return result
+    return replace(result, settings=settings_text(call, arguments, sealed=sealed))
 
 
 def _bound(
@@ -96,12 +100,12 @@ def _bound(
         ) from fault
 
 
-def _read(name: str, description: Description, key: str, value: Any, store: Store) -> Any:
+def _read(name: str, description: Description, key: str, value: Any) -> Any:
     rule = description.parameters[key].rule
     if value is None and description.parameters[key].optional:
         return None
     try:
-        parsed = rule.read(value)
+        return rule.read(value)
     except InputError:
         raise
     except (TypeError, ValueError, OverflowError) as fault:
@@ -110,8 +114,6 @@ def _read(name: str, description: Description, key: str, value: Any, store: Stor
             raise InputError("", key, value, allowed) from fault
         shown_key = key if value is not None else f"{key} = None"
         raise InputError("", shown_key, value, advice(rule, value) + rule.python) from fault
-    placed = _store_sheets(parsed, store)
-    return parsed if key == LABORATORY else placed  # `public` checks that each one was used
 
 
 def _store_sheets(value: Any, store: Store) -> Any:

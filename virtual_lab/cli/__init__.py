@@ -120,23 +120,31 @@ def _answer_sweep(table: Any) -> Answer:
 FOLDER = "virtual_lab.cli.campaign"
 
 
-def _of_other_packages() -> list[click.Command]:
-    """Return a command for each entry point of the group, a function that is a study.
+def _of_other_packages(name: str = "") -> list[click.Command]:
+    """Return a command for each entry point of the group, or for that of a name.
 
-    One whose source cannot be read is named on stderr and left out.
+    An entry point is a function that is a study. One that cannot be a command, or whose name is
+    taken, is left out; the general help names it on stderr, and a call of it raises `InputError`.
     """
     from importlib.metadata import entry_points
 
-    commands: list[click.Command] = []
+    commands: dict[str, click.Command] = {}
     for each in entry_points(group="virtual_lab.commands"):
+        if name not in ("", each.name):
+            continue
         made = FunctionCommand(each.name, (each.module, each.attr), output=DRAWN)
         try:
-            made.get_short_help_str()
+            if each.name in cli.commands or each.name in commands:
+                raise ValueError("another command has this name")
+            made.require_rules()
         except (AssertionError, OSError, SyntaxError, ValueError) as fault:
-            click.echo(f"{PROGRAM}: {each.value}: no command can be read ({fault})", err=True)
+            refusal = InputError(each.value, each.name, None, f"is no command: {fault}")
+            if name:
+                raise refusal from fault
+            click.echo(f"{PROGRAM}: {refusal}", err=True)
         else:
-            commands.append(made)
-    return commands
+            commands[each.name] = made
+    return list(commands.values())
 
 
 cli = Sections(
@@ -152,7 +160,6 @@ cli = Sections(
                 "certify",
                 flags="reality",
                 saving="Certificate.save",
-                sealed=True,
                 output=Output(folder="{bat}-{procedure}", page="certificate.html", picture=True),
                 example="certify r161 --procedure bbcor --seed 7",
             ),

@@ -27,17 +27,17 @@ from virtual_lab.api.describing import (
     describe,
     first_line,
 )
-from virtual_lab.api.door import LABORATORY, public
+from virtual_lab.api.door import LABORATORY, SEALED, public, with_settings
 from virtual_lab.cli.plumbing import Output, usage
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.progress import Progress
-from virtual_lab.parameters import FLAG, ParameterRule
-from virtual_lab.sheets import settings_text
+from virtual_lab.parameters import ANYTHING, FLAG, SETTINGS, ParameterRule
 
 GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
 OUTPUT = ("as_json", "out", "csv", "plot")
 HIDDEN = ("progress",)  # parameters that the shell provides itself
 GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # words for values of several parameters
+TYPED = "bool, int, float, str, Path, Literal of texts, Sequence of one, or virtual_lab.parameters"
 Place = str | tuple[str, str]  # a public name; or module and name of another function
 
 
@@ -111,8 +111,6 @@ class FunctionCommand(click.Command):
         A parameter each of whose values, the default aside, is also a flag.
     saving
         Method that saves the result, as ``Class.method``; its parameters are options, too.
-    sealed
-        Whether a seed is sealed with the truth, so that the settings do not state it.
     output
         What the command does with the result.
     """
@@ -128,12 +126,11 @@ class FunctionCommand(click.Command):
         variants: Mapping[str, str] = NOTHING,
         flags: str = "",
         saving: str = "",
-        sealed: bool = False,
         output: Output = PRINTED,
     ) -> None:
         words = f"\b\nExample:\n  virtual-lab {example}" if example else None
         super().__init__(name, callback=self._run, epilog=words)
-        self.example, self.sealed = example, sealed
+        self.example = example
         del self.params, self.help  # made when they are asked for, see __getattr__
         self.place, self.fixed, self.options = place or name.replace("-", "_"), fixed, options
         self.variants, self.flags, self.saving, self.output = variants, flags, saving, output
@@ -179,6 +176,14 @@ class FunctionCommand(click.Command):
         every |= self._saving
         return {key: each for key, each in every.items() if key not in left_out}
 
+    def require_rules(self) -> None:
+        """Raise `ValueError` for a function without docstring, or a parameter without a rule."""
+        self.get_short_help_str()
+        for key, each in self.parameters.items():
+            if (each.rule.several or each.rule) is ANYTHING:
+                annotation = each.annotation or "missing"
+                raise ValueError(f"the type of {key} has no rule ({annotation}); allowed: {TYPED}")
+
     @cached_property
     def _saving(self) -> Mapping[str, ParameterDescription]:
         """The parameters of the method that saves the result."""
@@ -216,18 +221,19 @@ class FunctionCommand(click.Command):
             request = _for_variant(variant, place, request, self.parameters)
         how = {key: request.pop(key) for key in self._saving if key in request}
         _check_saving(how)
-        settings = settings_text(str(self.name), request | how, sealed=self.sealed)
 
         def call(progress: Progress, **more: Any) -> Any:
             function = getattr(api, place) if isinstance(place, str) else public(place[1], place)
             if "progress" in _description(place).parameters:
                 more["progress"] = progress
             result = function(**self.fixed, **request, **more)
-            return replace(result, settings=settings, **how) if self.saving else result
+            words = f"virtual-lab {_words(context)} --config {SETTINGS}"
+            result = replace(result, **how) if how else result
+            return with_settings(result, words, request | how, sealed=self.name in SEALED)
 
         defaults = {key: each.default for key, each in self.parameters.items()}
         shared = {key: value for key, value in values.items() if key in OUTPUT}
-        return self.output.written(call, request, defaults, settings=settings, **shared)
+        return self.output.written(call, request, defaults, **shared)
 
     def _config(self) -> click.Option:
         """Return the option of a file with values for the others."""
@@ -246,6 +252,12 @@ class FunctionCommand(click.Command):
             help="A .toml file with values for these options, by the names of their parameters in "
             "Python. An option that is given here comes before it.",
         )
+
+
+def _words(context: click.Context) -> str:
+    """Return the words of a command behind the program's name, ``campaign summary``."""
+    above = context.parent
+    return f"{_words(above)} {context.info_name}".strip() if above else ""
 
 
 def _place(place: Place) -> tuple[str, str]:

@@ -18,10 +18,9 @@ from typing import Any, NoReturn
 import click
 
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
-from virtual_lab.files import check_new_folder, first_free, new_files
+from virtual_lab.files import check_new_folder, check_writable, first_free, new_files
 from virtual_lab.files.tables import write_csv
 from virtual_lab.output.progress import show_progress
-from virtual_lab.parameters import SETTINGS
 
 HELP_WIDTH = 1000  # largest length of a sentence of help [characters], so that none is cut
 LONGEST_NAME = 60  # largest length of a name within a folder's name [characters]
@@ -43,15 +42,15 @@ class Answer:
 class Sections(click.Group):
     """A group whose help lists its commands in sections by purpose.
 
-    `others` returns the commands of other packages. It takes as long as a short command, so it is
-    called only for the help and for a name that is not among the sections.
+    `others` returns the commands of other packages, or that of a name. It takes as long as a short
+    command, so it is called only for the help and for a name that is not among the sections.
     """
 
     def __init__(
         self,
         *,
         sections: Mapping[str, Sequence[click.Command]],
-        others: Callable[[], Sequence[click.Command]],
+        others: Callable[..., Sequence[click.Command]],
         **more: Any,
     ) -> None:
         super().__init__(**more)
@@ -62,8 +61,7 @@ class Sections(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command by its name, also one of another package."""
-        command = self.commands.get(cmd_name)
-        return command or next((each for each in self.others() if each.name == cmd_name), None)
+        return self.commands.get(cmd_name) or next(iter(self.others(cmd_name)), None)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write one table of commands per section."""
@@ -140,7 +138,6 @@ class Output:
         request: Mapping[str, Any],
         defaults: Mapping[str, Any],
         *,
-        settings: str,
         as_json: bool,
         out: Path | None = None,
         csv: Path | None = None,
@@ -149,8 +146,8 @@ class Output:
         """Call the function, write and print its result, and return the exit code.
 
         The function takes a `Progress`, and `into` as a keyword. `request` are the values that the
-        user gave, `settings` the same as text, and `defaults` those of the other parameters. Files
-        and folders are checked before the function is called.
+        user gave, `defaults` those of the other parameters. Files and folders are checked before
+        the function is called.
         """
         target = out
         if target is None and self.folder:
@@ -178,8 +175,6 @@ class Output:
                     result.save(target)
                 except IncompleteError as fault:
                     missing += fault.missing
-                if target.is_dir() and not (target / SETTINGS).exists():
-                    (target / SETTINGS).write_text(settings, encoding="utf-8")
             if csv is not None:
                 with form(csv), new_files(csv.parent) as draft:
                     write_csv(result.table, draft / csv.name)
@@ -228,6 +223,7 @@ def check_new_file(path: Path, endings: Sequence[str]) -> None:
         raise InputError("", "file", str(path), f"cannot be written ({fault.strerror})") from fault
     if there:
         raise InputError("", "file", str(path), "is there already; name another")
+    check_writable(path, "file")
 
 
 def _print(

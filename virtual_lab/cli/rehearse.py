@@ -184,7 +184,6 @@ DAY = FunctionCommand(
     "rehearse",
     (__name__, "day"),
     output=Output(keeps=True),
-    sealed=True,
     example="rehearse --operator expert --seed 3 --out day",
 )
 

@@ -2,6 +2,7 @@
 
 from virtual_lab.files.documents import (
     check_new_folder,
+    check_writable,
     contents,
     first_free,
     inside,
@@ -21,6 +22,7 @@ from virtual_lab.files.drafts import remove_drafts
 
 __all__ = [
     "check_new_folder",
+    "check_writable",
     "contents",
     "first_free",
     "inside",

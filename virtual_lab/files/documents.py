@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from virtual_lab.errors import InputError
 from virtual_lab.files.drafts import draft_in
+from virtual_lab.parameters import SETTINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -260,9 +261,21 @@ def check_new_folder(target: Path) -> None:
         raise InputError(
             "", "output folder", str(target), "is not empty; name another or empty it first"
         )
+    check_writable(target, "output folder")
+
+
+def check_writable(target: Path, key: str) -> None:
+    """Raise `InputError` unless a draft can be made where `target` is to be written.
+
+    A system may call a folder writable in which it makes no file, such as ``/proc``.
+    """
     existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
-    if not (existing.is_dir() and os.access(existing, os.W_OK)):
-        raise InputError("", "output folder", str(target), f"{existing} cannot be written to")
+    try:
+        with draft_in(existing):
+            pass
+    except OSError as fault:
+        allowed = f"{existing} cannot be written to ({fault.strerror})"
+        raise InputError("", key, str(target), allowed) from fault
 
 
 def first_free(target: Path) -> Path:
@@ -275,11 +288,16 @@ def first_free(target: Path) -> Path:
 
 
 @contextmanager
-def new_folder(target: Path) -> Iterator[Path]:
-    """Yield a folder to fill beside `target`, which becomes `target` if no error occurs."""
+def new_folder(target: Path, settings: str = "") -> Iterator[Path]:
+    """Yield a folder to fill beside `target`, which becomes `target` if no error occurs.
+
+    `settings` are the arguments of the call that made the result, for the file `SETTINGS`.
+    """
     check_new_folder(target)
     try:
         with draft_in(target.parent) as draft:
+            if settings:
+                (draft / SETTINGS).write_text(settings, encoding="utf-8")
             yield draft
             if target.is_dir():
                 target.rmdir()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -27,6 +27,7 @@ def frame(rows: Sequence[Any]) -> pd.DataFrame:
     return pd.DataFrame([record(row) for row in rows])
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StudyResult(ABC):
     """Base class of every study's result.
 
@@ -34,7 +35,8 @@ class StudyResult(ABC):
     follows from these unless the study has more to say. One with a picture has `draw`.
     """
 
-    __slots__ = ()
+    # arguments of the call that made it, as ``settings.toml``
+    settings: str = field(default="", compare=False)
 
     @property
     @abstractmethod
@@ -85,7 +87,7 @@ class StudyResult(ABC):
         Raises `InputError` if the folder is not empty or cannot be written; no partial files are
         left.
         """
-        with new_folder(Path(folder)) as draft:
+        with new_folder(Path(folder), self.settings) as draft:
             self.fill(draft)
         return Path(folder)
 

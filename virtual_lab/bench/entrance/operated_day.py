@@ -30,6 +30,7 @@ class RehearsedDay:
     debrief: Debrief
     files: Mapping[str, bytes]  # contents by file name
     desk: Desk
+    settings: str = ""  # arguments of the call that made it, as ``settings.toml``
 
     @property
     def document(self) -> dict[str, Any]:
@@ -67,7 +68,7 @@ class RehearsedDay:
             The folder exists already.
         """
         target = Path(folder)
-        with new_folder(target) as draft:
+        with new_folder(target, self.settings) as draft:
             for name, content in self.files.items():
                 (draft / name).write_bytes(content)
             (draft / SECRET).chmod(0o600)

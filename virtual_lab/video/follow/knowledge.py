@@ -15,6 +15,7 @@ from virtual_lab.video.clips.timing import usual_step
 GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # sources of a scale or a rate
 # u of the camera's angle off level, and off square to the flight [rad]: 5 degrees are two u
 LEVEL_U = 2.5 * DEGREE
+STATED_LEVEL_U = 0.5 * DEGREE  # the same if the user states a level: a degree is two u
 Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
 
 

@@ -33,7 +33,6 @@ from virtual_lab.video.follow.knowledge import (
 )
 from virtual_lab.video.follow.ruler import RULER
 from virtual_lab.video.show.course import course_rows
-from virtual_lab.video.show.options import Said, key_of, said_of
 from virtual_lab.video.show.track_text import (
     flight_rows,
     track_document,
@@ -41,28 +40,30 @@ from virtual_lab.video.show.track_text import (
     write_table,
 )
 
+# statements of the user: quantities in SI units, by keys of a calibration file, by fields of
+# `ClipKnowledge`, and by `file`, `corrected`, `phone`, `mass`, `ball_mass`, `exposure`, `assumed`
+Said = Mapping[str, Any]
 UNSURE_BALL = "no u of the ball's diameter is given"
 STANDING = (UNSURE_BALL, UNSURE_RATE)  # beginnings of remarks that apply to most clips of phones
 
 
 def track_clip(
     file: Path | Frame,
-    options: Mapping[str, Any],
+    said: Said,
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
     """Track the ball through a clip: a file, a folder, or an array of its frames.
 
-    `options` are texts, as on the command line, by the names of `OPTIONS`; None: not given.
-    Raises `InputError` if a file cannot be read, an option has another form, or no length is known.
+    Raises `InputError` if a file cannot be read, a statement does not fit the clip, or no length is
+    known.
     """
-    said = said_of(options)
     # the file is opened first, because a file that is no clip needs no scale
     source = open_source(file)
-    calibration, notes = _calibration(said, options)
+    calibration, notes = _calibration(said)
     progress(f"reading {source.path}")
     clip = open_clip(file, calibration)
-    knowledge = _knowledge(clip, calibration, said, options)
+    knowledge = _knowledge(clip, calibration, said)
     if "corrected" in said:
         watched, ways = read_track(said["corrected"], clip)
         track = follow_blobs(clip, watched, knowledge, ways)
@@ -76,7 +77,7 @@ def track_clip(
     return replace(track, notes=messages, clip=clip.trim_memory())
 
 
-def _calibration(said: Said, options: Mapping[str, Any]) -> tuple[ClipCalibration, list[Note]]:
+def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
     """Read the calibration, with stated values in place of its keys; and notes of assumptions."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
@@ -87,9 +88,8 @@ def _calibration(said: Said, options: Mapping[str, Any]) -> tuple[ClipCalibratio
     mass = said.get("mass", said.get("ball_mass") if not calibration.drag_per_m else None)
     if mass:
         if not (diameter := calibration.ball_diameter_m):
-            raise InputError(
-                "", "--mass", options["mass"], "drag needs the ball's size too: --ball"
-            )
+            allowed = "drag needs the ball's size too: --ball"
+            raise InputError("", "--mass", f"{1e3 * mass:g}g", allowed)
         drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, mass))
         # seams, roughness and speed move C_d by a fifth, far more than a ball's mass varies
         calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
@@ -102,13 +102,9 @@ def _calibration(said: Said, options: Mapping[str, Any]) -> tuple[ClipCalibratio
     return calibration, []
 
 
-def _knowledge(
-    clip: Clip, calibration: ClipCalibration, said: Said, options: Mapping[str, Any]
-) -> ClipKnowledge:
+def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnowledge:
     """Gather what is known of a clip that has been opened; `InputError` where it does not fit."""
     calibrated, rate, turn = "file" in said, clip.source.rate, clip.source.rotation
-    if options.get("readout") and options.get("global_shutter"):
-        raise InputError("", "--readout", options["readout"], "a global shutter has none: give one")
     # a faster clip is from a laboratory's camera
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
@@ -138,7 +134,8 @@ def _knowledge(
     ):
         if not fits:
             allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-            raise InputError(str(clip.source.path), key_of(name), options[name], allowed)
+            key = f"--{name.replace('_', '-')}"
+            raise InputError(str(clip.source.path), key, said[name], allowed)
     return knowledge
 
 
@@ -148,16 +145,18 @@ def save_track(
     progress: Callable[[str], None] = lambda _: None,
     *,
     film: bool = False,
+    settings: str = "",
 ) -> None:
     """Write track.csv, speeds.csv, result.json, track.png, sheet.png into a folder.
 
-    `film`: and track.webp. Raises `InputError` where the folder is not empty or cannot be written.
+    With `film` also track.webp, with `settings` also settings.toml. Raises `InputError` if the
+    folder is not empty or cannot be written.
     """
     from virtual_lab.video.show.pictures import Pictures
 
     progress("drawing")
     pictures = Pictures(track, film=film)
-    with new_folder(folder) as draft:
+    with new_folder(folder, settings) as draft:
         write_table(course_rows(pictures.places), draft / "track.csv")
         write_table(flight_rows(track), draft / "speeds.csv")
         text = json.dumps(track_document(track), indent=2, allow_nan=False)

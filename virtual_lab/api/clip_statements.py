@@ -1,0 +1,202 @@
+"""Types of the statements about a clip, `73mm±0.5mm`, `17:52`, `x,y@frame`, with their rules.
+
+The rule of a type refuses a text of another form. The function that reads the text converts it to
+SI units, and returns None for None: nothing is stated.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import wraps
+from math import hypot
+from typing import Annotated, Any, Literal, TypeVar
+
+from virtual_lab.parameters import ParameterRule, between, read_word
+from virtual_lab.sheets import AnyEntry, Sheet, entry_name, entry_rule
+
+Value = TypeVar("Value")
+LARGEST_BALL, LARGEST_SCALE = 1.0, 1000.0  # largest lengths that are stated [m]
+CLICK_U = 1.0  # u of a point that a person gives [pixels]
+# relative u of a diameter without its u: a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
+UNSTATED_U = 0.01
+
+
+def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | None]:
+    """Return a reader that returns None for None."""
+
+    @wraps(read)
+    def called(text: str | None) -> Value | None:
+        return None if text is None else read(text)
+
+    return called
+
+
+@_optional
+def read_seconds(text: str) -> float:
+    """Return a time of at most 1 s from `8ms` or `1/120`."""
+    from virtual_lab.units import to_si
+
+    form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
+    match = re.fullmatch(form, text.replace("µ", "u"))
+    if not match or not (match[2] or match[3]):
+        raise ValueError(text)
+    return _within(to_si(float(match[1]) / float(match[2] or 1), match[3] or "s", "time"), 0, 1)
+
+
+@_optional
+def read_mass(text: str) -> float:
+    """Return a mass of 0.1 g to 10 kg from `145g`."""
+    from virtual_lab.units import to_si
+
+    match = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
+    if not match:
+        raise ValueError(text)
+    return _within(to_si(float(match[1]), match[2], "mass"), 1e-4, 10)
+
+
+@_optional
+def read_frames(text: str) -> tuple[int, int]:
+    """Return the first and the last frame from `17:52`."""
+    first, last = map(int, text.split(":"))
+    return int(_within(first, 0, last - 1)), last
+
+
+@_optional
+def read_region(text: str) -> tuple[float, float, float, float]:
+    """Return x, y, width and height of a part of the picture [pixels] from `10,20,300,200`."""
+    x, y, wide, high = _numbers(text, 4)
+    return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
+
+
+@_optional
+def read_position(text: str) -> tuple[float, float, int]:
+    """Return x and y of a ball [pixels] and the frame from `210,85@17`."""
+    position, frame = text.split("@")
+    x, y = _numbers(position, 2)
+    return x, y, int(frame)
+
+
+def scale_keys(text: str | None) -> dict[str, float]:
+    """Return the keys of a calibration file that two points and their distance state."""
+    if text is None:
+        return {}
+    points, length = text.split("=")
+    (x, y), (other_x, other_y) = (_numbers(each, 2) for each in points.split(":"))
+    apart = _within(hypot(x - other_x, y - other_y), 10 * CLICK_U, 1e6)
+    metres, metres_u = _length_and_u(length, "--scale", LARGEST_SCALE)
+    relative = hypot((metres_u or 0.0) / metres, hypot(CLICK_U, CLICK_U) / apart)
+    scale = metres / apart
+    return {"metres_per_pixel": scale, "metres_per_pixel_u": scale * relative}
+
+
+def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
+    """Return the keys of a calibration file that a ball states, and the mass of a kind of ball.
+
+    `assumed` says whether the u of the diameter is ours.
+    """
+    if ball is None:
+        return {}
+    spec = _ball_spec(entry_name(ball))
+    if spec:
+        diameter, u, more = 2 * spec.radius, 2 * spec.radius_u or None, {"ball_mass": spec.mass}
+    else:
+        diameter, u, more = *_length_and_u(entry_name(ball), "--ball", LARGEST_BALL), {}
+    u, assumed = UNSTATED_U * diameter if u is None else u, u is None
+    return {"ball_diameter_m": diameter, "ball_diameter_m_u": u, "assumed": assumed} | more
+
+
+def _ball_spec(text: str) -> Any:
+    """Return the values of a ball's sheet, or None for a text that states a length.
+
+    The text is a file, or the beginning of a name in the catalog that no other name has.
+    """
+    from virtual_lab.catalog import load, names, texts_in_place
+    from virtual_lab.catalog.specs import BallSpec
+
+    if not text.endswith(".toml") and ("balls", text) not in texts_in_place():
+        if re.match(r"\s*[-+.\d]", text):
+            return None
+        known = names("balls")
+        (text,) = [text] if text in known else [each for each in known if each.startswith(text)]
+    return load("balls", text, BallSpec).spec
+
+
+def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None]:
+    """Return a length of 1 mm to `most` and its u [m] from `73mm±0.5mm`; None: no u."""
+    from virtual_lab.relations.board import length_of
+
+    size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
+    length = length_of(size, key, 1e-3, most)
+    return length, length_of(more, key, 0.0, length / 2) if sign else None
+
+
+def _numbers(text: str, count: int) -> list[float]:
+    numbers = [_within(float(each), -1e6, 1e6) for each in text.split(",")]
+    if len(numbers) != count:
+        raise ValueError(text)
+    return numbers
+
+
+def _within(value: float, least: float, most: float) -> float:
+    if not least <= value <= most:
+        raise ValueError(value)
+    return value
+
+
+def _text(convert: Callable[[str], object], allowed: str, metavar: str) -> ParameterRule:
+    """Return the rule of a text that `convert` reads. The value stays a text."""
+
+    def read(value: Any) -> str:
+        try:
+            convert(read_word(value))
+        except ArithmeticError as fault:  # 1/0
+            raise ValueError(value) from fault
+        return str(value)
+
+    return ParameterRule(read=read, allowed=allowed, metavar=metavar)
+
+
+def _ball(value: Any) -> str | Sheet:
+    """Return a ball in the form of an entry of the catalog, or a diameter as a text."""
+    entry: str | Sheet = KIND.read(value)
+    if isinstance(entry, str):
+        ball_keys(entry)
+    return entry
+
+
+KIND = entry_rule("balls")
+BallOrDiameter = Annotated[
+    AnyEntry,
+    ParameterRule(
+        read=_ball,
+        allowed=f"a diameter with its unit, e.g. '73mm±0.5mm', or {KIND.allowed}",
+        complete=KIND.complete,
+        metavar="BALL|DIAMETER",
+    ),
+]
+StatedMass = Annotated[str, _text(read_mass, "a mass with its unit, e.g. '145g'", "MASS")]
+Duration = Annotated[
+    str, _text(read_seconds, "a time with its unit, up to 1 s, e.g. '8ms' or '1/120'", "TIME")
+]
+FrameRange = Annotated[str, _text(read_frames, "first:last, e.g. '17:52'", "FIRST:LAST")]
+PictureRegion = Annotated[
+    str,
+    _text(
+        read_region,
+        "x,y,width,height in pixels, 1 wide and high at least, e.g. '10,20,300,200'",
+        "X,Y,WIDTH,HEIGHT",
+    ),
+]
+BallPosition = Annotated[str, _text(read_position, "x,y@frame, e.g. '210,85@17'", "X,Y@FRAME")]
+PictureScale = Annotated[
+    str,
+    _text(
+        scale_keys,
+        "x,y:x,y=length, 10 pixels apart or more, e.g. '9,20:300,20=50cm'",
+        "X,Y:X,Y=LENGTH",
+    ),
+]
+FrameRate = Annotated[float, between(1, 1e7, "1 to 1e7 frames per second, e.g. 240")]
+StatedGravity = Annotated[float, between(0.1, 100, "0.1 to 100 m/s², e.g. 9.81")]
+StatedRuler = Literal["gravity", "ball"]
