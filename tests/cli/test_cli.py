@@ -358,6 +358,12 @@ inertia_axis = { value = 33, unit = "in", source = "pendulum", verified = true }
         ("17137", "137", ["less than mass times"]),
         ('unit = "oz"', 'unit = "in"', ["mass", "oz"]),
         ("z_cm =", "balance =", ["balance", "unknown key", "z_cm"]),
+        (
+            'template = "wood"',
+            'template = "hollow"\nhoop_modal_mass = { value = 0.4, unit = "kg", source = "tap", '
+            "verified = true }",
+            ["hoop_modal_mass = '0.4 kg'", "half to twice"],
+        ),
     ],
 )
 def test_measurements_that_fit_no_bat_are_refused(

@@ -202,9 +202,8 @@ def fit(
     Raises
     ------
     InputError
-        No bat of the template fits the data within 3 u, or .1 % (nodes .05 in) if that is more; the
-        message lists the misfits of the best one. Or the modal mass of the hoop mode is not
-        plausible.
+        No bat of the template fits the data within 3 u, or .1 % (nodes .05 in) if that is more. The
+        message lists the misfits of the best one.
     """
     template = TEMPLATES[measured.template]
     usual, spread = template.usual, template.spread
@@ -235,7 +234,6 @@ def fit(
     )
     parameters = usual + spread * solution.x
     body = template.build(parameters, measured.length)
-    _require_plausible_hoop(body, measured)
     misfits = _misfits(body, measured)
     missed = {
         name: value
@@ -277,12 +275,16 @@ def hoop_quantities(body: BatBody) -> dict[str, float]:
     return {"hoop frequency": body.hoop.frequency, "hoop modal mass": body.hoop.modal_mass}
 
 
-def _require_plausible_hoop(body: BatBody, measured: BatMeasurements) -> None:
-    """Raise `InputError` if a measured modal mass is not that of a shell like the bat's."""
+def require_plausible_hoop(measured: BatMeasurements) -> None:
+    """Raise `InputError` if a measured modal mass is far from that of the bat's shell.
+
+    The shell is that of the bat that fits all other measurements.
+    """
     mass = measured.hoop_modal_mass
     if mass is None:
         return
-    low, high = (share * shell_mode(body).modal_mass for share in PLAUSIBLE_SHARES)
+    others = replace(measured, hoop_modal_mass=None, hoop_modal_mass_u=0.0)
+    low, high = (share * shell_mode(fit(others).body).modal_mass for share in PLAUSIBLE_SHARES)
     if not low <= mass <= high:
         allowed = (
             f"allowed: {low:.3f} to {high:.3f} kg, half to twice the modal mass of a shell with "

@@ -34,6 +34,7 @@ from virtual_lab.studies.bats.bat_templates import (
     compute_quantities,
     fit,
     hoop_quantities,
+    require_plausible_hoop,
 )
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
@@ -191,6 +192,7 @@ def fit_bat(
         raise InputError("", "members", members, "allowed: 2 and more")
     measured = catalog.load("bats", path, BatMeasurements).spec
     template = TEMPLATES[measured.template]
+    require_plausible_hoop(measured)
     best = fit(measured)
     streams = Streams(seed)
     draws = streams.normal("fit-bat", (members, len(template.parameters)))
