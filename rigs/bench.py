@@ -37,6 +37,7 @@ from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws, in_turn
+from virtual_lab.units import Array
 
 Repeats = Annotated[int, Gt(1), Dimension("number")]
 
@@ -58,6 +59,7 @@ class BenchSpec(Spec):
     releases: Repeats
     reference: Mass  # reference mass, weighed before bat and balls and after them
     hall: HallSpec
+    store: HallSpec | None = None  # store of the balls; None: they are kept as their sheet asks
 
 
 class Bench:
@@ -75,6 +77,7 @@ class Bench:
         "balance": LengthReadings,
         "pendulum": PendulumRecord,
         "climate": ClimateReadings,
+        "store": ClimateReadings,
     }
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BenchStation:
@@ -117,6 +120,14 @@ class BenchStation(FittedStation):
             "hall": self.hall,
         }
 
+    def store_humidity(self, draws: Draws) -> Array | None:
+        """Return the relative humidity of the balls' store, 0 to 1, (laboratory,); None: no store.
+
+        It belongs to the lot, whose random numbers are `draws`.
+        """
+        kept = None if self.ideal else self.spec.store
+        return kept.draw_humidity(draws, "lot.store") if kept else None
+
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Measure the bat and weigh the balls that `plan` names.
 
@@ -153,7 +164,7 @@ class BenchStation(FittedStation):
                     draws=draws,
                     name="bench.pendulum",
                 ),
-                **({} if self.ideal else {"climate": self._climate(draws)}),
+                **({} if self.ideal else self._climate(draws, specimen.balls.store)),
             },
             truth={
                 "mass": np.array(bat.mass),
@@ -174,11 +185,13 @@ class BenchStation(FittedStation):
             items,
         )
 
-    def _climate(self, draws: Draws) -> ClimateReadings:
-        """Read the climate at the start and the end of the test."""
-        return self.climate.read(
-            self.spec.hall, self.air.true["density"], draws, "bench.climate-readings"
-        )
+    def _climate(self, draws: Draws, kept: Array | None) -> dict[str, ClimateReadings]:
+        """Read the climate of hall and store at the start and the end of the test."""
+        spec, density, read = self.spec, self.air.true["density"], self.climate.read
+        readings = {"climate": read(spec.hall, density, draws, "bench.climate-readings")}
+        if spec.store is not None and kept is not None:
+            readings["store"] = read(spec.store, density, draws, "bench.store-readings", kept)
+        return readings
 
 
 RIG = Bench()

@@ -339,6 +339,21 @@ class BallAgeing(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BallHumidity(Spec):
+    """Effect of the humidity in which balls are kept: e0 is that of the sheet at `standard`.
+
+    `slope` is the change of e0 from 0 to 100 % relative humidity, as a share of that e0.
+    """
+
+    standard: Annotated[float, Ge(0), Le(1), Dimension("number")]
+    slope: Annotated[float, Ge(-1), Le(1), Dimension("number")]
+
+    def factor(self, humidity: ArrayLike) -> NDArray[np.float64]:
+        """Return e0 at a relative humidity, from 0 to 1, divided by e0 at `standard`."""
+        return 1 + self.slope * (np.asarray(humidity) - self.standard)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BallSpec(Spec):
     """A nominal ball. The force of loading is F = stiffness u^exponent."""
 
@@ -355,6 +370,7 @@ class BallSpec(Spec):
     stiffness_spread: Spread = 0.0
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None
+    humidity: BallHumidity | None = None  # None: e0 does not depend on it
 
     def __post_init__(self) -> None:
         force = np.ravel(self.stiffness * 0.01**self.exponent)  # of one lot, or of a block of lots

@@ -37,6 +37,7 @@ from virtual_lab.simulation.stations.rig import (
     Specimen,
     Stage,
     Station,
+    StoringStation,
     find_rig,
 )
 from virtual_lab.streams import SEED_BITS, Draws, Quiet, commitment, salt_of
@@ -100,6 +101,8 @@ class Laboratory:
             for name, estimate in station.calibration.items()
         }
         entered = setup.faults.calibration(constants | lot_constants(ball))
+        lot_draws, bench = setup.lot_draws(seed), stations[Stage.BENCH]
+        store = bench.store_humidity(lot_draws) if isinstance(bench, StoringStation) else None
         collision = setup.collision or collision_of(bat, ball, rules, setup.rung)
         return cls(
             setup=setup,
@@ -112,7 +115,7 @@ class Laboratory:
             stations=stations,
             specimen=Specimen(
                 bat=made_bat(bat, bats),
-                balls=draw_balls(ball, rules.balls, test_draws, setup.lot_draws(seed)),
+                balls=draw_balls(ball, rules.balls, test_draws, lot_draws, store),
                 collision=collision,
             ),
             calibration={

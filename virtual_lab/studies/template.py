@@ -31,6 +31,7 @@ PARTICULARS = "laboratory"  # name of the form of who tests what
 OWN_RULES = "procedure.toml"
 MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
     "climate": "hall.air.density is used, and the logger needs no constants",
+    "store": "the conditioning of the balls is not checked",
     REFERENCE_MASS: "the drift of the scale is not checked",
 }
 

@@ -209,7 +209,8 @@ class Apparatus:
         stations = {**self.laboratory.stations, Stage.BENCH: replace(station, spec=more)}
         records = self._bench(replace(self.laboratory, stations=stations)).records
         record: Any = records[channel]
-        companions = ("climate", REFERENCE_MASS) if channel == "ball-mass" else ("climate",)
+        with_balls = ("store", REFERENCE_MASS) if channel == "ball-mass" else ()
+        companions = ("climate", *with_balls)
         extra = {name: records[name] for name in companions if name in records}
         if action.name == "swing":
             new = slice(spec.releases * earlier, None)

@@ -12,7 +12,7 @@ from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.measurement.diagnostics.evidence import Evidence
 from virtual_lab.measurement.diagnostics.flag import Answer, Pairs, Raised, pairs
 from virtual_lab.measurement.procedure import set_aside
-from virtual_lab.measurement.reduction.air import DENSITY
+from virtual_lab.measurement.reduction.air import DENSITY, climate, climate_readings
 from virtual_lab.measurement.reduction.observations import (
     counted_releases,
     odd_swings,
@@ -26,6 +26,7 @@ from virtual_lab.units import Array, Mask
 
 # uncertainty of a mean swing less the median, as swings shorten unevenly [share of the period]
 EVEN_U = 2e-5
+STORE = "store"  # channel of the store's readings, and name of their check
 FEWEST_RELEASES = 3  # smallest number of releases that gives a scatter
 ROUNDING = 1e-9  # rounding error of masses in floating-point arithmetic [kg]
 DENSITY_U = 5e-4  # uncertainty of the air density from its stated digits [kg/m³]
@@ -318,6 +319,30 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
         types_a("climate", off, read.u, read.dof) + types_a("stated", off, stated.u, stated.dof),
         least=DENSITY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
+    )
+
+
+def store(evidence: Evidence) -> Iterator[Raised]:
+    """Compare the humidity of the balls' store with the conditioning that the procedure asks for.
+
+    The result is not affected: it states what the balls were as found, or is normalized by their
+    e0. So no verdict is ruled out.
+    """
+    asked, readings = evidence.procedure.conditioning, climate_readings(evidence.block, STORE)
+    if asked is None or readings is None:
+        return
+    humidity = climate(evidence.block, readings)["humidity"][0].mean(axis=1)
+    low, high = asked.humidity - asked.tolerance, asked.humidity + asked.tolerance
+    yield Raised(
+        name=STORE,
+        where=~((low <= humidity) & (humidity <= high)),
+        sentence=lambda i: beyond(
+            "the store of the balls had {0:.{d}f} % relative humidity, allowed {1:g} to {2:g} %",
+            100 * humidity[i],
+            100 * low,
+            100 * high,
+            0,
+        ),
     )
 
 

@@ -16,6 +16,7 @@ from virtual_lab.measurement.diagnostics.bench import (
     pendulum_swing,
     scale_drift,
     sports,
+    store,
     wall_drift,
 )
 from virtual_lab.measurement.diagnostics.boards import boards_in_line, heights
@@ -45,6 +46,7 @@ CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "pendulum-swing": pendulum_swing,
     "pendulum-even": pendulum_even,
     "air-density": air_read_and_stated,
+    "store": store,
     "lot-rules": lot_rules,
     "wall-drift": wall_drift,
     "chords": chords,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Len
+from annotated_types import Ge, Gt, Le, Len
 from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.catalog.specs import Dimension, Name, Spec, Sport, Title, YesNo
@@ -150,6 +150,14 @@ class BallCorrection(Spec):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Conditioning(Spec):
+    """Relative humidity of the store in which balls are conditioned, 0 to 1."""
+
+    humidity: Annotated[float, Ge(0), Le(1), Dimension("number")]
+    tolerance: Annotated[float, Gt(0), Le(1), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Eligibility(Spec):
     """Requirements on a bat before the first hit; a missing requirement is not applied."""
 
@@ -204,6 +212,7 @@ class Procedure(Spec):
     game: Game | None = None
     correction: BallCorrection | None = None
     eligibility: Eligibility | None = None
+    conditioning: Conditioning | None = None
 
     def __post_init__(self) -> None:
         _require_positive(self, "limit", "speed_limit", "largest_u", "largest_speed_u")

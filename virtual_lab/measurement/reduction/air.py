@@ -22,22 +22,22 @@ ALLOWED = {  # ranges of the readings in which the formula is accurate enough [S
 }
 
 
-def climate_readings(block: SessionBlock) -> ClimateReadings | None:
-    """Return the readings of the hall's climate, None without such a record.
+def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateReadings | None:
+    """Return the readings of the climate of the hall or, by `channel`, of the balls' store.
 
-    Raises `InputError` for a reading that is impossible in a hall.
+    Return None without such a record. Raises `InputError` for a reading that is impossible there.
     """
-    record = block.records.get("bench", {}).get("climate")
+    record = block.records.get("bench", {}).get(channel)
     if record is None:
         return None
     if not isinstance(record, ClimateReadings):
         kind = type(record).__name__
-        raise InputError("bench/climate", "record", kind, "expected climate readings")
+        raise InputError(f"bench/{channel}", "record", kind, "expected climate readings")
     for name, (low, high) in ALLOWED.items():
         values = getattr(record, name)
         if (wrong := values[(values < low) | (values > high)]).size:
             column = record.columns[name].name
-            raise InputError("bench/climate", column, wrong[0], f"allowed: {low:g} to {high:g}")
+            raise InputError(f"bench/{channel}", column, wrong[0], f"allowed: {low:g} to {high:g}")
     return record
 
 

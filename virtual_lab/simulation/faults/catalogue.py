@@ -33,6 +33,7 @@ class Edge:
 
 
 FAR_SWING, USUAL_SWING = 20 * DEGREE, 4 * DEGREE  # amplitudes at which the pendulum is released
+DAMP_ROOM = 0.75  # relative humidity of a room in which balls are kept by mistake
 SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 
 
@@ -62,6 +63,11 @@ def livelier(specimen: Specimen) -> Specimen:
     """Balls of a livelier lot than those measured on the wall."""
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
+
+
+def not_conditioned(specimen: Specimen) -> Specimen:
+    """Balls from a damp room instead of the store whose readings are recorded."""
+    return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
@@ -226,6 +232,7 @@ CATALOGUE: Mapping[str, Fault] = {
         _at_bench("ball-mass-typed", "ball-mass", misread(5.152 / 5.125)),
         Fault(name="ball-out-of-round", stage=None, channel="gates", record=out_of_round),
         Fault(name="ball-worn-out", stage=None, specimen=worn_out),
+        Fault(name="balls-not-conditioned", stage=None, specimen=not_conditioned),
         Fault(name="bat-cracked", specimen=crack),
         Fault(name="clamp-forgotten", stage=None, calibration=clamp_forgotten),
         # the scale showed ounces, and they were entered as grams

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import Dimension, Spec
 from virtual_lab.records import ClimateReadings
@@ -20,6 +21,7 @@ from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
+POSSIBLE = 0.05, 0.95  # range of the relative humidity
 SHOWN = ("temperature", "humidity", "pressure")
 Kelvin = Annotated[float, Ge(0), Dimension("temperature")]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
@@ -28,7 +30,10 @@ Pascal = Annotated[float, Ge(0), Dimension("pressure")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSpec(Spec):
-    """Temperature and relative humidity: mean, spread from day to day, change in a test."""
+    """Temperature and relative humidity: mean, spread from day to day, change in a test.
+
+    Of a store, the spread of the humidity is that from lot to lot.
+    """
 
     temperature: Annotated[float, Gt(0), Dimension("temperature")]
     temperature_spread: Kelvin
@@ -36,6 +41,11 @@ class HallSpec(Spec):
     humidity: Share
     humidity_spread: Share
     humidity_change: Share
+
+    def draw_humidity(self, draws: Draws, name: str) -> NDArray[np.float64]:
+        """Draw the relative humidity in which a lot is kept, 0 to 1, one per laboratory."""
+        damp = self.humidity + self.humidity_spread * draws.normal(name)
+        return np.clip(damp, *POSSIBLE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +74,17 @@ class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
         return {step: Estimate(value=getattr(self.spec, step)) for step in steps}
 
     def read(
-        self, hall: HallSpec, density: TrueConstant, draws: Draws, name: str
+        self,
+        hall: HallSpec,
+        density: TrueConstant,
+        draws: Draws,
+        name: str,
+        kept: NDArray[np.float64] | None = None,
     ) -> ClimateReadings:
         """Read the climate of a day on which the air has a density [kg/m³], start and end.
 
-        Readings of a block are those of one laboratory after another.
+        Readings of a block are those of one laboratory after another. `kept` is the mean relative
+        humidity of a store, (laboratory,); None: it is drawn.
         """
         chance = draws.normal(name, 4)
         ends = np.array([-0.5, 0.5])
@@ -79,7 +95,9 @@ class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
                 (2, hall.humidity, hall.humidity_spread, hall.humidity_change),
             )
         )
-        humidity = np.clip(humidity, 0.05, 0.95)
+        if kept is not None:
+            humidity = kept[..., None] + hall.humidity_change * chance[..., 3, None] * ends
+        humidity = np.clip(humidity, *POSSIBLE)
         pressure = air_pressure(temperature, humidity, np.asarray(density)[..., None])
         readings = {
             name: quantise(

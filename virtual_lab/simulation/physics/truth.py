@@ -79,6 +79,8 @@ class TrueBalls:
     mass: Array
     restitution: Array
     used: NDArray[np.bool_] | EllipsisType = ...  # mask of the balls that were not rejected
+    # relative humidity of the store of each lot, 0 to 1, (laboratory,); None: no store
+    store: Array | None = None
 
     def of(self, laboratory: int) -> TrueBalls:
         """Return the lot of one laboratory of a block."""
@@ -104,7 +106,18 @@ class TrueBalls:
             ),
             mass=self.mass[index],
             restitution=self.restitution[index],
+            store=None if self.store is None else of_owners(self.store, owner),
         )
+
+    def kept_at(self, humidity: float) -> TrueBalls:
+        """Return the same balls after days at a relative humidity, 0 to 1, outside their store."""
+        law, line = self.spec.humidity, self.spec.restitution
+        if law is None:
+            return self
+        stored = law.standard if self.store is None else self.store
+        factor: Any = law.factor(humidity) / law.factor(stored)
+        spec = replace(self.spec, restitution=replace(line, slope=line.slope * factor))
+        return replace(self, spec=spec, restitution=self.restitution * factor[..., None])
 
     def restitution_at(self, ball: NDArray[np.int_] | EllipsisType, speed: Array) -> Array:
         """Return the ball-wall restitution of the balls `ball` at `speed` [m/s], (shot,).
@@ -208,6 +221,7 @@ class SealedTruth:
             "balls": {
                 "mass": self.balls.mass.tolist(),
                 "restitution": self.balls.restitution.tolist(),
+                "store_humidity": None if self.balls.store is None else float(self.balls.store),
                 "used": np.arange(self.balls.mass.size)[self.balls.used].tolist(),
                 "spec": asdict(self.balls.spec),
             },
@@ -242,32 +256,45 @@ def _make_body(spec: BatSpec, density: float, modulus: float, tilt: float) -> Ba
     return replace(body, material=material)
 
 
-def draw_lot(spec: BallSpec, draws: Draws) -> BallSpec:
+def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
     """Draw a lot: its radius and stiffness, and level and slope of its e0.
 
-    In a block each laboratory has a lot, and these four are arrays (laboratory,).
+    In a block each laboratory has a lot, and these four are arrays (laboratory,). `store` is the
+    relative humidity in which the lot was kept, None for that of the sheet.
     """
     wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
-    line = spec.restitution
+    line, law = spec.restitution, spec.humidity
+    damp: Any = 1.0 if law is None or store is None else law.factor(store)
+    stiffer: Any = draws.normal("lot.stiffness")
     return replace(
         spec,
         radius=spec.radius + spec.radius_u * wider,
-        stiffness=spec.stiffness * (1 + spec.stiffness_spread * draws.normal("lot.stiffness")),
+        stiffness=spec.stiffness * (1 + spec.stiffness_spread * stiffer),
         restitution=replace(
             line,
-            value=line.value + line.value_u * draws.normal("lot.level"),
-            slope=line.slope + line.slope_u * steeper,
+            value=damp * (line.value + line.value_u * draws.normal("lot.level")),
+            slope=damp * (line.slope + line.slope_u * steeper),
         ),
     )
 
 
-def draw_balls(spec: BallSpec, number: int, draws: Draws, lot: Draws | None = None) -> TrueBalls:
-    """Draw `number` balls of a lot, whose properties are drawn by `lot`, by default by `draws`."""
+def draw_balls(
+    spec: BallSpec,
+    number: int,
+    draws: Draws,
+    lot: Draws | None = None,
+    store: Array | None = None,
+) -> TrueBalls:
+    """Draw `number` balls of a lot, whose properties are drawn by `lot`, by default by `draws`.
+
+    `store` is the relative humidity of the store of the lot, 0 to 1, (laboratory,).
+    """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
-    drawn, spread = draw_lot(spec, lot or draws), spec.spread
+    drawn, spread = draw_lot(spec, lot or draws, store), spec.spread
     level = np.asarray(drawn.restitution.value)[..., None]
     return TrueBalls(
         spec=drawn,
         mass=spec.mass + spread.mass * mass,
         restitution=np.minimum(level + spread.restitution * restitution, 1.0),
+        store=store,
     )

@@ -172,6 +172,15 @@ class FilmingStation(Station, Protocol):
 
 
 @runtime_checkable
+class StoringStation(Station, Protocol):
+    """A station beside a store in which the balls are kept."""
+
+    def store_humidity(self, draws: Draws) -> Array | None:
+        """Return the relative humidity of the store, 0 to 1, (laboratory,); None: no store."""
+        ...
+
+
+@runtime_checkable
 class WallStation(Station, Protocol):
     """A station that fires at a wall, which can be less than rigid."""
 
