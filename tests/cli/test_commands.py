@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import inspect
 import json
 import shlex
@@ -175,8 +176,10 @@ def test_another_package_can_add_a_command(run: Run, monkeypatch: pytest.MonkeyP
     points = tomllib.loads(PACKAGE.read_text())["project"]["entry-points"][group]
     points |= {"broken": "third_party_rig.nowhere:none", "certify": points["radar-cosine"]}
     ours = [EntryPoint(name, value, group) for name, value in points.items()]
+    installed = importlib.metadata.entry_points
     monkeypatch.setattr(
-        "importlib.metadata.entry_points", lambda **words: ours if words == selection else ()
+        "importlib.metadata.entry_points",
+        lambda **words: ours if words == selection else installed(**words),
     )
     code, text, err = run("--help")
     assert (code, err.count("\n")) == (0, 2)
