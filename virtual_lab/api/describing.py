@@ -94,14 +94,14 @@ def describe(module: str, name: str) -> Description:
     assert isinstance(function, ast.FunctionDef)
     doc = inspect.cleandoc(ast.get_docstring(function) or "")
     words = dict(_sentences(doc))
-    taken = function.args
-    by_place = [*taken.posonlyargs, *taken.args]
-    defaults = [None] * (len(by_place) - len(taken.defaults)) + [*taken.defaults]
+    arguments = function.args
+    by_place = [*arguments.posonlyargs, *arguments.args]
+    defaults = [None] * (len(by_place) - len(arguments.defaults)) + [*arguments.defaults]
     every = [
         *((each, default, False) for each, default in zip(by_place, defaults, strict=True)),
         *(
             (each, default, True)
-            for each, default in zip(taken.kwonlyargs, taken.kw_defaults, strict=True)
+            for each, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
         ),
     ]
     return Description(

@@ -373,7 +373,7 @@ class BallSpec(Spec):
     humidity: BallHumidity | None = None  # None: e0 does not depend on it
 
     def __post_init__(self) -> None:
-        force = np.ravel(self.stiffness * 0.01**self.exponent)  # of one lot, or of a block of lots
+        force = np.ravel(self.stiffness * 0.01**self.exponent)  # one value, or one per lot
         if (wrong := force[(force < 100) | (force > 1e7)]).size:
             raise ValueError(
                 f"a ball pressed in by 1 cm gives {wrong[0]:g} N; allowed: 100 to 1e7 N"

@@ -89,8 +89,8 @@ def typeset(
         except Exception as fault:
             lacking = _lacking(str(fault), printable) - odd
             if not lacking or len(odd) > MOST_ODD:
-                said = " ".join(f"cannot be set by Typst ({fault})".split())
-                raise InputError("", "PDF", None, said) from fault
+                message = " ".join(f"cannot be set by Typst ({fault})".split())
+                raise InputError("", "PDF", None, message) from fault
             odd |= lacking
         else:
             return pdf

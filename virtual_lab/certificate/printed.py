@@ -125,34 +125,34 @@ def _made_by(document: CertificateDocument) -> str:
 def _not_checked(document: CertificateDocument) -> list[str]:
     """Return sentences on the checks for which the records are incomplete."""
     names = [name for name in document.not_checked if name != SCALE_DRIFT]
-    said = (
+    sentences = (
         [f"Not checked, because the recorders stored no individual readings: {', '.join(names)}."]
         if names
         else []
     )
     if SCALE_DRIFT in document.not_checked:
-        said.append(
+        sentences.append(
             "Not checked, because no reference mass was weighed before and after the test: "
             f"{SCALE_DRIFT}."
         )
-    return said
+    return sentences
 
 
 def _about_flags(document: CertificateDocument) -> str:
     """Return a sentence on the meaning of a test's flags; "" without flags."""
     names = {flag.name for flag in document.flags}
-    said = []
+    sentences = []
     if names - {CALIBRATION_DUE}:
-        said.append(
+        sentences.append(
             "A flag means that the records are inconsistent. A flag that does not make the test "
             "invalid leaves the verdict unchanged; find its cause before you use the result."
         )
     if CALIBRATION_DUE in names:
-        said.append(
+        sentences.append(
             "An instrument that was overdue for calibration may have drifted. This leaves the "
             "verdict unchanged; have the instrument calibrated before you use the result."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 def _conditions(document: CertificateDocument) -> dict[str, str]:
@@ -268,21 +268,21 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     if verdict == "INVALID":
         hits += f", the procedure requires {document.procedure.hits_needed}"
     unit = f" {printed.unit}" if printed.unit else ""
-    said = VERDICTS[verdict]
+    sentence = VERDICTS[verdict]
     stated = _format_result(metric, printed.unit_si) if document.states_result else {}
     limit = "none" if metric.limit is None else printed.limit(metric.limit)
     if verdict == "PASS":
-        said = f"{said}: {stated['value']}{unit} does not exceed {limit}"
+        sentence = f"{sentence}: {stated['value']}{unit} does not exceed {limit}"
     if verdict in ("FAIL", "INVALID"):
-        said = ": ".join((said, "; ".join(document.reasons)))
+        sentence = ": ".join((sentence, "; ".join(document.reasons)))
     if document.risk:
-        said = f"{said}; {_risk(document.risk)}"
+        sentence = f"{sentence}; {_risk(document.risk)}"
     return {
         "words": printed.words,
         "symbol": printed.symbol,
         "unit": unit,
         "verdict": verdict,
-        "said": said,
+        "said": sentence,
         "hits": hits,
         "limit": limit,
         "stated": bool(stated),

@@ -15,9 +15,9 @@ def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of about a dozen lines."""
     procedure, printed = document.procedure, printed_values(document)
     marginal = ", marginal: the limit is within the 95 % interval" if document.marginal else ""
-    said = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
+    words = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
     lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
-    lines.append(f"  {document.verdict}{said}{marginal}")
+    lines.append(f"  {document.verdict}{words}{marginal}")
     if document.states_result:
         lines += [f"  {line}" for line in _result(document, printed)]
     if document.verdict == "INVALID":
@@ -27,7 +27,7 @@ def certificate_text(document: CertificateDocument) -> str:
         for finding in document.findings
     ]
     lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
-    lines += [f"  {said[0].lower()}{said[1:-1]}" for said in printed["not_checked"]]
+    lines += [f"  {words[0].lower()}{words[1:-1]}" for words in printed["not_checked"]]
     lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
     lines += [f"    shot {hit.shot + 1}: {hit.reason}" for hit in document.rejected_hits]
     lines += [
@@ -50,9 +50,9 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     value = f"{result['value']} ± {result['expanded']}{result['unit']} (u {result['u']}{first})"
     interval = f"95 % interval {result['low']} to {result['high']}"
     yield f"{result['symbol']:4} {value}   {interval}, {most}"
-    if found := printed["as_found"]:
+    if as_found := printed["as_found"]:
         yield (
-            f"{result['symbol']:4} {found['value']}{found['unit']} (u {found['u']})"
+            f"{result['symbol']:4} {as_found['value']}{as_found['unit']} (u {as_found['u']})"
             "   as found, with these balls"
         )
     for row in printed["quantities"]:

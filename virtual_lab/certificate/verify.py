@@ -182,13 +182,13 @@ def reduced_document(
     Versions, commit and the digest of the truth are those of the stated certificate.
     """
     digest = at(stated, "simulation", "truth_digest")
-    made = certificate(certification, truth_digest=digest, session_digest=session_digest)
+    expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
     versions, commit = stated.get("versions"), stated.get("commit")
-    if isinstance(versions, Mapping) and versions.keys() == made.versions.keys():
-        made = replace(made, versions=dict(versions))
+    if isinstance(versions, Mapping) and versions.keys() == expected.versions.keys():
+        expected = replace(expected, versions=dict(versions))
     if isinstance(commit, Mapping) and commit.keys() == {"id", "changes"}:
-        return replace(made, commit=CommitStated(**commit))
-    return replace(made, commit=None)
+        return replace(expected, commit=CommitStated(**commit))
+    return replace(expected, commit=None)
 
 
 def _findings(folder: Path) -> Iterator[FolderFinding]:
@@ -266,8 +266,8 @@ def _document(
     the certificate and states something else, or if the certificate is not valid.
     """
     digest = digest_of_text(read_bytes(folder / RECORDS / SESSION))
-    made = reduced_document(certification, stated, digest)
-    rows = list(differences(stated, made.as_json(), CERTIFICATE))
+    expected = reduced_document(certification, stated, digest)
+    rows = list(differences(stated, expected.as_json(), CERTIFICATE))
     layout = compared_text(CERTIFICATE, same_text(folder / CERTIFICATE), text_of(stated))
     if not rows:
         yield from layout
@@ -279,7 +279,7 @@ def _document(
             return None
     if not elsewhere:
         yield from rows
-        return made
+        return expected
     copied = [row for row in rows if row.stated and COPIED.match(row.key)]
     yield from copied
     yield from _differing(row for row in rows if row not in copied)
@@ -325,14 +325,16 @@ def _tables(
 
 def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     """Yield a mismatch if the truth does not have the digest that the certificate states."""
-    wanted, path = at(stated, "simulation", "truth_digest"), folder / TRUTH_FILE
+    stated_digest, path = at(stated, "simulation", "truth_digest"), folder / TRUTH_FILE
     if path.is_file():
         digest = digest_of_text(read_bytes(path))
-        if digest != wanted:
-            yield Mismatch(file=TRUTH_FILE, key="sha256", stated=str(wanted or ""), found=digest)
+        if digest != stated_digest:
+            yield Mismatch(
+                file=TRUTH_FILE, key="sha256", stated=str(stated_digest or ""), found=digest
+            )
     elif (folder / TRUTH).exists():
         yield Mismatch(file=TRUTH_FILE, key="", stated="", found=MISSING)
-    elif wanted:
+    elif stated_digest:
         yield Unchecked(f"{TRUTH}: {NO_FOLDER}")
 
 
@@ -341,19 +343,19 @@ def _control(
 ) -> Iterator[FolderFinding]:
     """Yield differences between the control bat's test and the one that the records name."""
     session, there = certification.session, folder / CONTROL
-    ratio, wanted = session.calibration.get(RATIO), session.control_sha256
+    ratio, stated_digest = session.calibration.get(RATIO), session.control_sha256
     if not there.exists():
-        if wanted:
+        if stated_digest:
             yield Unchecked(f"{CONTROL}: {NO_FOLDER}")
         return
-    if not (wanted or (elsewhere and ratio)):
+    if not (stated_digest or (elsewhere and ratio)):
         yield Mismatch(file=CONTROL, key="", stated="a folder", found="no such folder")
         return
     try:
         digest = digest_of_text(read_bytes(there / RECORDS / SESSION))
-        if wanted and digest != wanted:
+        if stated_digest and digest != stated_digest:
             file = f"{CONTROL}/{RECORDS}/{SESSION}"
-            yield Mismatch(file=file, key="sha256", stated=wanted, found=digest)
+            yield Mismatch(file=file, key="sha256", stated=stated_digest, found=digest)
         yield from within(CONTROL, _findings(there))
         e = at(read_json(there / CERTIFICATE), "restitution")
     except InputError as fault:
@@ -405,13 +407,13 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
     `InputError` if it cannot be compared, for example if another version of Typst made it.
     """
-    stored, wanted = read_bytes(path), b""
+    stored, expected = read_bytes(path), b""
     for paper in PAPERS:
-        wanted = certificate_pdf(document, paper)
-        if stored == wanted:
+        expected = certificate_pdf(document, paper)
+        if stored == expected:
             return
     producer = re.compile(rb"Typst [\d.]+")
-    theirs, ours = producer.findall(stored), producer.findall(wanted)
+    theirs, ours = producer.findall(stored), producer.findall(expected)
     if theirs and theirs != ours:
         raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
     yield Mismatch(
@@ -425,9 +427,9 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     for path in sorted(folder.glob("*.pdf")):
         if number not in path.name:
             yield Mismatch(file=path.name, key="name", stated=path.name, found=number)
-    wanted = {"number": number, "verdict": str(stated.get("verdict"))}
+    expected = {"number": number, "verdict": str(stated.get("verdict"))}
     if stated.get("origin") == "simulated":
-        wanted["statement"] = "SIMULATED"
+        expected["statement"] = "SIMULATED"
     try:
         result = printed_result(document_of({**stated, "schema": SCHEMA}, CERTIFICATE))
     except InputError as fault:
@@ -437,10 +439,10 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
             yield Unchecked(f"{CERTIFICATE}: {fault}")
     else:
         if result["stated"]:
-            wanted["metric"] = f"{result['value']} ± {result['expanded']}"
+            expected["metric"] = f"{result['value']} ± {result['expanded']}"
     if (folder / PAGE).is_file():
         words = unescape(re.sub("<[^>]*>", " ", same_text(folder / PAGE)))
-        for key, word in wanted.items():
+        for key, word in expected.items():
             if word not in words:
                 yield Mismatch(file=PAGE, key=key, stated="", found=word)
 
@@ -460,10 +462,13 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
     if not (old / CERTIFICATE).is_file():
         yield Remark(f"it replaces {number}, whose folder {name} is not beside this one")
         return
-    digest, wanted = digest_of_text(read_bytes(old / CERTIFICATE)), str(at(earlier, "digest"))
-    if digest != wanted:  # the chain ends here: a forged one may be circular
+    digest, stated_digest = (
+        digest_of_text(read_bytes(old / CERTIFICATE)),
+        str(at(earlier, "digest")),
+    )
+    if digest != stated_digest:  # the chain ends here: a forged one may be circular
         file = f"../{name}/{CERTIFICATE}"
-        yield Mismatch(file=file, key="sha256", stated=wanted, found=digest)
+        yield Mismatch(file=file, key="sha256", stated=stated_digest, found=digest)
         return
     yield Remark(f"it replaces {number} in {name}")
     try:

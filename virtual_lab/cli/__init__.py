@@ -132,18 +132,18 @@ def _of_other_packages(name: str = "") -> list[click.Command]:
     for each in entry_points(group="virtual_lab.commands"):
         if name not in ("", each.name):
             continue
-        made = FunctionCommand(each.name, (each.module, each.attr), output=DRAWN)
+        command = FunctionCommand(each.name, (each.module, each.attr), output=DRAWN)
         try:
             if each.name in cli.commands or each.name in commands:
                 raise ValueError("another command has this name")
-            made.require_rules()
+            command.require_rules()
         except (AssertionError, OSError, SyntaxError, ValueError) as fault:
             refusal = InputError(each.value, each.name, None, f"is no command: {fault}")
             if name:
                 raise refusal from fault
             click.echo(f"{PROGRAM}: {refusal}", err=True)
         else:
-            commands[each.name] = made
+            commands[each.name] = command
     return list(commands.values())
 
 

@@ -142,11 +142,11 @@ class RoundRobin:
         )
         share = self._share
         with workers(processes) as submit:
-            made = [
+            calls = [
                 submit(_take_blocks, shared, take, min(share, laboratories - first), seed, first)
                 for first in range(0, laboratories, share)
             ]
-            for each in made:
+            for each in calls:
                 yield from each.result()
 
     def run(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BatTest]:

@@ -188,10 +188,10 @@ class TestDay:
         assert isinstance(station, FilmingStation), "require_camera() has seen to it"
         return film_of(station, *done, laboratory.draws, laboratory.session_of(sessions, {}))
 
-    def _on_bench(self, wanted: Callable[[str], bool]) -> TestDay:
+    def _on_bench(self, select: Callable[[str], bool]) -> TestDay:
         setup = self.laboratory.setup
         bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
-        records = {name: record for name, record in bench.records.items() if wanted(name)}
+        records = {name: record for name, record in bench.records.items() if select(name)}
         sessions = self._add_records(Stage.BENCH, replace(bench, records=records))
         return replace(self, sessions=sessions, bench=bench)
 

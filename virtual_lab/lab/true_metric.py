@@ -128,19 +128,19 @@ def results_of_curves(
     whose = pairs.real[whole].astype(np.intp)  # sorted
     many = np.bincount(whose, minlength=laboratories)
     turn = np.arange(whole.size) - (np.cumsum(many) - many)[whose]
-    at, looked, wanted = np.full((3, laboratories, max(many.max(initial=0), 1)), np.nan)
+    at, objectives, metrics = np.full((3, laboratories, max(many.max(initial=0), 1)), np.nan)
     at[whose, turn] = pairs.imag[whole]
-    looked[whose, turn], wanted[whose, turn] = objective[first[whole]], metric[first[whole]]
-    best = np.where(np.isnan(looked), -np.inf, looked).argmax(axis=1)[:, None]
+    objectives[whose, turn], metrics[whose, turn] = objective[first[whole]], metric[first[whole]]
+    best = np.where(np.isnan(objectives), -np.inf, objectives).argmax(axis=1)[:, None]
     if procedure.scan.final_hits:
-        return np.asarray(np.take_along_axis(wanted, best, axis=1)[:, 0])
+        return np.asarray(np.take_along_axis(metrics, best, axis=1)[:, 0])
     off = np.abs(at - np.take_along_axis(at, best, axis=1))
     near = off < procedure.scan.fit_half_width + 1e-3  # two steps of the setting [m]
-    return _at_the_top(at, near, looked, wanted)
+    return _at_the_top(at, near, objectives, metrics)
 
 
-def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array) -> Array:
-    """Return the value of the curve `wanted` at the maximum of the curve `looked`, (curve,).
+def _at_the_top(at: Array, near: NDArray[np.bool_], objectives: Array, metrics: Array) -> Array:
+    """Return the value of the curve `metrics` at the maximum of the curve `objectives`, (curve,).
 
     Both are fitted with polynomials up to the third degree at the positions near the best one.
     """
@@ -152,7 +152,8 @@ def _at_the_top(at: Array, near: NDArray[np.bool_], looked: Array, wanted: Array
     powers = np.arange(4)
     rows = np.where(near[..., None] & (powers <= degree), along[..., None] ** powers, 0.0)
     curve, value = (
-        np.linalg.pinv(rows) @ np.where(near, values, 0.0)[..., None] for values in (looked, wanted)
+        np.linalg.pinv(rows) @ np.where(near, values, 0.0)[..., None]
+        for values in (objectives, metrics)
     )
     flat, bend, twist = curve[:, 1], 2 * curve[:, 2], 3 * curve[:, 3]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -91,14 +91,14 @@ def crate(
 ) -> dict[str, Any]:
     """Return the metadata of a folder's files; `day` may be empty."""
     parts = [{"@id": name} for name in files]
-    made = [part for part in parts if not part["@id"].startswith("records/")]
+    results = [part for part in parts if not part["@id"].startswith("records/")]
     action = {
         "@id": "#test",
         "@type": "CreateAction",
         "name": title,
         "instrument": {"@id": "#program"},
-        "object": [part for part in parts if part not in made],
-        "result": made,
+        "object": [part for part in parts if part not in results],
+        "result": results,
     }
     program = {
         "@id": "#program",

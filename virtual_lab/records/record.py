@@ -169,13 +169,13 @@ class Record:
         `first` gives the first number of index columns, if not 0.
         """
         axes = cls.axes()
-        wanted = [*axes, *(column.name for column in cls.columns.values())]
-        if list(table.columns) != wanted:
+        required = [*axes, *(column.name for column in cls.columns.values())]
+        if list(table.columns) != required:
             raise InputError(
                 where,
                 "columns",
                 ", ".join(map(str, table.columns)),
-                f"expected {', '.join(wanted)}",
+                f"expected {', '.join(required)}",
             )
         _check_numbers(table, axes, cls.columns.values(), where, first)
         shifted = {name: table[name] - at for name, at in first.items() if name in table}

@@ -68,7 +68,7 @@ def fill(
     tails, at = np.empty(2 * room + 1), np.empty(2 * room + 1, np.int64)
     row, pair, filled = 0, 0, 0
     while filled < out.size:
-        used, wanted = 0, 0
+        used, count = 0, 0
         begun, odd = pair, each % 2
         while used < room and row < slots.size:
             if slots[row] < 0 or slots[row] >= 2**32:
@@ -86,21 +86,21 @@ def fill(
         _philox(key, of_index[:used], of_slot[:used], of_laboratory[:used], first, second)
         if odd:
             for i in range(used):
-                words[wanted] = first[i]
-                words[wanted + 1] = second[i]
+                words[count] = first[i]
+                words[count + 1] = second[i]
                 begun += 1
-                wanted += 1 if begun == pairs else 2
+                count += 1 if begun == pairs else 2
                 begun = 0 if begun == pairs else begun
         else:
-            wanted = 2 * used
+            count = 2 * used
             for i in range(used):
                 words[2 * i] = first[i]
                 words[2 * i + 1] = second[i]
-        numbers = out[filled : filled + wanted]
-        _uniform(words[:wanted], numbers)
+        numbers = out[filled : filled + count]
+        _uniform(words[:count], numbers)
         if normal:
             _normal(numbers, values, tails, at)
-        filled += wanted
+        filled += count
     return True
 
 

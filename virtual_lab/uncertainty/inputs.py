@@ -313,7 +313,7 @@ def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource
 
 
 def _correlate(
-    sources: Mapping[str, InputSource], correlations: Correlations, taken: set[str]
+    sources: Mapping[str, InputSource], correlations: Correlations, joint_names: set[str]
 ) -> list[Joint]:
     """Return blocks of the inputs that correlations bind together."""
     blocks: list[set[str]] = []
@@ -324,7 +324,7 @@ def _correlate(
             if name not in sources or len(pair) != 2 or pair[0] == pair[1]:
                 allowed = f"{nearest(name, sources)}allowed: two of {', '.join(sources)}"
                 raise InputError("correlations", "pair", pair, allowed)
-            if name in taken:
+            if name in joint_names:
                 allowed = "allowed: none with inputs observed together, whose own are known"
                 raise InputError("correlations", "pair", pair, allowed)
         if pair[::-1] in correlations:

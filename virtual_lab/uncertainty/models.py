@@ -105,8 +105,8 @@ class Model:
             if wrong.any():
                 at = int(np.argmax(wrong))
                 where = _where({key: value[at] for key, value in arguments.items()})
-                said = f"is {values[at]} in {wrong.sum()} of {k} rows, as at {where}"
-                allowed = f"{said}; allowed: numbers below {LARGEST:g} in size"
+                message = f"is {values[at]} in {wrong.sum()} of {k} rows, as at {where}"
+                allowed = f"{message}; allowed: numbers below {LARGEST:g} in size"
                 raise InputError("model", VALUE, name, allowed)
         return outputs
 
@@ -118,8 +118,8 @@ class Model:
             if "read-only" in str(fault):
                 allowed = "the model writes into an array it was given; allowed: a new array"
                 raise InputError("model", CHANGED, None, allowed) from fault
-            said = f"{type(fault).__name__}: {fault}; at {_where(arguments)}"
-            raise InputError("model", "raises", None, " ".join(said.split())) from fault
+            message = f"{type(fault).__name__}: {fault}; at {_where(arguments)}"
+            raise InputError("model", "raises", None, " ".join(message.split())) from fault
         named = answer if isinstance(answer, Mapping) else {RESULT: answer}
         if not named:
             raise InputError("model", "outputs", [], ONE)

@@ -171,11 +171,11 @@ def stein(batches: Batches, infinite: bool) -> Array:
     bound = goals < inf
     if bound.any():
         factor = stdtrit(FIRST_STAGE - 1, 1 - (1 - CONFIDENCE) / 2 / bound.sum())
-        wanted = FIRST_STAGE * float(np.max((factor * errors / goals)[bound])) ** 2
-        if not wanted * BATCH < MOST_DRAWS:
+        needed = FIRST_STAGE * float(np.max((factor * errors / goals)[bound])) ** 2
+        if not needed * BATCH < MOST_DRAWS:
             allowed = "allowed: fewer digits, or a fixed number of draws"
-            raise InputError("", "digits", f"{wanted * BATCH:.2g} draws needed", allowed)
-        batches.draw_to(ceil(wanted))
+            raise InputError("", "digits", f"{needed * BATCH:.2g} draws needed", allowed)
+        batches.draw_to(ceil(needed))
     return goals
 
 
@@ -252,10 +252,10 @@ def _draw_dof(inputs: Inputs) -> Iterator[float]:
 
 
 def _draw_notes(few: float, drawing: Drawing) -> tuple[str, ...]:
-    said = f"draws: {drawing.rule if drawing.draws is None else 'a fixed number'}"
+    note = f"draws: {drawing.rule if drawing.draws is None else 'a fixed number'}"
     if few <= 2:
-        return (f"{said}; an input has ν = {few:g}, at most 2: no u exists, the value is a median",)
-    return (said,)
+        return (f"{note}; an input has ν = {few:g}, at most 2: no u exists, the value is a median",)
+    return (note,)
 
 
 def _ends(values: Array, tail: float) -> tuple[Array, Array]:
@@ -286,8 +286,8 @@ def _verdict(
             f"first order not judged: ends of the draws known within {reached:.1g}, clause 8 asks "
             f"for {limit / 5:.1g}; validate=True draws so many"
         )
-    said = "validated" if max(low, high) <= limit else "not validated"
-    return f"first order {said}: ends differ by {low:.2g} and {high:.2g}, allowed {limit:.1g}"
+    verdict = "validated" if max(low, high) <= limit else "not validated"
+    return f"first order {verdict}: ends differ by {low:.2g} and {high:.2g}, allowed {limit:.1g}"
 
 
 def _region(model: Model, batches: Batches) -> Region:

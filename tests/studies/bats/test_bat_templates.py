@@ -132,12 +132,12 @@ def test_data_vary_by_their_uncertainties() -> None:
     draws[MEASURED.index("mass")] = 3.0
     draws[MEASURED.index("bending_frequencies")] = -1.0, 2.0
     draws[MEASURED.index("barrel_nodes")] = 5.0
-    varied = data.varied(draws)
+    varied = data.vary(draws)
     assert varied.mass == pytest.approx(data.mass + 0.006)
     assert varied.bending_frequencies == pytest.approx((162, 561))
     assert (varied.length, varied.barrel_nodes) == (data.length, (0.17,))
     draws[MEASURED.index("length")] = 1.0
-    assert data.varied(draws).length == pytest.approx(data.length + 0.001)
+    assert data.vary(draws).length == pytest.approx(data.length + 0.001)
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,1 @@
-"""The same test evaluated another way: other propagation, other swing laws, other support."""
+"""Other evaluations of one test: other propagation, other swing laws, other support."""

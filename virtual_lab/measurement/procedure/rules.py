@@ -271,7 +271,7 @@ class Procedure(Spec):
 
     @property
     def as_found(self) -> Procedure:
-        """The same procedure without the correction for the balls."""
+        """The procedure without its correction for the balls."""
         return replace(self, correction=None)
 
     @property

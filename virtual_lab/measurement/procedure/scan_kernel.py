@@ -198,14 +198,14 @@ def scans_of_block(
     """
     for one in range(scans.best.size):
         rows = slice(starts[one], starts[one + 1])
-        at, good, looked, mine = place[rows], valid[rows], objective[rows], used[rows]
+        at, good, goal, mine = place[rows], valid[rows], objective[rows], used[rows]
         complete, counted = _select_complete(at, good, rules)
         mine[:] = False
         scans.complete[one], scans.result[one] = complete.size, 0
         scans.best[one], scans.below[one], scans.above[one] = np.nan, False, False
         if not complete.size:
             continue
-        best = complete[best_of(complete, rules.valid_hits, at, good, looked, rules)]
+        best = complete[best_of(complete, rules.valid_hits, at, good, goal, rules)]
         scans.best[one] = best
         beside = complete[_next_to(best, complete, rules)]
         scans.below[one], scans.above[one] = (beside < best).any(), (beside > best).any()

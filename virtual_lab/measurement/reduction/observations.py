@@ -259,9 +259,9 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
     steeper = within(speed)
     width = np.sum(steeper**2, axis=1)
     sloped = bool(np.ptp(readings.nominal_speed) > 0)
-    away = within(ratio)
-    slope = np.sum(steeper * away, axis=1) / width if sloped else np.zeros(len(share))
-    rest = away - slope[:, None] * steeper
+    deviation = within(ratio)
+    slope = np.sum(steeper * deviation, axis=1) / width if sloped else np.zeros(len(share))
+    rest = deviation - slope[:, None] * steeper
     dof = present.sum(axis=1) - balls - float(sloped)
     scatter = np.sum(rest**2, axis=1) / dof
     nothing = np.zeros(len(share))

@@ -218,12 +218,12 @@ def _find_columns(
         if column in names:
             raise InputError(path, "columns", f"{names[column]}, {name}", "are the same column")
         names[column] = name
-    wanted = [*kind.axes(), *(column.name for column in kind.columns.values())]
-    missing = [column for column in wanted if column not in names]
+    required = [*kind.axes(), *(column.name for column in kind.columns.values())]
+    missing = [column for column in required if column not in names]
     if missing:
         allowed = f"missing: {', '.join(missing)} (needed: {_allowed_columns(kind)})"
         raise InputError(path, "columns", _names(table), allowed)
-    return {column: names[column] for column in wanted}
+    return {column: names[column] for column in required}
 
 
 def _names(table: pd.DataFrame) -> str:

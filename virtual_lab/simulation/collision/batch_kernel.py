@@ -236,7 +236,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         second = sign * (jerk if loading else bend)
         square = first * first - 2.0 * second * miss
         to = 2.0 * miss / (np.sqrt(max(square, 0.0)) - first)
-        seen = (square >= 0.0) & ((to > 0.0) | (miss < 0.0)) & (first < 0.0)
+        ahead = (square >= 0.0) & ((to > 0.0) | (miss < 0.0)) & (first < 0.0)
         # a ball that is reloaded, or is about to be, returns to its largest stiffness
         step = min(w[AT.h_mode + j], growth * w[AT.h_grown + j])
         rising = unloading & (rate + step * bend > 0.0)
@@ -248,7 +248,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         w[AT.h_grown + j] = step
         far = abs(to)
         landing = far if far < step else (0.5 * far if far < 2.0 * step else step)
-        w[AT.h + j] = (landing if to > 0.0 else -landing) if seen else step
+        w[AT.h + j] = (landing if to > 0.0 else -landing) if ahead else step
         reached = (abs(miss) <= (LIMITS.touch * peak if upward else w[AT.near + j])) & (first < 0.0)
         again = (rate > 0.0) | (w[AT.turned + j] > 0.0)
         turned = (

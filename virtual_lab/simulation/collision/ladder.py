@@ -204,8 +204,10 @@ def _because(choice: Choice, why: str, probe: Scenes, allowed: float | None = No
     again = (
         ", more where a touch comes or goes: ball and bat meet again" if choice.meets_again else ""
     )
-    said = f"its e_A errs by up to {choice.error:.1e} at {low:.4g} to {high:.4g} in from the tip"
-    return replace(choice, reason=f"{choice.name} {why}: {said}{again}{most}")
+    accuracy = (
+        f"its e_A errs by up to {choice.error:.1e} at {low:.4g} to {high:.4g} in from the tip"
+    )
+    return replace(choice, reason=f"{choice.name} {why}: {accuracy}{again}{most}")
 
 
 def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertainty: float) -> Choice:
@@ -217,8 +219,8 @@ def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertaint
     except InputError as refused:
         return replace(choice, reason=f"{choice.reason}; no surrogate: {refused}")
     name = f"surrogate of the rung {choice.name}"
-    taken = replace(choice, name=name, error=error, surrogate=surrogate)
-    return _because(taken, "is the cheapest good enough", probe, allowed)
+    faster = replace(choice, name=name, error=error, surrogate=surrogate)
+    return _because(faster, "is the cheapest good enough", probe, allowed)
 
 
 def _check(rung: str | None, uncertainty: float | None) -> None:
@@ -298,8 +300,10 @@ class Ladder:
 
     def report(self) -> RungTaken:
         """Return rung, error of e_A and reason, those of the surrogate if there is one."""
-        taken = next(iter(self.fitted.values()), None) or self.choice
-        return RungTaken(rung=taken.rung, error=taken.error, reason=taken.reason)
+        model_choice = next(iter(self.fitted.values()), None) or self.choice
+        return RungTaken(
+            rung=model_choice.rung, error=model_choice.error, reason=model_choice.reason
+        )
 
 
 def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) -> Array:

@@ -52,11 +52,11 @@ def write_edges(
         Distance from the ball's centre at which each beam trips, (board, beam) [m].
     """
     sign, edges = 1.0 if out else -1.0, 2 * boards.beams
-    known = np.empty((3, BLOCK))
+    passage = np.empty((3, BLOCK))
     way, pace, drag, time = np.empty((4, edges))
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
-        flight, (since, height, steep) = flights[:, first : first + n], known[:, :n]
+        flight, (since, height, steep) = flights[:, first : first + n], passage[:, :n]
         for board in range(len(boards.distances)):
             distance = boards.distances[board, first : first + n]
             pass_gate(flight, distance, boards.gravity[first : first + n], since, height, steep)
@@ -71,13 +71,13 @@ def write_edges(
                     middle = ahead - steep[i] * above / lean
                     way[2 * beam], way[2 * beam + 1] = middle - half, middle + half
                 time_over(way, pace, drag, time)
-                shown = records[first + i, board]
+                edge_times = records[first + i, board]
                 for edge in range(edges):
                     true = start[first + i] + sign * time[edge]
-                    shown[edge] += boards.clock[first + i] * true
+                    edge_times[edge] += boards.clock[first + i] * true
                 if boards.tick:
                     for edge in range(edges):
-                        shown[edge] = np.rint(shown[edge] / boards.tick) * boards.tick
+                        edge_times[edge] = np.rint(edge_times[edge] / boards.tick) * boards.tick
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -107,12 +107,12 @@ def sum_up(
         Standard uncertainties of the time of an edge [s] and of the threshold of a beam [m].
     """
     sign = 1.0 if out else -1.0
-    known, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))
+    passage, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))
     memory = gain_memory(boards.radius.max()) if start.size else np.empty((0, 4))
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
         shots = slice(first, first + n)
-        flight, began, (since, height, steep) = flights[:, shots], start[shots], known[:, :n]
+        flight, began, (since, height, steep) = flights[:, shots], start[shots], passage[:, :n]
         for board in range(len(boards.distances)):
             distance = boards.distances[board, shots]
             pass_gate(flight, distance, boards.gravity[shots], since, height, steep)
@@ -167,11 +167,11 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
         place = -centre[i] if above > below else centre[i]
         phase = place - floor(place)
         phase = floor(phase * CENTRE_PHASES + 0.5) if phase >= 0.0 else 0.0
-        known = memory[int(missing * (CENTRE_PHASES + 1) + phase)]
-        if known[0] != radius[i]:
-            known[0] = radius[i]
-            known[1:] = _gains(phase / CENTRE_PHASES, missing, radius[i])
-        gains[0, i], gains[1, i], gains[2, i] = known[1], known[2], known[3]
+        entry = memory[int(missing * (CENTRE_PHASES + 1) + phase)]
+        if entry[0] != radius[i]:
+            entry[0] = radius[i]
+            entry[1:] = _gains(phase / CENTRE_PHASES, missing, radius[i])
+        gains[0, i], gains[1, i], gains[2, i] = entry[1], entry[2], entry[3]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")

@@ -70,19 +70,19 @@ def sum_up_gates(
     jitter
         Standard uncertainty of the time of a passage [s].
     """
-    sign, known = 1.0 if out else -1.0, np.empty((3, BLOCK))
+    sign, passage = 1.0 if out else -1.0, np.empty((3, BLOCK))
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
         shots = slice(first, first + n)
         flight, gravity, (since, height, steep) = (
             flights[:, shots],
             gates.gravity[shots],
-            known[:, :n],
+            passage[:, :n],
         )
         for gate in range(len(gates.distances)):
             pass_gate(flight, gates.distances[gate, shots], gravity, since, height, steep)
             for i in range(n):
                 time = gates.clock[first + i] * (start[first + i] + sign * since[i])
                 time += jitter * records[first + i, gate]
-                seen = not out or abs(height[i]) < gates.half_height
-                records[first + i, gate] = time if seen else nan
+                detected = not out or abs(height[i]) < gates.half_height
+                records[first + i, gate] = time if detected else nan

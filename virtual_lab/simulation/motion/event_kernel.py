@@ -90,7 +90,7 @@ class Scene(NamedTuple):
     steepest: float  # largest slope of the radius
     stop: float  # angle of the bat at its stop, inf without a stop
     restitution: float  # restitution of the bat at its stop
-    own: Array  # (shot, 7), columns of `Own`
+    constants: Array  # (shot, 7), columns of `Own`
     solids: Array  # (shot, solid, 10)
 
 
@@ -269,8 +269,16 @@ def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log
     """
     for number in range(shots.size):
         i = shots[number]
-        row, own, solids = log.rows[i] - 1, scene.own[i], scene.solids[i]
-        shot = Own(own[0], own[1], own[2], own[3], own[4], own[5], own[6])
+        row, constants, solids = log.rows[i] - 1, scene.constants[i], scene.solids[i]
+        shot = Own(
+            constants[0],
+            constants[1],
+            constants[2],
+            constants[3],
+            constants[4],
+            constants[5],
+            constants[6],
+        )
         s, now = log.state[row, i], log.time[row, i]
         state = Moving(s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7])
         if log.waits[i]:

@@ -40,8 +40,8 @@ class ShotState(NamedTuple):
     @classmethod
     def of(cls, **values: ArrayLike) -> Self:
         """Return a state from numbers or arrays, broadcast to (n,). Omitted ones are 0."""
-        wanted = (np.atleast_1d(values.get(name, 0.0)) for name in cls._fields)
-        return cls(*(np.array(each, dtype=float) for each in np.broadcast_arrays(*wanted)))
+        columns = (np.atleast_1d(values.get(name, 0.0)) for name in cls._fields)
+        return cls(*(np.array(each, dtype=float) for each in np.broadcast_arrays(*columns)))
 
     @classmethod
     def concatenate(cls, states: list[ShotState]) -> Self:

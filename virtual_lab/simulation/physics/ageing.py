@@ -22,13 +22,13 @@ def loss_of_restitution(
     in_turn = np.argsort(ball, kind="stable")  # sorts the hits by ball
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)
     row, rank = np.arange(hits.size).repeat(hits), np.arange(ball.size) - first.repeat(hits)
-    taken = np.zeros((hits.size, hits.max(initial=0)))
-    taken[row, rank] = _loss_by_hit(ageing, speed)[in_turn]
+    losses = np.zeros((hits.size, hits.max(initial=0)))
+    losses[row, rank] = _loss_by_hit(ageing, speed)[in_turn]
     remaining = exp(-rest / ageing.recovery_time)
-    lasting = taken.cumsum(axis=1) - taken
-    passing = np.zeros_like(taken)
-    for turn in range(1, taken.shape[1]):  # one step for all balls
-        passing[:, turn] = remaining * (passing[:, turn - 1] + taken[:, turn - 1])
+    lasting = losses.cumsum(axis=1) - losses
+    passing = np.zeros_like(losses)
+    for turn in range(1, losses.shape[1]):  # one step for all balls
+        passing[:, turn] = remaining * (passing[:, turn - 1] + losses[:, turn - 1])
     gone = (1 - ageing.recovering) * lasting + ageing.recovering * passing
     loss = np.empty(ball.shape)
     loss[in_turn] = gone[row, rank]

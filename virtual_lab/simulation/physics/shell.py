@@ -101,7 +101,7 @@ def shell_mode(body: BatBody, cap: Cap = "rigid") -> ShellMode:
     free = slice(1 if cap == "rigid" else 0, None)  # the first spline alone is not 0 at the tip
     squares, vectors = eigh(stiffness[free, free], mass[free, free], subset_by_index=[0, 0])
     places = np.linspace(0.0, body.length, 1001)
-    shape = splines(places)[:, free] @ vectors[:, 0]  # of unit modal mass
+    shape = splines(places)[:, free] @ vectors[:, 0]  # has unit modal mass
     greatest = shape[np.argmax(np.abs(shape))]
     return ShellMode(
         frequency=float(np.sqrt(squares[0]) / (2 * np.pi)),

@@ -125,7 +125,7 @@ class BatMeasurements(Spec):
             for i, goal in enumerate(self._values(field), start=1)
         }
 
-    def varied(self, draws: Array) -> BatMeasurements:
+    def vary(self, draws: Array) -> BatMeasurements:
         """Return the measurements plus `draws` of their uncertainties, one row per `MEASURED`.
 
         Raises `ValueError` if the varied values contradict one another.
@@ -211,8 +211,8 @@ def fit(
     near = np.clip(np.zeros_like(usual) if target is None else (target - usual) / spread, low, high)
 
     def residuals(x: Array) -> Array:  # x: deviation from the typical values [spreads]
-        missed = _misfits(template.build(usual + spread * x, measured.length), measured)
-        data = [value / max(_weight(name), _u(name, measured)) for name, value in missed.items()]
+        misfits = _misfits(template.build(usual + spread * x, measured.length), measured)
+        data = [value / max(_weight(name), _u(name, measured)) for name, value in misfits.items()]
         return np.concatenate((data, x - near))
 
     def jacobian(x: Array) -> Array:
@@ -308,13 +308,13 @@ def _misfits(body: BatBody, measured: BatMeasurements) -> dict[str, float]:
     }
 
 
-def _misfit_words(missed: dict[str, float]) -> str:
+def _misfit_words(misfits: dict[str, float]) -> str:
     """Return the misfits as text, the largest first."""
-    worst_first = sorted(missed, key=lambda name: -abs(missed[name]) / _tolerance(name))
+    worst_first = sorted(misfits, key=lambda name: -abs(misfits[name]) / _tolerance(name))
     return ", ".join(
-        f"{name} by {missed[name] / INCH:+.2f} in"
+        f"{name} by {misfits[name] / INCH:+.2f} in"
         if name.startswith("node")
-        else f"{name} by {100 * missed[name]:+.1f} %"
+        else f"{name} by {100 * misfits[name]:+.1f} %"
         for name in worst_first
     )
 

@@ -89,14 +89,14 @@ def _albedo(x: float, y: float, z: float, look: Array) -> float:
 
 
 @njit(**FAST)
-def _spread(warp: Array, body: Array, light: Array, seen: KernelLook, grid: Pixels) -> None:
+def _spread(warp: Array, body: Array, light: Array, look: KernelLook, grid: Pixels) -> None:
     """Fill `grid` with alternate rows of the disc and of its radiance."""
-    nodes, look, table, size = seen.nodes, seen.surface, seen.table, seen.size
+    nodes, surface, table, size = look.nodes, look.surface, look.table, look.size
     for k in range(grid.size):
         grid[k] = 0
     across, down = np.empty(LANES, np.float32), np.empty(LANES, np.float32)
     middle = size // 2 - LANES // 2 + 1
-    plain = look[1] == 0
+    plain = surface[1] == 0
     ambient, soft = light[3], light[4]
     for n in range(len(nodes)):
         x, y, z, share = nodes[n, 0], nodes[n, 1], nodes[n, 2], nodes[n, 3]
@@ -113,13 +113,13 @@ def _spread(warp: Array, body: Array, light: Array, seen: KernelLook, grid: Pixe
         facing = light[0] * x + light[1] * y - light[2] * z
         shine = ambient + (1 - ambient) * max(facing + soft, 0.0) / (1 + soft)
         if plain:
-            shine *= look[0]
+            shine *= surface[0]
         else:
             shine *= _albedo(
                 body[0, 0] * x + body[0, 1] * y - body[0, 2] * z,
                 body[1, 0] * x + body[1, 1] * y - body[1, 2] * z,
                 body[2, 0] * x + body[2, 1] * y - body[2, 2] * z,
-                look,
+                surface,
             )
         px, py = 2 * px + middle, 2 * py + middle
         column, row = int(px), int(py)
@@ -246,7 +246,7 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
     grid = np.empty(2 * size * size, np.float32)
     planes = np.empty((size, 2, 2, size // 2), np.float32)
     reach = 0.5 + REACH * look.blur
-    own = np.empty((3, 3))
+    orientation = np.empty((3, 3))
     first, last = np.empty(2, np.int64), np.empty(2, np.int64)
     for r in range(len(balls.warp)):
         path, spans = balls.path[r], balls.spans[r]
@@ -259,8 +259,8 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
         weights = np.empty((last[1] - first[1], last[0] - first[0]))
         for span in range(spans):
             start, end = span / spans, (span + 1) / spans
-            _rotate(balls.turn[r], (start + end) / 2 - 0.5, balls.body[r], own)
-            _spread(balls.warp[r], own, balls.light[r], look, grid)
+            _rotate(balls.turn[r], (start + end) / 2 - 0.5, balls.body[r], orientation)
+            _spread(balls.warp[r], orientation, balls.light[r], look, grid)
             _weights(path, balls.times[r], start, end, look, first, weights)
             _gather(grid, planes, weights, first, out[r])
 
