@@ -243,6 +243,7 @@ cli = Sections(
                 help="Certify bats in very many laboratories, into a folder of Parquet files.",
             ),
             FunctionCommand("paper", output=DRAWN, example="paper --csv claims.csv"),
+            FunctionCommand("reference", output=DRAWN, example="reference --csv reference.csv"),
         ),
         "Camera": (
             FunctionCommand(

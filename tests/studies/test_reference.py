@@ -1,0 +1,144 @@
+"""Published numbers: one test each, and the rules by which a row agrees."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+
+from virtual_lab.studies.reference import findings, results
+from virtual_lab.studies.reference.findings import FINDERS, ReferenceResult, compare_number
+from virtual_lab.studies.reference.published import Published, published
+
+SLOW = ("hoop_trend", "expanded_speed_u", "length_trend", "best_wood")  # about a second each
+REPRESENTED = [row for row in published() if row.role != "none"]
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        pytest.param(row, id=row.quantity, marks=[pytest.mark.long] * row.find.startswith(SLOW))
+        for row in REPRESENTED
+    ],
+)
+def test_the_row_agrees_or_its_disagreement_is_known(row: Published) -> None:
+    ours = compare_number(row)
+    assert ours.verdict in ("agrees", "known disagreement"), ours
+
+
+def test_enough_rows_are_represented_and_few_are_inputs_of_a_fit() -> None:
+    roles = Counter(row.role for row in published())
+    assert len(REPRESENTED) >= 60
+    assert roles["fit"] <= 30
+    assert roles["prediction"] >= 30
+    assert len(published()) == 133
+    assert len({(row.quantity, row.value) for row in published()}) == 133
+
+
+def test_few_published_measurements_with_u_disagree() -> None:
+    with_u = [row for row in REPRESENTED if row.u is not None]
+    assert len(with_u) == 7
+    assert sum(row.known is not None for row in with_u) <= 5
+
+
+def test_every_row_says_what_it_is() -> None:
+    used = {row.find.split()[0] for row in REPRESENTED}
+    assert used == set(FINDERS)
+    for row in published():
+        assert bool(row.find) == (row.role != "none"), row.quantity
+        assert row.why or row.role == "data", row.quantity
+        assert row.low < row.high or row.role == "none", row.quantity
+        assert row.source
+        assert row.reading
+
+
+MEASURED = Published(
+    quantity="mass",
+    value="10",
+    unit="oz",
+    u=0.5,
+    conditions="",
+    source="made up",
+    address="",
+    reading="",
+    role="prediction",
+    find="result",
+    low=9.0,
+    high=11.0,
+    known=None,
+    why="",
+)
+RANGE = replace(MEASURED, value="8 to 12", u=None, low=8.0, high=12.0)
+
+
+@pytest.mark.parametrize(
+    ("row", "result", "difference", "in_u", "verdict"),
+    [
+        (MEASURED, 10.9, 0.9, 1.8, "agrees"),
+        (MEASURED, 11.1, 1.1, 2.2, "DISAGREES"),
+        (MEASURED, nan, nan, nan, "DISAGREES"),
+        (replace(MEASURED, known=1.2), 11.1, 1.1, 2.2, "known disagreement"),
+        (replace(MEASURED, known=1.6), 11.1, 1.1, 2.2, "DISAGREES"),  # it has changed
+        (replace(MEASURED, known=-1.1), 11.1, 1.1, 2.2, "DISAGREES"),  # to the other side
+        (replace(MEASURED, known=1.0), 10.9, 0.9, 1.8, "DISAGREES"),  # it has gone
+        (replace(MEASURED, known=1.0), nan, nan, nan, "DISAGREES"),
+        (RANGE, 9.0, 0.0, None, "agrees"),
+        (RANGE, 7.5, -0.5, None, "DISAGREES"),
+        (RANGE, 12.5, 0.5, None, "DISAGREES"),
+        (replace(RANGE, value="less", low=-inf), -1e9, 0.0, None, "agrees"),
+    ],
+)
+def test_a_result_outside_its_range_disagrees_unless_the_size_is_known(
+    row: Published,
+    result: float,
+    difference: float,
+    in_u: float | None,
+    verdict: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(findings.FINDERS, "result", lambda: result)
+    ours = compare_number(row)
+    assert ours.difference == pytest.approx(difference, nan_ok=True)
+    assert ours.difference_in_u == (None if in_u is None else pytest.approx(in_u, nan_ok=True))
+    assert ours.verdict == verdict
+
+
+def test_the_range_of_a_row_follows_from_u_range_or_file() -> None:
+    rows = {row.quantity: row for row in published()}
+    bbcor = rows["BBCOR wood RW01 unmodified"]
+    assert (bbcor.low, bbcor.high) == pytest.approx((0.4898 - 0.0042, 0.4898 + 0.0042))
+    places = rows["BBCOR: places near the maximum of most bats"]
+    assert (places.low, places.high) == (6.0, 6.5)
+    capability = rows["BBCOR: cannon capability"]
+    assert (capability.low, capability.high) == (150.0, inf)
+    assert rows["Russell's bat 1: weight"].high == pytest.approx(31.2 * 1.001)
+
+
+def test_inertia_and_speeds_by_hand() -> None:
+    """R161 by Table I of the paper, 2539 oz in^2 and 31 oz 11.3 in from the tip; a wall in ft/s."""
+    pivot, knob = (2539 + 31 * (34 - axis - 11.3) ** 2 for axis in (6, 0))
+    assert results.pivot_inertia("r161") == pytest.approx(pivot, rel=2e-3)
+    assert results.inertia_ratio("r161") == pytest.approx(knob / pivot, rel=2e-3)
+    assert results.restitution_on_wall("baseball-2003", 85) == pytest.approx(
+        0.55 - 0.001 * (85 * 0.3048 / 0.44704 - 60)
+    )
+    assert results.limit_in_feet_per_second("asa") == pytest.approx(85 * 5280 / 3600)
+    # swing by n = 0: the same angular speed, so that the metal bat is slower by its length
+    assert results.cage_speed(0.0) == pytest.approx(67.9 * (33 - 7) / (34 - 7))
+
+
+def test_the_table_names_size_and_reason_and_the_picture_is_drawn(tmp_path: Path) -> None:
+    rows = [
+        compare_number(row)
+        for row in published()
+        if row.role == "none"
+        or row.quantity in ("ASA swing speed assumed", "barrel node of mode 1")
+    ]
+    result = ReferenceResult(rows=rows)
+    assert f"2 of {len(rows)} published numbers represented" in result.text
+    assert "ASA swing speed assumed: known disagreement, -10 mph (open:" in result.text
+    assert result.plot(tmp_path / "picture.png").stat().st_size > 1000
+    assert set(result.table["verdict"]) == {"agrees", "known disagreement", "not represented"}

@@ -1,0 +1,1 @@
+"""Published measurements of bats, balls and tests beside the results of this laboratory."""

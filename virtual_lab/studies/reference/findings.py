@@ -1,0 +1,182 @@
+"""Published numbers beside our results: table, picture, and the reason for each disagreement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import Literal
+
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import StudyResult
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.tables import column, table_text
+from virtual_lab.studies.reference import results
+from virtual_lab.studies.reference.published import (
+    KNOWN_CHANGE,
+    Published,
+    finder_of,
+    published,
+)
+
+FINDERS = {
+    name: finder
+    for name, finder in vars(results).items()
+    if callable(finder) and finder.__module__ == results.__name__ and not name.startswith("_")
+}
+Verdict = Literal["agrees", "known disagreement", "DISAGREES", "not represented"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferenceRow:
+    """A published number beside our result, in the unit of the publication."""
+
+    quantity: str = column("quantity")
+    value: str = column("published")
+    u: float | None = column("u")
+    unit: str = column("unit")
+    result: float | None = column("ours", form=".4g")
+    difference: float | None = column("difference", form="+.3g")
+    difference_in_u: float | None = column("in u", form="+.1f")
+    role: str = column("role")
+    verdict: Verdict = column("verdict")
+    low: float | None  # range of agreement; None: no limit
+    high: float | None
+    known: float | None  # difference at which the disagreement was explained
+    why: str
+    conditions: str
+    source: str
+    address: str
+    reading: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ReferenceResult(StudyResult):
+    """All published numbers, with our results where the laboratory represents them."""
+
+    rows: list[ReferenceRow]
+    name = "reference"
+
+    @property
+    def represented(self) -> list[ReferenceRow]:
+        """Rows with a result of this laboratory."""
+        return [row for row in self.rows if row.result is not None]
+
+    @property
+    def title(self) -> str:
+        """Title with the number of rows represented."""
+        return f"Published numbers: {len(self.represented)} of {len(self.rows)} represented"
+
+    @property
+    def text(self) -> str:
+        """The rows represented, the reasons for disagreements, and the counts."""
+        shown = self.represented
+        roles = {role: sum(row.role == role for row in shown) for role in ("prediction", "data")}
+        fits = len(shown) - sum(roles.values())
+        reasons = [_reason(row) for row in shown if row.verdict != "agrees"]
+        counts = (
+            f"{len(shown)} of {len(self.rows)} published numbers represented: "
+            f"{roles['prediction']} predicted, {roles['data']} in the data files, {fits} inputs of "
+            f"a fit; {len(reasons)} disagree. The others and their reasons are in the CSV file."
+        )
+        return "\n\n".join((table_text(shown), "\n".join(reasons), counts))
+
+    def draw(self, path: Path) -> None:
+        """Draw the predictions, each in half widths of its range of agreement."""
+        drawn = [
+            row
+            for row in self.represented
+            if row.role == "prediction" and row.low is not None and row.high is not None
+        ]
+        names = [
+            f"{as_drawn(row.quantity)}: {row.value} {row.unit.removeprefix('1')}" for row in drawn
+        ]
+        with figure_file(path, 0.17 * len(drawn) + 0.6) as figure:
+            axes = figure.subplots()
+            axes.axvspan(-1, 1, color=INTERVAL_GREY, linewidth=0)
+            for place, row in enumerate(drawn):
+                at = _share(row)
+                agrees = row.verdict == "agrees"
+                far = abs(at) > FARTHEST
+                marker = ("<" if at < 0 else ">") if far else "o"
+                shown = min(max(at, -FARTHEST), FARTHEST)
+                axes.plot(
+                    shown, place, marker, color="black", fillstyle="full" if agrees else "none"
+                )
+            axes.set_yticks(range(len(drawn)), names)
+            axes.set_ylim(len(drawn) - 0.5, -0.5)
+            axes.set_xlim(-FARTHEST - 0.3, FARTHEST + 0.3)
+            axes.set_xlabel("our result in half widths of the\nrange of agreement (open: outside)")
+
+
+FARTHEST = 3.0  # largest deviation drawn [half widths]; farther results are arrows
+
+
+def reference(*, progress: Progress = quiet) -> ReferenceResult:
+    """Compare published measurements of bats, balls and tests with this laboratory.
+
+    Each row says how the laboratory represents the number: as a prediction, as a number of its
+    data files, or as an input of a fit. The CSV file also has the numbers that it cannot represent,
+    with the reason.
+
+    Parameters
+    ----------
+    progress
+        Function that is called with the task, the number of rows done and their total.
+    """
+    rows: list[ReferenceRow] = []
+    for number in published():
+        progress("published numbers", len(rows), len(published()))
+        rows.append(compare_number(number))
+    return ReferenceResult(rows=rows)
+
+
+def compare_number(number: Published) -> ReferenceRow:
+    """Return a published number beside our result, which is computed here."""
+    result = None if number.role == "none" else float(finder_of(number, FINDERS)())
+    difference = None if result is None else number.deviation(result)
+    return ReferenceRow(
+        quantity=number.quantity,
+        value=number.value,
+        u=number.u,
+        unit=number.unit,
+        result=result,
+        difference=difference,
+        difference_in_u=difference / number.u if difference is not None and number.u else None,
+        role=number.role,
+        verdict=_verdict(number, result),
+        low=number.low if isfinite(number.low) else None,
+        high=number.high if isfinite(number.high) else None,
+        known=number.known,
+        why=number.why,
+        conditions=number.conditions,
+        source=number.source,
+        address=number.address,
+        reading=number.reading,
+    )
+
+
+def _verdict(number: Published, result: float | None) -> Verdict:
+    """Return the verdict; a known disagreement that has changed or has gone is none."""
+    if result is None:
+        return "not represented"
+    within = number.low <= result <= number.high
+    if number.known is None:
+        return "agrees" if within else "DISAGREES"
+    change = abs(number.deviation(result) - number.known)
+    stands = not within and change <= KNOWN_CHANGE * abs(number.known)
+    return "known disagreement" if stands else "DISAGREES"
+
+
+def _reason(row: ReferenceRow) -> str:
+    """Return a disagreement with its size and its explanation as one line."""
+    size = f"{row.difference:+.3g} {row.unit.removeprefix('1')}".rstrip()
+    return f"{row.quantity}: {row.verdict}, {size} ({row.why})"
+
+
+def _share(row: ReferenceRow) -> float:
+    """Return the result from the middle of the range of agreement, in half widths."""
+    assert row.result is not None
+    assert row.low is not None
+    assert row.high is not None
+    return (row.result - (row.low + row.high) / 2) / ((row.high - row.low) / 2)

@@ -1,0 +1,99 @@
+"""Published numbers with their sources, and the way in which this laboratory represents them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from math import inf, isfinite
+from typing import Literal, get_args
+
+from virtual_lab.catalog.reading import DATA
+
+PATH = DATA / "reference" / "published.csv"
+Role = Literal["fit", "data", "prediction", "none"]
+ROLES: tuple[Role, ...] = get_args(Role)
+TAKEN_OVER = 1e-3  # relative tolerance of a number that was fitted or taken over
+KNOWN_CHANGE = 0.2  # change of a known disagreement after which it must be named again
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Published:
+    """A published number, and the range in which our result agrees with it."""
+
+    quantity: str
+    value: str  # as published: a number, a range, or words
+    unit: str
+    u: float | None  # published standard uncertainty
+    conditions: str
+    source: str
+    address: str
+    reading: str  # how the number was read
+    role: Role  # input of a fit, number of our data files, prediction, or not represented
+    find: str  # name of a function in `results` and its arguments
+    low: float
+    high: float
+    # our result minus the published one, of a disagreement with an explanation
+    known: float | None
+    why: str  # reason for the range, the disagreement, or the missing result
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The published number or range, or the range of agreement for words."""
+        try:
+            values = [float(part) for part in self.value.split(" to ")]
+        except ValueError:
+            return self.low, self.high
+        return values[0], values[-1]
+
+    def deviation(self, result: float) -> float:
+        """Return the result minus the published number, or minus the nearest end of its range."""
+        low, high = self.ends
+        return result - min(max(result, low), high)
+
+
+@cache
+def published() -> tuple[Published, ...]:
+    """Return the published numbers in the order of their file."""
+    with PATH.open(encoding="utf-8", newline="") as table:
+        return tuple(_read(row) for row in csv.DictReader(table))
+
+
+def published_value(quantity: str) -> float:
+    """Return the published number of a quantity in its own unit."""
+    (row,) = (row for row in published() if row.quantity == quantity)
+    return float(row.value)
+
+
+def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Callable[[], float]:
+    """Return the function that computes our result for a row. Raises `KeyError` if unknown."""
+    name, *arguments = row.find.split()
+    return partial(finders[name], *map(_argument, arguments))
+
+
+def _argument(word: str) -> float | str:
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+def _read(row: Mapping[str, str]) -> Published:
+    u, role = _number(row["u"]), next(role for role in ROLES if role == row["role"])
+    words = {key: row[key] for key in ("quantity", "value", "unit", "conditions", "source")}
+    words |= {key: row[key] for key in ("address", "reading", "find", "why")}
+    plain = Published(**words, u=u, role=role, low=-inf, high=inf, known=_number(row["known"]))
+    low, high = plain.ends
+    margin = 2 * u if u is not None else TAKEN_OVER * abs(low) * (role in ("fit", "data"))
+    if row["low"] or row["high"] or not isfinite(low):
+        low, high, margin = float(row["low"] or -inf), float(row["high"] or inf), 0.0
+    return Published(
+        **words, u=u, role=role, low=low - margin, high=high + margin, known=plain.known
+    )
+
+
+def _number(text: str) -> float | None:
+    return float(text) if text else None

@@ -1,0 +1,363 @@
+"""Results of this laboratory for the published numbers, each in the unit of its row.
+
+Positions are in inches and speeds in mph here, as in the publications; a bat is named as in the
+catalog. The ball is the catalog's baseball, whose restitution falls with speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec, BatBody
+from virtual_lab.lab.certify import certify_bat
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.lab.true_metric import TrueCurve
+from virtual_lab.measurement.reduction.kinematics import (
+    batted_speed,
+    recoil_factor_pivoted,
+    restitution_from_efficiency,
+)
+from virtual_lab.relations.peaks import Peak, peak
+from virtual_lab.relations.swing import KNOB_OFFSET, PowerLawSwing, bat_speed
+from virtual_lab.simulation.collision.scene import Collisions, Scenes
+from virtual_lab.simulation.physics.beam import beam_of
+from virtual_lab.simulation.physics.modes import barrel_nodes
+from virtual_lab.studies.bats.profile import free_model, profiles
+from virtual_lab.studies.paper.computed import BALL, WOOD, beam, body, paper_ball, rules
+from virtual_lab.studies.reference.published import published_value
+from virtual_lab.units import (
+    DIMENSIONS,
+    INCH,
+    MPH,
+    OUNCE,
+    OZ_IN2,
+    Array,
+    from_si,
+    to_si,
+)
+
+AXIS = 6 * INCH  # distance of the pivot from the knob end [m]
+Z = np.arange(3.0, 9.01, 0.25)  # impact positions from the tip [in]
+WOODEN = (WOOD, "russell-1", "russell-2", "russell-3", "russell-4", "wood-rw01")
+HOOP_FREQUENCIES = range(1000, 3001, 200)  # [Hz]
+LENGTHS = (31.0, 32.0, 33.0, 34.0)  # lengths of tested wood bats [in]
+FOOT = 12 * INCH
+
+
+# Numbers of the catalog
+
+
+def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> float:
+    """Return a number of a catalog file in `unit`; `index` selects from a list."""
+    (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
+    value = datum.value[index] if isinstance(datum.value, list) else datum.value
+    if unit == datum.unit:
+        return float(value)
+    (dimension,) = (each for each, units in DIMENSIONS.items() if {unit, datum.unit} <= set(units))
+    return from_si(to_si(float(value), datum.unit, dimension), unit, dimension)
+
+
+def entries(kind: str, name: str, key: str) -> float:
+    """Return the length of a list in a catalog file."""
+    (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
+    return len(datum.value)
+
+
+def half_width(name: str, key: str) -> float:
+    """Return the half width [in] of the rectangular distribution behind a standard uncertainty."""
+    return entry("instruments", name, key, "in") * 3**0.5
+
+
+def _in_feet(length_in: float) -> float:
+    return length_in * INCH / FOOT
+
+
+def gate_distance(name: str) -> float:
+    """Return the distance between the first two gates of an instrument [ft]."""
+    near, far = (entry("instruments", name, "distances", "in", index) for index in (1, 0))
+    return _in_feet(far - near)
+
+
+def nearest_gate(name: str) -> float:
+    """Return the distance of the nearest gate from the bat or the wall [ft]."""
+    return _in_feet(entry("instruments", name, "distances", "in", 1))
+
+
+def limit_in_feet_per_second(procedure: str) -> float:
+    """Return the limit of the batted-ball speed [ft/s]."""
+    return entry("procedures", procedure, "speed_limit", "m/s") / FOOT
+
+
+def circumference(ball: str) -> float:
+    """Return the circumference of a ball [in]."""
+    return 2 * np.pi * entry("balls", ball, "radius", "in")
+
+
+# Mass, inertia and vibration of bats
+
+
+def length(bat: str) -> float:
+    return beam(bat).length / INCH
+
+
+def weight(bat: str) -> float:
+    return beam(bat).mass / OUNCE
+
+
+def balance_point(bat: str) -> float:
+    """Return the distance of the centre of mass from the knob end [in]."""
+    return (beam(bat).length - beam(bat).z_cm) / INCH
+
+
+def pivot_inertia(bat: str) -> float:
+    """Return the moment of inertia about the axis 6 in from the knob [oz in^2]."""
+    return beam(bat).inertia(beam(bat).length - AXIS) / OZ_IN2
+
+
+def inertia_ratio(bat: str) -> float:
+    """Return the moment of inertia about the knob end over that 6 in from it."""
+    return beam(bat).inertia(beam(bat).length) / OZ_IN2 / pivot_inertia(bat)
+
+
+def diameter(bat: str) -> float:
+    """Return the greatest diameter of the drawing [in]."""
+    return max(body(bat).profile.outer_diameter) / INCH
+
+
+def barrel_length(bat: str) -> float:
+    """Return the length of the cylindrical barrel of the drawing [in]."""
+    profile = body(bat).profile
+    widest = max(profile.outer_diameter)
+    stations = zip(profile.z, profile.outer_diameter, strict=True)
+    return max(z for z, across in stations if across == widest) / INCH
+
+
+@lru_cache
+def _shortened(length_in: float) -> BatBody:
+    """Return R161 with its outline compressed along the bat to a length; diameters are the same."""
+    whole = body(WOOD)
+    share = length_in * INCH / whole.length
+    return replace(
+        whole, profile=replace(whole.profile, z=tuple(share * z for z in whole.profile.z))
+    )
+
+
+def _body(bat: str | float) -> BatBody:
+    """Return the body of a bat by name, or that of R161 shortened to a length [in]."""
+    return body(bat) if isinstance(bat, str) else _shortened(float(bat))
+
+
+def frequency(bat: str | float, mode: int) -> float:
+    """Return a bending frequency of the free bat, or of R161 shortened to a length [Hz]."""
+    return float(free_model(_body(bat)).modes.bending_frequencies[mode - 1])
+
+
+def node(bat: str | float, mode: int) -> float:
+    """Return the barrel node of a bending mode [in from the tip]."""
+    return barrel_nodes(free_model(_body(bat)).modes)[mode - 1] / INCH
+
+
+def handle_node(bat: str) -> float:
+    """Return the handle node of the first bending mode [in from the knob end]."""
+    modes = free_model(body(bat)).modes
+    z = np.linspace(0.0, modes.length, 3401)
+    shape = modes.shape(z)[:, modes.rigid]
+    last = np.flatnonzero(shape[:-1] * shape[1:] < 0)[-1]
+    return float(modes.length - z[last]) / INCH
+
+
+# Collisions
+
+
+def _collide(
+    bat: BatBody, speed: Array | float, ball: BallSpec | None = None
+) -> tuple[Array, Collisions, Scenes]:
+    """Return r of the pivoted bat, collisions and scenes along the barrel, (position,)."""
+    ball = ball or paper_ball(BALL)
+    z, drawn = Z * INCH, beam_of(bat)
+    scenes = Scenes.with_ball(
+        ball, impact_position=z, relative_speed=np.broadcast_to(speed, Z.shape) * MPH
+    )
+    axis = drawn.length - AXIS
+    recoil = np.asarray(recoil_factor_pivoted(ball.mass, drawn.inertia(axis), axis - z))
+    return recoil, free_model(bat).collide(scenes), scenes
+
+
+def _restitution_peak(bat: BatBody, speed: float, ball: BallSpec | None = None) -> Peak:
+    recoil, collisions, _ = _collide(bat, speed, ball)
+    e = restitution_from_efficiency(collisions.collision_efficiency, recoil)
+    return peak(Z, np.asarray(e))
+
+
+def peak_restitution(bat: str, speed: float) -> float:
+    """Return the greatest BBCOR along the barrel at a speed, as found with the nominal ball."""
+    return _restitution_peak(body(bat), speed).value
+
+
+def restitution_place(bat: str, speed: float) -> float:
+    """Return the position of the greatest BBCOR [in from the tip]."""
+    return _restitution_peak(body(bat), speed).place
+
+
+def restitution_change(bat: str, first: str, speed: float) -> float:
+    """Return the greatest BBCOR of a bat minus that of the first bat."""
+    return peak_restitution(bat, speed) - peak_restitution(first, speed)
+
+
+def procedure_result(bat: str, procedure: str) -> float:
+    """Return the greatest metric of a nominal bat, converted as the procedure converts it."""
+    rule = rules(procedure)
+    recoil, collisions, scenes = _collide(body(bat), rule.ball_speed / MPH)
+    e_A = collisions.collision_efficiency
+    curve = TrueCurve(
+        procedure=rule,
+        bat=beam(bat),
+        place=Z * INCH,
+        collision_efficiency=e_A,
+        restitution=np.asarray(restitution_from_efficiency(e_A, recoil)),
+        recoil_factor=recoil,
+        ball_restitution=scenes.ball_restitution,
+    )
+    return peak(Z, curve.metric()).value
+
+
+def hit_scatter(bat: str, speed: float) -> float:
+    """Return the standard deviation of BBCOR from hit to hit, with a new ball for each hit."""
+    ball = paper_ball(BALL)
+    step = 0.005  # change of e0 for the slope, small beside the curvature of e(e0)
+    ends = [
+        _restitution_peak(
+            body(bat),
+            speed,
+            replace(
+                ball, restitution=replace(ball.restitution, value=ball.restitution.value + change)
+            ),
+        ).value
+        for change in (-step, step)
+    ]
+    spread = np.hypot(ball.spread.restitution, ball.spread.hit_restitution)
+    return (ends[1] - ends[0]) / (2 * step) * float(spread)
+
+
+def peak_efficiency(bat: str, speed: float) -> float:
+    """Return the greatest e_A along the barrel at a speed."""
+    return peak(Z, _collide(body(bat), speed)[1].collision_efficiency).value
+
+
+def peak_contact_time(bat: str, speed: float) -> float:
+    """Return the contact time where e_A is greatest [s]."""
+    collisions = _collide(body(bat), speed)[1]
+    return float(collisions.contact_time[np.argmax(collisions.collision_efficiency)])
+
+
+def barrel_travel(bat: str, speed: float) -> float:
+    """Return the travel of the barrel in contact [in]: half of its final speed times the time.
+
+    The half is that of a force symmetric in time. The bat is rigid, on its pivot.
+    """
+    recoil, collisions, _ = _collide(body(bat), speed)
+    best = int(np.argmax(collisions.collision_efficiency))
+    final = recoil[best] * (1 + collisions.collision_efficiency[best]) * speed * MPH
+    return float(final * collisions.contact_time[best] / 2) / INCH
+
+
+def soft_ball(bat: str, speed: float) -> float:
+    """Return the change of BBCOR by a ball of a tenth of the stiffness and the same e0."""
+    ball = paper_ball(BALL)
+    soft = replace(ball, stiffness=ball.stiffness / 10)
+    return _restitution_peak(body(bat), speed, soft).value - peak_restitution(bat, speed)
+
+
+def hoop_trend(bat: str, speed: float) -> float:
+    """Return the rank correlation of BBCOR and hoop frequency, the modal mass held."""
+    hoop = body(bat).hoop
+    assert hoop is not None
+    tops = [
+        _restitution_peak(
+            replace(body(bat), hoop=replace(hoop, frequency=float(hertz))), speed
+        ).value
+        for hertz in HOOP_FREQUENCIES
+    ]
+    return float(spearmanr(list(HOOP_FREQUENCIES), tops).statistic)
+
+
+def length_trend(speed: float) -> float:
+    """Return the change of BBCOR per inch of length, of R161 shortened."""
+    tops = [_restitution_peak(_shortened(inches), speed).value for inches in LENGTHS]
+    return float(np.polyfit(LENGTHS, tops, 1)[0])
+
+
+def restitution_on_wall(ball: str, feet_per_second: float) -> float:
+    """Return e0 of a ball at a speed."""
+    return float(paper_ball(ball).restitution.at(feet_per_second * FOOT))
+
+
+# Tests and the field
+
+
+def _swing_test(bat: str, procedure: str) -> float:
+    """Return the greatest v_f [mph] on the swing machine, with the bat speed of each position."""
+    rule = rules(procedure)
+    assert rule.bat_speed is not None
+    drawn = beam(bat)
+    turning = float(rule.turn_rate(drawn.length))
+    moving = turning * (drawn.length - rule.pivot_from_knob - Z * INCH) / MPH
+    pitch = rule.ball_speed / MPH
+    e_A = _collide(body(bat), pitch + moving)[1].collision_efficiency
+    return peak(Z, np.asarray(batted_speed(e_A, pitch, moving))).value
+
+
+def best_wood(procedure: str) -> float:
+    """Return the greatest v_f [mph] of the catalog's wood bats on the swing machine."""
+    return max(_swing_test(bat, procedure) for bat in WOODEN)
+
+
+def expanded_speed_u(bat: str, procedure: str) -> float:
+    """Return the half width of the 95 % interval of v_f [mph] in one test on the swing machine."""
+    metric = certify_bat(TestSetup.of(bat, procedure=procedure, seed=1)).certification.metric
+    rule = rules(procedure)
+    assert metric is not None
+    assert rule.bat_speed is not None
+    low, high = metric.interval_95
+    return (high - low) / 2 * (rule.ball_speed + rule.bat_speed) / MPH
+
+
+def batted_lead(first: str, second: str, exponent: float) -> float:
+    """Return the greatest v_f of the first bat minus that of the second [mph], standard game."""
+    tops = [profiles(bat, swings=(exponent,))[0].peaks["v_f_mph"].value for bat in (first, second)]
+    return tops[0] - tops[1]
+
+
+def cage_speed(exponent: float) -> float:
+    """Return the bat speed of the metal bat in the cage [mph], from that of the wood bat.
+
+    The impact position is taken to be 6 in from the tip of both bats.
+    """
+    bats = {name: _cage_bat(name) for name in ("wood", "metal")}
+    law = PowerLawSwing(angular_speed_0=1.0, inertia_0=bats["wood"].inertia, exponent=exponent)
+    wood, metal = (
+        float(bat_speed(law.angular_speed(bat.inertia), bat.length, 6 * INCH))
+        for bat in bats.values()
+    )
+    return published_value("bat cage wood: bat speed in the cage") * metal / wood
+
+
+class _CageBat(NamedTuple):
+    length: float  # [m]
+    inertia: float  # about the point 1 in from the knob [kg m^2]
+
+
+def _cage_bat(name: str) -> _CageBat:
+    """Return a bat of the cage study from its published length, weight, balance and inertia."""
+    inches, ounces, balance, moment = (
+        published_value(f"bat cage {name}: {quantity}")
+        for quantity in ("length", "weight", "balance point from knob", "MOI about 6 in from knob")
+    )
+    near, far = balance - AXIS / INCH, balance - KNOB_OFFSET / INCH
+    return _CageBat(inches * INCH, (moment + ounces * (far**2 - near**2)) * OZ_IN2)
