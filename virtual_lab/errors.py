@@ -36,9 +36,10 @@ class IncompleteError(Exception):
 
 @contextmanager
 def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
-    """Append a form and the reason to `missing` if an error occurs, which goes no further.
+    """Suppress an error in the block, and append the form and the reason to `missing`.
 
-    A panic of Typst is no `Exception`; an interruption is passed on.
+    Panics of Typst, which are not derived from `Exception`, are suppressed too. `KeyboardInterrupt`
+    and `SystemExit` are raised again.
     """
     try:
         yield
@@ -57,7 +58,7 @@ def nearest(name: object, names: Iterable[str]) -> str:
 
 
 def of_extra(module: str, name: str, who: str) -> Any:
-    """Return a module of an extra, which `who` needs; `InputError` where it is missing."""
+    """Return a module of an extra that `who` needs. Raises `InputError` if it is not installed."""
     try:
         return import_module(module)
     except ImportError as fault:

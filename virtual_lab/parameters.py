@@ -112,7 +112,7 @@ def between(least: float, most: float, words: str) -> ParameterRule:
 
 
 def choice(*values: str) -> ParameterRule:
-    """Return the rule of a word out of a few."""
+    """Return the rule of a parameter that is one of the words `values`."""
 
     def read(value: Any) -> str:
         if read_word(value) not in values:

@@ -403,9 +403,9 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
 def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
     """Return the arguments of a call as a file of settings, which ``--config`` reads.
 
-    `call` is the first line. An argument that no file gives again is only named, in a comment: a
+    `call` is the first line. An argument that no file can hold is only named, in a comment: a
     sheet with changed values, an array, a function. If the truth is sealed, its seed and its faults
-    are left out. Nothing is said of the faults, because a remark would show that there are some.
+    are left out. The faults are not mentioned, because a remark would show that there are some.
     """
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():

@@ -52,12 +52,12 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 
 
 def to_si(value: float, unit: str, dimension: str) -> float:
-    """Return `value` in SI. `KeyError` where `unit` is no unit of `dimension`."""
+    """Return `value` in SI. Raises `KeyError` if `unit` is not a unit of `dimension`."""
     return value * DIMENSIONS[dimension][unit]
 
 
 def from_si(value: float, unit: str, dimension: str) -> float:
-    """Return an SI `value` in `unit`. `KeyError` where `unit` is no unit of `dimension`."""
+    """Return an SI `value` in `unit`. Raises `KeyError` if `unit` is not a unit of `dimension`."""
     return value / DIMENSIONS[dimension][unit]
 
 

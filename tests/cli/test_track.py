@@ -156,7 +156,7 @@ def test_stated_values_replace_those_of_the_kind_of_ball(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["clip.mp4"], "no length is known"),
+        (["clip.mp4"], "the scale is unknown"),
         (["clip.mp4", "--ball", "golf"], "e.g. '73mm±0.5mm', or a ball: its name"),
         (["clip.mp4", "--ball", "game"], "did you mean game-2003?"),
         (["clip.mp4", "--ball", "none.toml"], "none.toml"),
@@ -167,7 +167,10 @@ def test_stated_values_replace_those_of_the_kind_of_ball(
         (["cal.toml", "--ball", "28mm"], "cannot be opened"),
         (["none.mp4", "--ball", "28mm"], "no such file"),
         (["none.mp4"], "no such file"),
-        (["clip.mp4", "--ball", "28mm", "--calibration", "cal.toml", "--fps", "1e5"], "a frame"),
+        (
+            ["clip.mp4", "--ball", "28mm", "--calibration", "cal.toml", "--fps", "1e5"],
+            "the frame interval",
+        ),
     ],
 )
 def test_bad_input_leaves_nothing_behind(folder: Path, arguments: list[str], words: str) -> None:
@@ -268,7 +271,7 @@ def test_flights_at_the_same_time_are_refused(
     words = ["--ball", "80mm", "--fps", "30", "--corrected", str(tmp_path / "mixed.csv")]
     done = CliRunner().invoke(cli, ["track", str(clip), *words])
     assert isinstance(done.exception, InputError)
-    assert "begins after the one before has ended" in str(done.exception)
+    assert "must begin after the previous one has ended" in str(done.exception)
 
 
 @pytest.mark.parametrize(
@@ -283,10 +286,10 @@ def test_flights_at_the_same_time_are_refused(
         (["--scale", "1,2:3,4"], "x,y:x,y=length"),
         (["--scale", "1,2:3,4=1m"], "10 pixels apart or more"),
         (["--exposure", "8"], "a time with its unit"),
-        (["--readout", "8ms", "--global-shutter"], "give one"),
+        (["--readout", "8ms", "--global-shutter"], "leave one out"),
         (["--gravity", "0"], "0.1 to 100"),
         (["--corrected", "none.csv"], "none.csv"),
-        (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "a length in the picture"),
+        (["--ruler", "ball", "--scale", "10,20:200,20=19cm"], "the given length in the picture"),
     ],
 )
 def test_options_of_a_wrong_form_are_refused(folder: Path, words: list[str], message: str) -> None:
@@ -320,10 +323,14 @@ def test_python_returns_tables(folder: Path) -> None:
         (FRAMES, {"tripod": "yes"}, "tripod = 'yes'; allowed: True or False"),
         (FRAMES, {"calibration": 4}, "calibration = 4"),
         (FRAMES, {"ball": "73mm", "ruler": "moon"}, "ruler = 'moon'; allowed: gravity or ball"),
-        (FRAMES, {"ruler": "ball", "fps": 9}, "no length is known"),
+        (FRAMES, {"ruler": "ball", "fps": 9}, "the scale is unknown"),
         (FRAMES, {"ball": "73mm"}, "give --fps"),
         (FRAMES, {"mass": "145", "fps": 9}, "mass = '145'; allowed: a mass with its unit"),
-        (FRAMES, {"mass": "145g", "ruler": "gravity", "fps": 9}, "--mass = '145g'; drag needs"),
+        (
+            FRAMES,
+            {"mass": "145g", "ruler": "gravity", "fps": 9},
+            "--mass = '145g'; the drag depends",
+        ),
         (FRAMES / 255, {"ball": "73mm", "fps": 240}, "expected 8 or 16 bits"),
         (FRAMES[0], {"ball": "73mm", "fps": 240}, "expected (frame, row, column)"),
         (list(FRAMES), {"ball": "73mm", "fps": 240}, "a numpy array (frame, row, column)"),

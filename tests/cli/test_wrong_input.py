@@ -651,7 +651,7 @@ CASES: dict[str, Case] = {
     "a camera behind the wall": (
         clip(FPS + CAMERA.replace("0.0, 1.0]\n", "0.0, -1.0]\n")),
         f"{TRACK} cal.toml",
-        ["camera", "out of its sight"],
+        ["camera", "does not see the ball's plane"],
     ),
     "stamps that are missing": (
         clip('timestamps = "no.csv"'),

@@ -147,18 +147,18 @@ def track(
         Or an array of 8 or 16 bits, (frame, row, column) or (frame, row, column, colour), with its
         rate as `fps`.
     ball
-        Diameter of the ball with its unit, ``73mm±0.5mm``; or a kind of ball, for its drag too:
-        ``baseball``, another name in the catalog (its beginning will do), or a .toml file.
+        Diameter of the ball with its unit, ``73mm±0.5mm``; or a ball, which also sets the drag:
+        ``baseball``, another name in the catalog or its beginning, or a .toml file.
 
         Or a sheet. A bare number is refused.
     mass
-        StatedMass of the ball, ``145g``, in g, kg or oz: gives its drag.
+        Mass of the ball in g, kg or oz, ``145g``, from which its drag is computed.
     fps
-        Frames per second of real time, repeated frames included. By default the file's rate, or,
-        where the ball would not fall with g by it, the rate that makes it.
+        Frames per second of real time, including repeated frames. By default the rate of the file,
+        or the rate at which the ball falls with g if the file's rate contradicts g.
     exposure
-        Exposure time of a frame, ``1/120`` or ``8ms``; a calibrated camera needs it, here or in its
-        file.
+        Exposure time of a frame, ``1/120`` or ``8ms``; a calibrated camera needs it here or in its
+        calibration file.
     gravity
         Local gravity [m/s²]. By default 9.81 ± 0.025.
     frames
@@ -170,25 +170,25 @@ def track(
     scale
         Two points [pixels] and their distance, ``X,Y:X,Y=50cm``.
     ruler
-        What sets the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size of
-        the ``ball``. By default the one with the smaller uncertainty.
+        Ruler that sets the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size
+        of the ``ball``. By default the one with the smaller uncertainty.
     readout
         Readout time of a rolling shutter for one frame, ``16ms``.
     global_shutter
         No rolling shutter: all rows are exposed at once.
     phone
-        An ordinary phone's clip: its frame rate is true, its shutter may roll, and the size of the
-        ball is known to 1 %. Nothing more is then said of these.
+        Clip of an ordinary phone: its frame rate is correct, its shutter may roll, and the size of
+        the ball is known to 1 %. Warnings about these assumptions are omitted.
     tripod
         The camera stands still.
     level
-        The camera is level and square to the flight to 1 deg, as on a levelled stand. By default to
-        5 deg.
+        The camera is level and square to the flight within 1 deg, as on a leveled tripod. By
+        default it is assumed to be so within 5 deg.
     calibration
         Calibration file, .toml: from ``calibrate``, or with metres_per_pixel, frames_per_second,
         exposure_s, lens_blur_px, timestamps, ….
     corrected
-        ``track.csv`` of an earlier run, corrected by hand: use its positions and flights.
+        ``track.csv`` of an earlier run, corrected by hand, whose positions and flights are used.
     film_of_track
         Also write the marked frames as a film, ``track.webp``.
     progress
@@ -208,7 +208,9 @@ def track(
         allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
         raise InputError("", "clip", type(clip).__name__, allowed)
     if readout and global_shutter:
-        raise InputError("", "--readout", readout, "a global shutter has none: give one")
+        raise InputError(
+            "", "--readout", readout, "a global shutter has no readout time; leave one out"
+        )
     statements = {
         **ball_keys(ball),
         **scale_keys(scale),
@@ -301,7 +303,7 @@ def calibrate(
         Calibration board: ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``, counted in
         squares.
     plane
-        Picture in which the board lies flat. By default the first.
+        Picture of the board in the ball's plane, or parallel to it. By default the first picture.
     height
         Height of the ball's plane above that board, ``36.5mm``.
     height_u

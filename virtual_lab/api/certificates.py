@@ -371,7 +371,8 @@ def certify(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     rig
-        Rig to use instead of that of the procedure; it must record what the procedure needs.
+        Rig to use instead of that of the procedure; it must write the records that the procedure
+        needs.
     seed
         Seed of all random numbers; makes the test reproducible, not sealed. By default a random
         seed of 128 bits, stored only in the sealed truth.
@@ -391,34 +392,34 @@ def certify(
 
         One name of ``vl.shelf("faults")``, or a list.
     control_bat
-        Bat of known e, tested first with the same balls, if the procedure corrects for its balls by
-        one.
+        Bat of known e, tested first with the same balls, if the procedure uses a control bat to
+        correct for the balls.
     correction
-        ``METHOD:E0``, such as ``trampoline:0.5``: convert the result to a standard ball of this e0;
-        the methods are ``ratio`` and ``trampoline``. For procedures without a conversion; the
+        Conversion of the result to a standard ball, ``METHOD:E0``, such as ``trampoline:0.5``; the
+        methods are ``ratio`` and ``trampoline``. Only for procedures without a conversion; the
         certificate marks it as assumed.
     film
         Save a video of the first shot; needs the rig ``filmed-cannon``.
     laboratory
-        File with who tests, for whom, and with which instruments, stated on the certificate.
-        ``virtual-lab template laboratory FILE`` writes an empty one; the next six parameters come
-        before it.
+        File of particulars for the certificate: laboratory, customer, bat, instruments. The command
+        ``virtual-lab template laboratory FILE`` writes an empty one; the next six parameters
+        override it.
     customer
-        For whom the bat is tested.
+        Name of the customer.
     bat_serial
         Serial number of the bat.
     bat_condition
         Condition of the bat as received.
     received
-        Day of receipt, as 2026-11-25.
+        Date of receipt, as 2026-11-25.
     operator
-        Who carries out the test.
+        Name of the operator.
     notes
-        What else is to be stated.
+        Notes for the certificate.
     replaces
         Folder of the result that this one replaces.
     reason
-        Why it is replaced; the certificate states both.
+        Reason for the replacement; the certificate states both.
     test
         Number of this test in its laboratory, with a seed: the same calibrations, another bat,
         other balls.
@@ -427,18 +428,19 @@ def certify(
         balls of one lot. By default lot 0, but another lot in each numbered test.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such; three and more. The scatter of their hits counts, too.
+        laboratory, or a folder of such folders; at least three tests. The scatter of their hits is
+        included in the estimated scatter.
     uncertainty
-        Method to propagate it; Monte Carlo draws until two digits of u are right.
+        Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
     progress
         Function that is called with the present task.
 
     Raises
     ------
     InputError
-        An unknown name, a file that cannot be used, a seed that is no whole number from 0, a
-        number, test or lot without a seed, one of them where nothing is random, a film at a rig
-        without a camera, a history of other tests.
+        An unknown name, a file that cannot be used, a seed that is not a whole number from 0 up, a
+        number, test or lot without a seed or if nothing is random, a film at a rig without a
+        camera, a history of other tests.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
@@ -628,23 +630,23 @@ def sweep(
 
         Or a sheet, or a list of several.
     laboratories
-        Number of laboratories, those of the seed by number, from 0.
+        Number of laboratories of this seed, numbered from 0.
     seed
         Seed of the study.
     individual
-        Every laboratory gets a made bat of its own, as in ``certify``.
+        Give every laboratory an individual bat, as in ``certify``, instead of the nominal one.
     workers
         Number of processes, each with one thread, that share the laboratories.
     certificates
         Folder for a result folder of each test, ``BAT-PROCEDURE-NUMBER``.
 
-        As ``Certificate.save`` writes them; `load`, `verify` and `report` take them.
+        They are written as by ``Certificate.save``; `load`, `verify` and `report` read them.
     traces
-        Instruments write every edge and count, as in ``certify``: certificates then have the
-        records of the encoder, figures of them, and a bat of its own in every laboratory. A folder
-        takes 540 kB with them, 190 kB without.
+        Let the instruments write every edge and count, as in ``certify``. The certificates then
+        include the encoder records and their figures, and every laboratory has an individual bat.
+        A folder takes 540 kB with traces, 190 kB without.
     truth
-        Certificates keep the sealed truth, which ``score`` compares with; 90 kB.
+        Store the sealed truth with each certificate, for ``score``; 90 kB.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 
@@ -664,13 +666,13 @@ def sweep(
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a seed that is no whole number from 0, no
+        Unknown names, files that cannot be used, a seed that is not a whole number from 0 up, no
         laboratory, no worker.
     """
     from virtual_lab.studies.sweep import sweep_tests
 
     if traces and certificates is None:
-        raise InputError("", "traces", traces, "allowed with certificates=FOLDER, which keep them")
+        raise InputError("", "traces", traces, "allowed only with certificates=FOLDER")
     keep = None if certificates is None else partial(_keep, Path(certificates), seed, truth)
     return sweep_tests(
         entry_names(bats),

@@ -128,7 +128,7 @@ def advice(rule: ParameterRule, value: Any) -> str:
 
 
 def first_line(module: str, name: str) -> str:
-    """Return the first line of a function's docstring, of which nothing is parsed."""
+    """Return the first line of a function's docstring without importing its module."""
     return _header(module, name).split('"""')[1].split("\n")[0]
 
 

@@ -49,9 +49,9 @@ def campaign(
     folder
         Folder of the campaign: a new one, or one of the same study, which is continued.
     workers
-        Number of processes on this machine, each with one thread; 1 stands for this process.
+        Number of processes on this machine, each with one thread; 1 uses the present process.
     blocks
-        Make the Nth of M shares only, ``N/M``, as a job of an array does: ``3/40``.
+        Make only share N of M, ``N/M``, for example ``3/40`` in a job array.
     dask
         Address of a Dask scheduler whose workers see the same folder, ``tcp://HOST:8786`` (extra
         ``dask``); it replaces the processes.

@@ -261,7 +261,7 @@ def _shipped_text(kind: str, name: str) -> str:
 
 @contextmanager
 def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
-    """Let texts stand in the place of files, by kind and name, as long as the context lasts.
+    """Read texts instead of catalog files, by kind and name, within the context.
 
     Yields the keys of all entries that are read meanwhile.
     """
@@ -277,13 +277,13 @@ def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
 
 
 def texts_in_place() -> Mapping[Key, str]:
-    """Return the texts that stand in the place of files now."""
+    """Return the texts that are read instead of catalog files in the present context."""
     in_place = _in_place.get()
     return in_place.texts if in_place else {}
 
 
 def require_own_names(key: str, names: Sequence[str]) -> None:
-    """Refuse two entries of one name, as tables would take them for one."""
+    """Raise `InputError` if two entries have the same name, which tables could not distinguish."""
     for name in names:
         if names.count(name) > 1:
             raise InputError("", key, name, "is given twice; each needs its own name")

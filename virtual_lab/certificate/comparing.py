@@ -99,7 +99,10 @@ def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
 
 
 def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
-    """Yield the cells of a CSV file that differ from `here`, or a difference of its size."""
+    """Yield the cells of a CSV file that differ from the text `here`.
+
+    If the numbers of rows or columns differ, only this difference is yielded.
+    """
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
     except InputError as fault:

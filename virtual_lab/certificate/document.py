@@ -672,9 +672,9 @@ def number_of(stated: Mapping[str, Any]) -> str:
 
 
 def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated | None:
-    """Return the risk of a verdict that the limit alone decides, None of any other.
+    """Return the risk of a verdict that depends on the limit alone, None for other verdicts.
 
-    `eligible` says whether the bat meets every rule but the limit.
+    `eligible` says whether the bat meets all rules other than the limit.
     """
     value, u, limit = metric.value, metric.u, metric.limit
     if value is None or not u or limit is None or not eligible or verdict == "INVALID":

@@ -33,7 +33,10 @@ def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
 
 
 def hits_figure(document: CertificateDocument) -> str:
-    """Return the metric hit by hit, over the place on a scan, and against the limit, as SVG."""
+    """Return an SVG figure of the metric of each hit, and of the result against the limit.
+
+    The hits are drawn in the order of the shots; those of a scan against the impact position.
+    """
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0
     limit = None if metric.limit is None else metric.limit / printed.unit_si
@@ -115,7 +118,10 @@ def budget_figure(document: CertificateDocument) -> str:
 
 
 def rebound_figure(document: CertificateDocument) -> str | None:
-    """Return e_A by the recoil against e_A by the rebound, hit by hit, as SVG; None without two."""
+    """Return an SVG figure of e_A from rebound against e_A from recoil, one point per hit.
+
+    None if fewer than two hits have both values.
+    """
     both = [
         (row, row.recoil_efficiency, row.rebound_efficiency)
         for row in document.shots

@@ -39,7 +39,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def document_classes(kind: Any) -> dict[str, type]:
-    """Return the dataclasses of which the values of a type are made, by name."""
+    """Return the dataclasses that occur in a type, by name."""
     if isinstance(kind, type) and is_dataclass(kind):
         inner = [document_classes(each) for each in get_type_hints(kind).values()]
         return {kind.__name__: kind} | {name: each for part in inner for name, each in part.items()}

@@ -166,7 +166,7 @@ def branch(day: Folder, entry: int, folder: Folder) -> Answer:
 
 
 def check(scenario: AnyName) -> StudyResult:
-    """Try a scenario of your own: minutes, shots, and what an expert finds."""
+    """Try a scenario of your own: minutes, shots, and the faults that an expert finds."""
     from virtual_lab.bench.entrance.review import check_scenario
 
     return check_scenario(str(scenario))

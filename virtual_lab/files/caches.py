@@ -17,10 +17,10 @@ CACHE = "NUMBA_CACHE_DIR"
 
 
 def provide_cache(package: Path) -> None:
-    """Set numba's cache to a temporary folder if it can write none of its usual ones.
+    """Set numba's cache to a temporary folder if none of the usual folders is writable.
 
-    These are a folder that the user named, ``__pycache__`` beside the code of `package`, and the
-    cache of the user's home. A line on stderr names a temporary folder when it is made.
+    The usual folders are the one that the user names, ``__pycache__`` beside the code of `package`,
+    and the cache in the user's home. A line on stderr names the temporary folder when it is made.
     """
     named, home = os.environ.get(CACHE), Path("~/.cache").expanduser()
     usual = [package / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or home, "numba")]
@@ -41,7 +41,7 @@ def provide_cache(package: Path) -> None:
 def one_process_at_a_time(compiled: Decorator) -> Decorator:
     """Return the decorator `compiled`, which compiles a function, such that other processes wait.
 
-    Numba keeps a generalised function in two files, its loop and what calls it. If two processes
+    Numba keeps a generalised function in two files: its loop and its caller. If two processes
     compile it at the same time, the files may come from different processes, and every later
     call ends in a segmentation fault. On Windows, and where a file system has no locks, nobody
     waits.

@@ -239,7 +239,9 @@ def constants_known() -> Iterator[None]:
 
 
 def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
-    """Reduce records, all shots together, because they share vibrations; return the readings too.
+    """Return the reduction of the records of a block, and the readings of its shots.
+
+    All shots are reduced together, because they share the frequencies of the vibrations.
 
     Raises
     ------
@@ -253,7 +255,7 @@ def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
 
 @constants_known()
 def prepare(block: SessionBlock) -> Preparation:
-    """Return the results of bench and wall rig, before or after the bats were hit.
+    """Return the results of bench and wall rig, which need no hits on the bats.
 
     Raises
     ------

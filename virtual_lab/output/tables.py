@@ -55,7 +55,7 @@ def _of_part(name: str, column: Column) -> Column:
 def record(row: Any) -> Mapping[str, Any]:
     """Return a row's values by key, of a dataclass or of a mapping.
 
-    A dataclass or mapping within stands as so many keys, its own name before theirs:
+    The keys of a nested dataclass or mapping are prefixed with its name:
     ``recoil_rms``; an `inline` one under theirs alone.
     """
     if isinstance(row, Mapping):

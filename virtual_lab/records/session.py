@@ -305,7 +305,7 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
 
 
 def require_channel(stage: str, channel: str, where: Path) -> None:
-    """Refuse names of a stage and a channel that could lead out of the folder they lie in."""
+    """Raise `InputError` if the name of a stage or a channel could lead out of the folder."""
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
             allowed = "allowed as names: letters, digits, - and _"
@@ -317,7 +317,7 @@ def _entries(constants: Mapping[str, Estimate]) -> dict[str, Any]:
 
 
 def entry_of_constant(constant: Estimate) -> dict[str, Any]:
-    """Return a constant as a table of JSON, without what is not stated."""
+    """Return a constant as a JSON object, without the keys that are not stated."""
     entry: dict[str, Any] = {"value": constant.value, "u": constant.u}
     if constant.dof != inf:
         entry["dof"] = constant.dof

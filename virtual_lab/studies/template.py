@@ -39,7 +39,7 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    The procedure ``laboratory`` stands for an empty file of who tests what for whom, for
+    The procedure ``laboratory`` means an empty file of particulars (laboratory, customer, bat), for
     ``certify``. If an error is raised, no partial files are left.
 
     Parameters

@@ -19,7 +19,7 @@ Whole = NDArray[np.int64]
 
 @njit(cache=True, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
-    """Fill `out` with the sums of `hits` (laboratory, k, hit) by `weights` (laboratory, hit)."""
+    """Fill `out` (laboratory, k) with weighted sums of `hits` (laboratory, k, hit)."""
     for laboratory in range(len(hits)):
         for k in range(hits.shape[1]):
             total = 0.0

@@ -163,11 +163,12 @@ def guard_band(
     u, dof, lower, upper
         As for `risk`.
     r
-        w = r U with U = k u for 95 % (k = 2 with infinite `dof`); 1 accepts only what surely
-        conforms, 0 is simple acceptance, -1 rejects only what surely does not.
+        Guard band over U: w = r U with U = k u for 95 % (k = 2 with infinite `dof`). With r = 1
+        only items that certainly conform are accepted, r = 0 is simple acceptance, and with r = -1
+        only items that certainly do not conform are rejected.
     target
-        In the place of r: the largest customer's risk. With a `prior` it is the joint one of all
-        items; without the specific one of an item at the acceptance limit.
+        Largest customer's risk, in place of r: with a `prior` the joint risk of all items, without
+        one the specific risk of an item at the acceptance limit.
     prior
         As for `risk`.
     """

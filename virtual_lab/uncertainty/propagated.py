@@ -145,7 +145,7 @@ class Propagated:
 
 
 def beyond_rounding(u: float, value: float) -> float:
-    """Return u, 0 if it is no more than the rounding of the value."""
+    """Return u, or 0 if it is only the rounding error of the value."""
     return u if u > LAST_BITS * abs(value) else 0.0
 
 

@@ -50,28 +50,38 @@ def propagate_inputs(
     Parameters
     ----------
     model
-        A function of named inputs. It returns one number or a mapping of names to numbers; of
-        rows of inputs, arrays (k,), the same of arrays. One that takes numbers only is called row
-        by row, and a note says so. An input by groups of n observations is (k, n) or (n,).
+        A function of named inputs that returns one number, or a mapping of names to numbers. It is
+        called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it is called
+        row by row, and a note says so. An input with groups of n observations is an array (k, n),
+        or (n,) row by row.
     inputs
-        By name an `Input`, a certain number, or readings (n,), whose mean and its scatter count;
-        by a tuple of m names readings (n, m) that were taken together.
+        For each name an `Input`, a number without uncertainty, or readings (n,), whose mean and
+        standard uncertainty of the mean are used. A tuple of m names has readings (n, m) that were
+        taken together.
     correlations
-        Between two inputs, ``{("a", "b"): 0.5}``; all others are 0.
+        Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method
-        ``first-order``: GUM 5.1 with differences over ± u, and Welch–Satterthwaite;
-        ``second-order``: mean and variance with the terms of GUM 5.1.2, note; ``monte-carlo``:
-        JCGM 101, the interval of equal tails, and the shortest; of several outputs JCGM 102.
+        ``first-order``: GUM 5.1 with differences over ± u, and Welch–Satterthwaite.
+        ``second-order``: mean and variance with the terms of GUM 5.1.2, note. ``monte-carlo``:
+        JCGM 101, with the probabilistically symmetric and the shortest interval; JCGM 102 for
+        several outputs.
     probability
-        Of the coverage interval, between 0 and 1.
-    digits, draws, rule, validate, seed
-        Of Monte Carlo. Without `draws` their number is such that value, u and ends are right to
-        half a unit of the last of so many digits of u; by ``stein`` all with 95 %, ``7.9`` is the
-        standard's own rule. With `validate` to a fifth, and clause 8 judges the first order.
-        `draws` are rounded up to a multiple of 16 384.
+        Coverage probability of the interval, between 0 and 1.
+    digits
+        Number of significant digits of u. Without `draws`, Monte Carlo draws until value, u and
+        ends of the interval are accurate to half a unit of the last of these digits.
+    draws
+        Number of Monte Carlo draws, rounded up to a multiple of 16 384.
+    rule
+        Rule for the number of draws: ``stein`` meets the tolerance for all numbers together with a
+        probability of 95 %; ``7.9`` is the rule of the standard.
+    validate
+        Whether to draw to a fifth of this tolerance and judge the first order by clause 8.
+    seed
+        Seed of the draws.
     progress
-        Called with a text, the number of draws made and, where it is known, of all; by default
-        shown on stderr when they take long.
+        Function that is called with a text, the number of draws made, and the number of all draws.
+        By default long runs print both on stderr.
 
     Raises
     ------

@@ -167,7 +167,10 @@ def test_a_file_of_time_stamps_sets_the_times(content: str, tmp_path: Path) -> N
     [
         ("0\n.1\n", "time stamps = 2; the clip has 3"),
         ("0\n.1\n.2\n.3\n", "time stamps = 4; the clip has 3"),
-        ("0\n.2\n.1\n", "time stamp 2 = 0.1; must be 1e-08 s later than the one before, 0.2"),
+        (
+            "0\n.2\n.1\n",
+            "time stamp 2 = 0.1; must be at least 1e-08 s later than the one before, 0.2",
+        ),
         ("0\n.1\n.1\n", "time stamp 2"),
         ("0\nnan\n.2\n", "row 2: time_s = 'nan'; expected a number"),
         ("time_s\n0\n.1\ninf\n", "row 4: time_s = 'inf'; expected a number"),
@@ -194,10 +197,10 @@ def test_missing_time_stamps_are_named(tmp_path: Path) -> None:
 def test_unreliable_rates_and_containers_give_a_warning(tmp_path: Path) -> None:
     """AVI at 10 kfps keeps 9 of 24 frames, MKV has steps of 1 ms, and slow motion plays at 30."""
     frames = noise()
-    assert "AVI loses" in " ".join(open_clip(WRITERS["avi"](tmp_path, frames), FAST).warnings)
+    assert "AVI files lose" in " ".join(open_clip(WRITERS["avi"](tmp_path, frames), FAST).warnings)
     assert "1 ms" in " ".join(open_clip(WRITERS["mkv"](tmp_path, frames), FAST).warnings)
     slow = open_clip(write_video(tmp_path / "b.mp4", frames, 30), FAST)
-    assert "30 frames a second, the calibration 5000" in " ".join(slow.warnings)
+    assert "30 frames per second, the calibration 5000" in " ".join(slow.warnings)
     np.testing.assert_allclose(np.diff(slow.times), 1 / 5000)
     alone = ClipCalibration(metres_per_pixel=1e-3)
     by_file = open_clip(write_video(tmp_path / "b.mp4", frames, 240), alone)
@@ -210,8 +213,11 @@ def test_unreliable_rates_and_containers_give_a_warning(tmp_path: Path) -> None:
     [
         ("metres_per_pixel = 0.001\nfps = 3", "fps; unknown key"),
         ("metres_per_pixel = -1.0", "metres_per_pixel = -1.0"),
-        ("frames_per_second = 5000", "no length is known"),
-        ("ball_diameter_m = 0.07\nframes_per_second = 1e3\nexposure_s = 0.1", "longer than a"),
+        ("frames_per_second = 5000", "the scale is unknown"),
+        (
+            "ball_diameter_m = 0.07\nframes_per_second = 1e3\nexposure_s = 0.1",
+            "longer than the frame",
+        ),
         ("ball_diameter_m = 0.07\n[camera]\nimage_size = [4, 3]", "camera.matrix; this key is m"),
     ],
 )
@@ -240,9 +246,9 @@ def test_given_keys_replace_those_of_the_file(tmp_path: Path) -> None:
     other = read_calibration(path, {"ball_diameter_m": 0.073, "frames_per_second": 120.0})
     assert (other.ball_diameter_m, other.frames_per_second) == (0.073, 120)
     assert other.exposure_s == 4e-3
-    with pytest.raises(InputError, match=r"cal.toml.*longer than a frame"):
+    with pytest.raises(InputError, match=r"cal.toml.*longer than the frame interval"):
         read_calibration(path, {"frames_per_second": 480.0})
-    with pytest.raises(InputError, match="no length is known"):
+    with pytest.raises(InputError, match="the scale is unknown"):
         read_calibration(None)
 
 

@@ -287,7 +287,7 @@ def test_a_ball_that_leaves_the_picture_and_comes_back_flies_once(tmp_path: Path
 def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None:
     """A rate four times too high would give sixteen times g."""
     _, result = followed("thrown-on-wall")
-    with pytest.raises(InputError, match=r"would fall with 1[4-7]\d.* --fps (29|30|31)"):
+    with pytest.raises(InputError, match=r"would fall at 1[4-7]\d.* --fps (29|30|31)"):
         follow_blobs(result.clip, result.watched, replace(result.knowledge, rate=120.0))
 
 

@@ -79,9 +79,9 @@ def test_each_ruler_checks_the_other(followed: Followed) -> None:
     assert document["from"] == "gravity"
     assert document["checks"][0]["from"] == "ball"
     assert document["checks"][0]["off_u"] == pytest.approx(apart)
-    said = f"by gravity ({100 * result.scale.relative_u:.2g} %); by the ball's size "
+    said = f"from gravity ({100 * result.scale.relative_u:.2g} %); the ball's size gives "
     assert said in track_text(result)
-    assert f"{abs(apart):.1f} u off)" in track_text(result)
+    assert f"a difference of {abs(apart):.1f} u)" in track_text(result)
     assert [each.source for each in again(result, ruler="ball").checks] == ["gravity"]
 
 
@@ -101,7 +101,7 @@ def test_a_rolled_camera_is_stated_and_changes_no_speed(followed: Followed) -> N
         assert one.value == pytest.approx(other.value, rel=2e-3)
     roll = track_document(rolled)["scale"]["roll_deg"]
     assert roll - straight == pytest.approx(8, abs=0.1)
-    assert f"points {roll:.0f} deg to the right of the picture's down" in track_text(rolled)
+    assert f"points {roll:.0f} deg to the right of the picture's vertical" in track_text(rolled)
 
 
 def test_a_wrong_diameter_is_flagged_and_changes_no_speed(followed: Followed) -> None:
@@ -148,7 +148,7 @@ def test_a_length_in_the_picture_replaces_both_rulers(followed: Followed) -> Non
 def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(followed: Followed) -> None:
     """A rate ten times too high gives a hundred times g: 981 m/s²."""
     _, result = followed("flat")
-    with pytest.raises(InputError, match=r"ball would fall with 9\d\d.*--fps (59|60|61)\b"):
+    with pytest.raises(InputError, match=r"ball would fall at 9\d\d.*--fps (59|60|61)\b"):
         again(result, rate=600.0)
     slow = again(result, rate=7.5)
     assert "GRAVITY" in slow.flags
@@ -160,7 +160,7 @@ def test_gravity_that_no_flight_shows_is_no_ruler(followed: Followed) -> None:
     few = result.watched.blobs["frame"] < result.contacts[0].frame
     few &= result.watched.blobs["frame"] > result.contacts[0].frame - 5
     short = replace(result.watched, blobs=result.watched.blobs[few], thumbs={})
-    with pytest.raises(InputError, match="no flight shows gravity"):
+    with pytest.raises(InputError, match="no flight measures gravity"):
         follow_blobs(result.clip, short, replace(result.knowledge, ruler="gravity"))
 
 

@@ -198,7 +198,7 @@ def test_time_stamps_account_for_lost_frames(tmp_path: Path) -> None:
     np.save(tmp_path / "clip.npy", np.stack([frames[k] for k in numbers]))
     plain = track_hit(tmp_path / "clip.npy", stamped(tmp_path, t[: len(numbers)]))
     assert "NOT_SHARP" in plain.flags
-    assert any("by more than its time stamps say" in each for each in plain.warnings)
+    assert any("farther than the time stamps explain" in each for each in plain.warnings)
 
 
 def stamped(at: Path, times: NDArray[np.float64]) -> ClipCalibration:

@@ -126,10 +126,10 @@ def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float])
 
 
 def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
-    """Return the share of due steps that were done in time or omitted for a reason, in words too.
+    """Return the share of due steps done in time or skipped for a good reason, and a sentence.
 
-    A noted reason counts unless the records contradict it; the last note on a step counts. Without
-    a due step the score is 0.
+    A noted reason is good unless the records contradict it; only the last note on a step counts.
+    The score is 0 if no step was due.
     """
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in judged if each.step}

@@ -143,11 +143,11 @@ def pairs(
     statement
         Gives the sentence of a laboratory, without the size in standard uncertainties.
     components
-        Components of the uncertainty of `value`, of which `least` is a lower bound.
+        Components of the uncertainty of `value`. The combined uncertainty is at least `least`.
     moves
         Largest shift of the result per unit of `value`, in the result's standard uncertainties.
     among
-        Number of like differences of which this is the least likely.
+        Number of similar differences from which this one, the least likely, was selected.
     compared
         Mask of the laboratories with both measurements; None: all.
     """

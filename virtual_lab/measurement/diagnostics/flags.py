@@ -127,7 +127,7 @@ def check(evidence: Evidence) -> Checked:
 def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
     """Yield a flag for each instrument whose next calibration was due before the test.
 
-    `date` is that of the test where the particulars state none.
+    `date` is the date of the test, used if the particulars state none.
     """
     day = particulars.test.begun or date
     for name, each in particulars.instruments.items():

@@ -102,7 +102,7 @@ def empty_rates(shots: int) -> RateFit:
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates computed by the encoder's recorder, without data of its unknown fit."""
+    """Return the rates that the encoder's recorder computed; fields about its fit are NaN."""
     return replace(
         empty_rates(len(record.rate)),
         rate=record.rate,

@@ -215,7 +215,7 @@ class Sets(NamedTuple):
 
 
 def is_certain(values: Array) -> bool:
-    """Tell if all sets (..., k, 1) share one number in memory: a constant without uncertainty."""
+    """Return whether a constant is certain: its `values` (..., k, 1) are one number in memory."""
     return values.strides[-2] == 0
 
 

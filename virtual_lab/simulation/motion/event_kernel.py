@@ -265,7 +265,7 @@ def _write(state: Moving, row: Array) -> None:
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
     """Continue the shots to the next contact with the bat or to their end, and log the events.
 
-    `efficiency` is the e_A of the contacts that the shots wait for, (len(shots),).
+    `efficiency` is the e_A of the present contact of each shot, (len(shots),).
     """
     for number in range(shots.size):
         i = shots[number]

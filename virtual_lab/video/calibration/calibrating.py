@@ -103,18 +103,21 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     looked, size, plane, blur = _find_boards(pictures, plan)
     views = {name: view for name, view in looked.items() if view}
     if len(views) < DEMANDS.least_views:
-        many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
-        allowed = f"at least {DEMANDS.least_views} must show the board (is it {many}?)"
+        many = f"{plan.board.columns}x{plan.board.rows} squares"
+        allowed = (
+            f"at least {DEMANDS.least_views} pictures must show the board; does it have {many}? "
+            "Count squares, not inner corners"
+        )
         raise InputError("", "pictures with a board", len(views), allowed)
     if plane is None:  # no other view replaces the one that was requested
         raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
     if plane not in views:
-        allowed = "no board was found in it; name one that shows it flat with --plane"
+        allowed = "this picture shows no board; name a picture with the board in the ball's plane"
         raise InputError(plane, "plane view", None, allowed)
     solved = _solve(plan.board.corners(), [*views.values()], size, [*views].index(plane))
     _require_sound(solved)
     if not plan.height < (far := float(solved.values[-1])):
-        allowed = f"the camera itself is {far:.3g} m over the board"
+        allowed = f"allowed: less than the height of the camera above the board, {far:.3g} m"
         raise InputError("", "--height", f"{plan.height:g} m", allowed)
     shares = _length_u(solved, size, plan)
     relative = float(np.hypot(shares.max(), plan.square_u / plan.board.square))
@@ -163,24 +166,30 @@ def _find_boards(
         picture_size = (picture.shape[1], picture.shape[0])
         size = size or picture_size
         if picture_size != size:
-            allowed = f"the first is {size[0]} x {size[1]}: all must be one camera's"
+            allowed = f"the first is {size[0]} x {size[1]}; all pictures must be of one camera"
             raise InputError(name, "size", f"{picture_size[0]} x {picture_size[1]}", allowed)
         view = find_board(picture, plan.board)
         if plane is None and plan.plane in (None, name, Path(name).name):
             plane, blur = name, lens_blur_of(picture, view, plan.board) if view else np.nan
         looked[name] = view
     if size is None:
-        raise InputError("", "pictures", 0, f"at least {DEMANDS.least_views} of a board")
+        raise InputError("", "pictures", 0, f"needs at least {DEMANDS.least_views} of a board")
     return looked, size, plane, blur
 
 
 def _require_sound(solved: Solved) -> None:
     if solved.rms > (most := DEMANDS.greatest_rms_px):
-        allowed = f"less than {most:g} (another board, or pictures of several cameras?)"
+        allowed = (
+            f"allowed: less than {most:g}; check the size of the board, and that all pictures are "
+            "of one camera"
+        )
         raise InputError("", "residuals, pixels", f"{solved.rms:.2g}", allowed)
     vague = float((solved.u[:2] / solved.values[:2]).max())
     if not vague < DEMANDS.greatest_focal_u:
-        allowed = f"less than {DEMANDS.greatest_focal_u:g}: more pictures, held askew by 30 deg"
+        allowed = (
+            f"allowed: less than {DEMANDS.greatest_focal_u:g}; add pictures of the board tilted "
+            "by about 30 deg"
+        )
         raise InputError("", "relative u of the focal length", f"{vague:.2g}", allowed)
 
 
@@ -217,21 +226,21 @@ def _warnings(
     if without := [name for name, view in looked.items() if not view]:
         yield f"no board was found in {', '.join(without)}"
     if solved.rms > DEMANDS.rough_rms_px:
-        yield f"residuals of {solved.rms:.2g} pixels are large: is the board flat?"
+        yield f"residuals of {solved.rms:.2g} pixels are large; check that the board is flat"
     names = [name for name, view in looked.items() if view]
     for name, lost in zip(names, solved.left_out, strict=True):
         if lost:
-            yield f"{name}: corners far off were left out, {lost} of them"
+            yield f"{name}: corners with large residuals were left out, {lost} in all"
     share = cv2.contourArea(cv2.convexHull(solved.places.astype(np.float32))) / (size[0] * size[1])
     if share < DEMANDS.least_covered:
         yield (
-            f"the boards reach over {100 * share:.0f} % of the picture: beyond them the lens's "
-            "distortion is not known"
+            f"the boards cover {100 * share:.0f} % of the picture; the distortion of the lens is "
+            "unknown outside them"
         )
     if plan.square_u == 0:
-        yield "the squares' side is taken as exact: say how sure it is with --square-u"
+        yield "the side of the squares is assumed to be exact; state its u with --square-u"
     if plan.height_u == 0:
-        yield "the ball's plane is taken as exactly known: see --height-u"
+        yield "the height of the ball's plane is assumed to be exact; state its u with --height-u"
 
 
 def _solve(corners: Array, views: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
@@ -255,7 +264,7 @@ def _solve(corners: Array, views: list[BoardView], size: tuple[int, int], plane:
             return replace(solved, left_out=np.bincount(view) - np.bincount(solved.view))
         inliers[inliers] = good
         if np.bincount(view[inliers], minlength=len(views)).min() < 6:
-            why = "one of the pictures fits no lens that fits the others"
+            why = "one of the pictures does not fit the lens of the others"
             raise InputError("", "camera", None, why)
 
 
@@ -280,7 +289,7 @@ def _fit(
             criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12),
         )
     except cv2.error as fault:
-        why = "OpenCV finds none that fits: are the views all alike, or of another board?"
+        why = "OpenCV finds no lens that fits; the views may be too similar, or of another board"
         raise InputError("", "camera", None, why) from fault
     rotations = [np.asarray(cv2.Rodrigues(each)[0], np.float64) for each in turns]
     axes = _axes(rotations[plane])

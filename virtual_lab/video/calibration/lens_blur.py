@@ -17,9 +17,10 @@ from virtual_lab.video.calibration.board_finding import BoardView
 def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
     """Measure the standard deviation of the lens's blur in a picture of a board [pixel], 0.1 to 10.
 
-    Across an edge, brightness follows a normal distribution function. Its variance is that of the
-    lens plus that of a pixel, 1/12. Beyond a strip of paper a marker begins. The width is the
-    one that fits the middle halves of all edges best; each edge has two levels of its own.
+    Across an edge of a square, the brightness follows a normal distribution function whose
+    variance is that of the lens plus that of a pixel, 1/12. One width is fitted to the middle
+    halves of all edges; each edge has its own dark and bright level. The model includes the marker
+    that begins beyond a strip of paper.
     """
     edge, off, value, paper = _beside_edges(picture, view, board)
     count = np.maximum(np.bincount(edge), 1)

@@ -57,7 +57,7 @@ class CameraModel(Spec):
             count = len(self.distortion)
             raise ValueError(f"distortion has 4, 5, 8, 12 or 14 numbers, not {count}")
         if min(self.matrix[0][0], self.matrix[1][1]) < 1 or self.matrix[2] != (0.0, 0.0, 1.0):
-            needed = "focal lengths of 1 pixel and more, and 0, 0, 1 at its end"
+            needed = "focal lengths of at least 1 pixel, and 0, 0, 1 as its last row"
             raise ValueError(f"matrix needs {needed}")
         import cv2
 
@@ -65,7 +65,9 @@ class CameraModel(Spec):
         above = self.plane_height_m + float(turn[:, 2] @ self.translation_m)
         grazing = abs(turn[2, 2]) < 0.02  # the camera looks along the plane, not at it
         if grazing or not above * turn[2, 2] > 0:
-            raise ValueError("rotation and translation_m leave the ball's plane out of its sight")
+            raise ValueError(
+                "with this rotation and translation_m the camera does not see the ball's plane"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,14 +96,14 @@ class ClipCalibration(Spec):
         for name in ("metres_per_pixel", "frames_per_second", "ball_diameter_m"):
             value = getattr(self, name)
             if value and getattr(self, f"{name}_u") > value / 2:
-                raise ValueError(f"{name}_u is more than half of {name}: it is not known")
+                raise ValueError(f"{name}_u is larger than half of {name}")
         if self.camera and self.metres_per_pixel:
-            raise ValueError("metres_per_pixel and [camera] both set the scale: give one")
+            raise ValueError("metres_per_pixel and [camera] both set the scale; give only one")
         if self.timestamps is not None and self.frames_per_second_u:
-            raise ValueError("frames_per_second_u says nothing where timestamps are given")
+            raise ValueError("frames_per_second_u has no effect if timestamps are given")
         step = 1 / self.frames_per_second if self.frames_per_second else None
         if step and self.exposure_s and self.exposure_s > step * (1 + 1e-9):
-            raise ValueError(f"exposure_s is longer than a frame, {step:.4g} s")
+            raise ValueError(f"exposure_s is longer than the frame interval, {step:.4g} s")
 
 
 def read_calibration(
@@ -123,5 +125,5 @@ def read_calibration(
             "give --ball, --scale or --ruler gravity, or metres_per_pixel or [camera] in a "
             "calibration file"
         )
-        raise InputError(str(path or ""), "scale", None, f"no length is known: {allowed}")
+        raise InputError(str(path or ""), "scale", None, f"the scale is unknown; {allowed}")
     return calibration

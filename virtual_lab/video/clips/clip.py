@@ -135,7 +135,7 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield items in order, the next one made in a thread; what it raises is raised here."""
+    """Yield items in order while a thread makes the next one; its errors are raised here."""
     with ThreadPoolExecutor(1) as worker:
         coming = worker.submit(next, items, None)
         while (item := coming.result()) is not None:

@@ -46,14 +46,14 @@ class Source:
             size = "" if frame is None else _size(frame, f"{self.path}: frame {count}")
             first = first or size
             if size and size != first:
-                allowed = f"the first is {first}: all have one size and depth"
+                allowed = f"the first frame is {first}; all frames need the same size and depth"
                 raise InputError(str(self.path), f"frame {count}", size, allowed)
             count += 1
             yield frame, stamp
         if count == 0:
-            raise InputError(str(self.path), "frames", 0, "no frame in it can be read")
+            raise InputError(str(self.path), "frames", 0, "no frame can be read")
         if count < self.declared and not self.estimated:
-            allowed = f"the file says it holds {self.declared} (is it cut short?)"
+            allowed = f"the file states {self.declared} frames (is it cut short?)"
             raise InputError(str(self.path), "frames that can be read", count, allowed)
 
 

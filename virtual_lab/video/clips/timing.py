@@ -33,22 +33,22 @@ def frame_times(
     rounding = MILLISECOND if _are_rounded(stamps) else 0.0
     warnings = []
     if kind == ".avi" and fastest >= 2000:  # as observed
-        warnings.append("AVI loses frames without a word at 2000 a second and above")
+        warnings.append("AVI files lose frames without a warning at 2000 per second and above")
     if rounding * fastest > 0.5:
-        warnings.append("the file rounds time stamps to 1 ms: they do not show lost frames")
+        warnings.append("the file rounds time stamps to 1 ms, so they do not show lost frames")
     if calibration.timestamps is not None:
         times = _read_stamps(Path(calibration.timestamps), count)
         if nominal and abs((rate := 1 / float(np.median(np.diff(times)))) / nominal - 1) >= 0.01:
             warnings.append(
-                f"the time stamps say {rate:.6g} frames a second, frames_per_second {nominal:.6g}: "
-                "the time stamps were used"
+                f"the time stamps mean {rate:.6g} frames per second, but frames_per_second is "
+                f"{nominal:.6g}; the time stamps are used"
             )
         return times, tuple(warnings)
     if nominal:
         if source.rate and abs(source.rate / nominal - 1) >= 0.01:
             warnings.append(
-                f"the file says {source.rate:.6g} frames a second, the calibration {nominal:.6g}: "
-                "the calibration's were used"
+                f"the file states {source.rate:.6g} frames per second, the calibration "
+                f"{nominal:.6g}; the rate of the calibration is used"
             )
         steps = np.diff(stamps)
         if len(steps) > 1 and np.isfinite(steps).all():
@@ -56,7 +56,7 @@ def frame_times(
             if gaps.size:
                 warnings.append(
                     f"the file's time stamps jump after frame {gaps[0]} ({gaps.size} jumps in "
-                    "all): frames may be missing there"
+                    "all); frames may be missing there"
                 )
         return np.arange(count) / nominal, tuple(warnings)
     times, more = _own_times(source, stamps, rounding)
@@ -66,26 +66,26 @@ def frame_times(
 def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, list[str]]:
     """Time of each frame [s] by the file alone, whose time stamps are rounded; and warnings."""
     if source.rate is None:
-        allowed = "the clip says nothing of time: give --fps, frames_per_second or timestamps"
+        allowed = "the clip has no frame rate; give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
     warnings = []
     # high-speed cameras write the rate at which they film
     if source.path.suffix.lower() not in HIGHSPEED:
         warnings.append(
-            f"{UNSURE_RATE}, {source.rate:.6g} a second: a slow-motion file declares the rate it "
-            "plays at"
+            f"{UNSURE_RATE}, {source.rate:.6g} per second; a slow-motion file states its playback "
+            "rate"
         )
     even = np.arange(len(stamps)) / source.rate
     if not np.isfinite(stamps).all() or np.ptp(stamps - even) < rounding:
         return even, warnings
     times = _rising(stamps)
     if times is None:
-        warnings.append("the file's time stamps do not rise: frames were counted by its rate")
+        warnings.append("the file's time stamps do not increase; its frame rate is used")
         return even, warnings
     if (changed := np.flatnonzero(times != stamps)).size:
         warnings.append(
-            f"time stamps repeat or fall ({changed.size} frames, the first is {changed[0]}): "
-            "those frames were timed by their neighbours"
+            f"time stamps repeat or decrease ({changed.size} frames, the first is {changed[0]}); "
+            "the times of these frames are interpolated"
         )
     return times, warnings
 
@@ -113,7 +113,7 @@ def _rising(stamps: Array) -> Array | None:
 
 
 def usual_step(times: Array) -> float:
-    """Time between frames [s]: the mean where it is even, else the median."""
+    """Return the time between frames [s]: the mean of equal steps, the median of unequal ones."""
     steps = np.diff(times)
     if not len(steps):
         return 1.0
@@ -121,10 +121,11 @@ def usual_step(times: Array) -> float:
 
 
 def uneven(times: Array) -> bool:
-    """Return whether time stamps (frame,) [s] deviate from an even count by more than .3 step.
+    """Return whether time stamps (frame,) [s] deviate from equal steps by more than 0.3 of a step.
 
-    They do if a frame was left out, or if a phone films more slowly in the dark. Rounding to 1 ms
-    does not cause it up to 240 frames per second. All clips that are even are within .1 of a step.
+    The reason may be a lost frame, or a phone that films more slowly in the dark. Rounding to 1 ms
+    has no such effect up to 240 frames per second. Clips with a constant frame rate stay within 0.1
+    of a step.
     """
     if len(times) < 3:
         return False
@@ -147,6 +148,6 @@ def _read_stamps(path: Path, count: int) -> Array:
         raise InputError(str(path), "time stamps", len(times), f"the clip has {count} frames")
     if (falls := np.flatnonzero(np.diff(times) < step)).size:
         after, before = float(times[falls[0] + 1]), float(times[falls[0]])
-        allowed = f"must be {step:g} s later than the one before, {before!r} s, or more"
+        allowed = f"must be at least {step:g} s later than the one before, {before!r} s"
         raise InputError(str(path), f"time stamp {falls[0] + 1}", after, allowed)
     return times

@@ -168,7 +168,7 @@ class Still:
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
-    """Return the difference of two pictures in the channel with the largest, (row, column) [DN]."""
+    """Return the largest difference of two pictures over the channels, (row, column) [DN]."""
     return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
 
 

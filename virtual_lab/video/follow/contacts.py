@@ -113,8 +113,8 @@ def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
     end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
     words = (
         f"flights {k + 1} and {k + 2} are nearest to each other at {1e3 * step * t:.4g} ms, not "
-        f"between {end:.4g} and {start:.4g} ms where "
-        "one ends and the other begins: they are not those of one contact; none is given"
+        f"between {end:.4g} and {start:.4g} ms, where one ends and the other begins; they do not "
+        "meet in one contact, so no contact is stated"
     )
     return "CONTACT_OUTSIDE", words
 
@@ -190,20 +190,25 @@ def _restitution(
         side = np.array([-normal[1], normal[0]])
         along = np.array([before @ side, after @ side]) / abs(before @ normal)
         if along.prod() < 0 and np.abs(along).min() > CONTACTS.turned_back:
-            why = f"the ball turns back along the {kind}, too: it met two; no restitution is given"
+            why = (
+                f"the ball also reverses along the {kind}, so it struck two surfaces; no "
+                "restitution is stated"
+            )
             return None, "CONTACT_UNCLEAR", why
         slope = float((after + ratio.value * before) @ side / (before @ normal))
         if not sharp and not (kind == "floor" and fit.floor):
             ratio = replace(ratio, u=float(np.hypot(ratio.u, FLIGHT_FIT.slant_u * slope)))
     if ratio.value - CONTACTS.coverage * ratio.u > 1:
         why = (
-            f"the speeds have the ratio {ratio.value:.3g}, and nothing at rest gives back more "
-            "than it takes: it moved, the pictures run backwards, or something else was followed; "
-            "no restitution is given"
+            f"the ratio of the speeds is {ratio.value:.3g}, but an object at rest cannot return "
+            "more speed than it receives; the object moved, the clip runs backwards, or another "
+            "object was followed. No restitution is stated"
         )
         return None, "ABOVE_ONE", why
     if ratio.value <= 0:
-        return None, "CONTACT_UNCLEAR", f"the ball goes on through the {kind}; none is given"
+        why = f"the ball passes through the {kind}; no restitution is stated"
+        return None, "CONTACT_UNCLEAR", why
     if ratio.u > RULER.vague:
-        return None, "CONTACT_UNCLEAR", "the flights say too little of it; no restitution is given"
+        why = "the flights are too uncertain; no restitution is stated"
+        return None, "CONTACT_UNCLEAR", why
     return ratio, "", ""

@@ -22,14 +22,15 @@ from virtual_lab.video.follow.pieces import GROWTH, Piece
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     """Return the positions in a track as blobs, and the flights of its column `flight`.
 
-    Columns: frame, x_px and y_px in the still frame, flight (empty: of none); radius_px (else the
-    median), time_s (else the frame's), drift_x_px and drift_y_px (else 0).
+    Required columns are frame, x_px and y_px in the still frame, and flight (empty: no flight).
+    Optional columns are radius_px (default: the median), time_s (default: the time of the frame),
+    drift_x_px and drift_y_px (default: 0).
 
     Raises
     ------
     InputError
-        No such file, a column that is missing, numbers that cannot be read, a frame that the clip
-        does not have or that comes twice, flights at the same time.
+        The file or a column is missing, a number cannot be read, a frame is not in the clip or
+        occurs twice, or two flights overlap in time.
     """
     table = read_table(path)
     if "flight" not in table:
@@ -42,7 +43,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     order = np.argsort(frames)
     if not (steps := np.diff(frames[order])).all():
         twice = int(frames[order[steps.argmin()]])
-        raise InputError(str(path), "frame", twice, "a frame has one place of the ball")
+        raise InputError(str(path), "frame", twice, "allowed: one position of the ball per frame")
     blobs = np.zeros(len(table), BLOB)
     blobs["frame"] = frames
     for name in ("x", "y"):
@@ -50,7 +51,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         blobs[f"picture_{name}"] = blobs[name] + column(f"drift_{name}_px", otherwise=0.0)
     radius = column("radius_px", otherwise=np.nan)
     if np.isnan(radius).all():
-        raise InputError(str(path), "radius_px", None, "at least one place needs it")
+        raise InputError(str(path), "radius_px", None, "at least one position needs a radius")
     blobs["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
     blobs["length"], blobs["edge"] = blobs["radius"], 0.1 * blobs["radius"]
     times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
@@ -68,6 +69,9 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     pieces.sort(key=lambda each: each.frames[0])
     for one, other in pairwise(pieces):
         if other.frames[0] <= one.frames[-1]:
-            which, allowed = int(other.frames[0]), "a flight begins after the one before has ended"
+            which, allowed = (
+                int(other.frames[0]),
+                "a flight must begin after the previous one has ended",
+            )
             raise InputError(str(path), f"flight at frame {which}", None, allowed)
     return watched, pieces

@@ -65,11 +65,11 @@ class Falls:
     def of_rate(self) -> Note:
         """Note of a rate that was fitted."""
         words = (
-            f"no frame rate is given: by the file's own, {self.knowledge.rate:.4g} a second, and "
-            f"{SAID[self.scale.source]} the ball would fall with {self.shared.value:.3g} m/s²; "
-            f"{with_uncertainty(self.rate, self.rate * self.rate_u)} a second make that "
-            f"{self.knowledge.gravity:.3g}, and are taken, if that length is right "
-            "(--fps says better)"
+            f"no frame rate is given; with the rate that the file states, "
+            f"{self.knowledge.rate:.4g} per second, and {SAID[self.scale.source]} as the scale, "
+            f"the ball would fall at {self.shared.value:.3g} m/s². The rate used, "
+            f"{with_uncertainty(self.rate, self.rate * self.rate_u)} per second, gives "
+            f"{self.knowledge.gravity:.3g} m/s²; it is as accurate as the scale (or use --fps)"
         )
         return "RATE_FITTED", words
 
@@ -78,8 +78,9 @@ class Falls:
         least = self.shared.value - FALLS.apart[0] * self.shared.u
         if least > FALLS.absurd * self.knowledge.gravity:
             allowed = (
-                f"by {SAID[self.scale.source]} the ball would fall with {self.shared.value:.4g} "
-                f"m/s²; --fps {self.rate:.3g} makes that {self.knowledge.gravity:.3g}"
+                f"with {SAID[self.scale.source]} as the scale, the ball would fall at "
+                f"{self.shared.value:.4g} m/s²; --fps {self.rate:.3g} would give "
+                f"{self.knowledge.gravity:.3g} m/s²"
             )
             raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
 
@@ -89,9 +90,10 @@ class Falls:
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
         words = (
-            f"by {SAID[self.scale.source]} the ball falls with {self.shared.value:.3g} m/s², not "
-            f"{g:.3g}: that length is wrong, or the frame rate and with it every speed (slow "
-            f"motion declares the rate it plays at; --fps {self.rate:.3g} would fit)"
+            f"with {SAID[self.scale.source]} as the scale, the ball falls at "
+            f"{self.shared.value:.3g} m/s² instead of {g:.3g} m/s²; either that length is wrong, "
+            "or the frame rate and with it every speed (a slow-motion file states its playback "
+            f"rate; --fps {self.rate:.3g} would fit)"
         )
         return [("GRAVITY", words)]
 
@@ -107,8 +109,8 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
     if apart < coverage or abs(ratio - 1) < share:
         return []
     words = (
-        f"by the length given the ball is {ratio:.3g} times as large as --ball says ({apart:.2g} "
-        "standard uncertainties off): one of the two is wrong"
+        f"measured with the given length, the ball is {ratio:.3g} times as large as --ball states, "
+        f"a difference of {apart:.2g} standard uncertainties; one of the two is wrong"
     )
     return [("BALL_SIZE", words)]
 
@@ -123,36 +125,39 @@ def against_flights(
     if more := beside(scene, ways, pieces):
         first = min(int(each.frames[0]) for each in more)
         words = (
-            f"another ball flies beside the one followed, from frame {first} on: --ball-at says "
-            "which is meant; where they are alike flights may be mixed up"
+            f"from frame {first} on, a second ball flies beside the one that is followed; select "
+            "the ball with --ball-at. Flights of balls that look alike may be mixed up"
         )
         notes.append(("SECOND_BALL", words))
     share = explained_share(scene, ways, pieces)
     if share < FALLS.explained and ways[0].u is None:  # near a bat sharp places are left out
         words = (
-            f"flights explain {100 * share:.0f} % of the frames in which the ball is seen to move: "
-            "in the others it is carried, rolls or is struck, or a flight was missed"
+            f"the flights explain {100 * share:.0f} % of the frames in which the ball moves; in "
+            "the others it is carried, rolls or is struck, or a flight was missed"
         )
         notes.append(("UNEXPLAINED", words))
     frames = np.concatenate([way.frames for way in ways])
     leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
     if leaps:
         words = (
-            f"the background leaps by {max(leaps.values()):.2g} pixels (before frame "
-            f"{min(leaps)}): the camera's drift was lost there, and flights about it may be "
-            "bent or broken; --tripod says that the camera stands"
+            f"the background jumps by {max(leaps.values()):.2g} pixels before frame {min(leaps)}; "
+            "the drift of the camera is unknown there, so flights near that frame may be bent or "
+            "broken. If the camera stands still, use --tripod"
         )
         notes.append(("DRIFT_LEAPS", words))
     if watched.interlaced:
         words = (
-            "each frame holds two fields of different moments (interlaced), so a moving ball is "
-            "seen between them: one frame per field is better, e.g. ffmpeg -i CLIP -vf bwdif=1 "
-            "NEW, with twice the rate"
+            "each frame combines two fields recorded at different times (interlaced), so the image "
+            "of a moving ball is split; convert the clip to one frame per field, for example with "
+            "ffmpeg -i CLIP -vf bwdif=1 NEW, which doubles the frame rate"
         )
         notes.append(("INTERLACED", words))
     if lost := scene.lost(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
-        words = f"frames are missing though time stamps are even ({where}): time was mended"
+        words = (
+            f"frames are missing although the time stamps are even ({where}); the times were "
+            "corrected"
+        )
         notes.append(("LOST_FRAMES", words))
     return notes
 
@@ -161,13 +166,14 @@ def without_flight(pieces: Sequence[Piece]) -> str:
     """Return the reason why there is no flight, and advice."""
     if not pieces:
         return (
-            "nothing round was seen to move smoothly through five frames: --ball-at X,Y@FRAME "
-            "points at the ball, --frames and --region leave out what else moves"
+            "no round object moves smoothly through five frames; point at the ball with --ball-at "
+            "X,Y@FRAME, or exclude other moving objects with --frames and --region"
         )
     places = sum(len(each.t) for each in pieces)
     return (
-        f"nothing falls as gravity lets a ball: what moves ({places} places) is carried, hangs, "
-        "rolls, or is no ball; --ball-at X,Y@FRAME points at it, and the rate (--fps) must be true"
+        f"no object falls freely: whatever moves ({places} positions) is carried, hangs, rolls or "
+        "is not a ball; point at the ball with --ball-at X,Y@FRAME, and check the frame rate "
+        "(--fps)"
     )
 
 
@@ -176,21 +182,23 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
     notes, fit = [], model.fit
     if model.tilted:
         words = (
-            "the acceleration changes over the picture as before a camera that looks up or down by "
-            "ten degrees or more: scale and speeds are those of its middle, by a fitted perspective"
+            "the acceleration changes across the picture, which shows that the camera looks up or "
+            "down by ten degrees or more; a perspective was fitted, and scale and speeds refer to "
+            "the middle of the picture"
         )
         notes.append(("TILTED", words))
     if fit.readout and model.longest:
         words = (
-            f"the shutter rolls: the flights fit a readout of about {fit.readout:.2g} of a "
-            "frame, and the speeds' u covers any up to a frame; --readout says how long it is"
+            f"the camera has a rolling shutter: the flights fit a readout time of about "
+            f"{fit.readout:.2g} frame intervals, and the u of the speeds covers up to one; state "
+            "the readout time with --readout"
         )
         notes.append(("ROLLING_SHUTTER", words))
     if drift > FALLS.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
         words = (
-            "the background has too few edges to show whether the camera moves: the u of "
-            "speeds and restitutions covers a hand's usual drift; --tripod says that the "
-            "camera stands"
+            "the background has too few edges to show whether the camera moves; the u of speeds "
+            "and restitutions covers the usual drift of a hand-held camera. If the camera stands "
+            "still, use --tripod"
         )
         notes.append(("DRIFT_UNSEEN", words))
     return notes
@@ -202,9 +210,12 @@ def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]
     most = max((abs(one.value - other.value) for one, other in pairs if one and other), default=0.0)
     words = (
-        "neither --readout nor --global-shutter is given: a shutter may roll for up to a "
-        "frame, and the speeds' u covers that"
+        "neither --readout nor --global-shutter is given; the u of the speeds covers a rolling "
+        "shutter with a readout time of up to one frame interval"
     )
     if any(one for one, _ in pairs):
-        words += f"; a restitution's does not: half a frame would change one by {most:.2g}"
+        words += (
+            "; the u of the restitutions does not: a readout time of half a frame interval would "
+            f"change one of them by {most:.2g}"
+        )
     return "READOUT_UNKNOWN", words

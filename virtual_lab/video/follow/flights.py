@@ -74,7 +74,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
 
 
 def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
-    """Return whether g bends the longest flight off its chord by so many radii of the ball."""
+    """Return whether g bends the longest flight from its chord by at least `radii` of the ball."""
     longest = max(float(np.ptp(each.t)) for each in flights)
     sag = fit.size * longest**2 / 8
     return sag >= radii * flights[0].radius

@@ -94,8 +94,8 @@ def follow(
 ) -> FollowedClip:
     """Follow the ball through a clip.
 
-    Raises `InputError`: a frame rate by which it would fall absurdly fast, a ruler that shows
-    nowhere.
+    Raises `InputError` if the ball would fall absurdly fast at the given frame rate, or if the
+    chosen ruler cannot be applied to any flight.
     """
     progress("looking for the ball")
     watched = watch(
@@ -147,14 +147,14 @@ def measure(
     Parameters
     ----------
     search
-        Scene and flights, by sharp places where there are such.
+        Scene and flights; with sharp positions if they could be measured.
     fault
-        Reason why there are no sharp places though the camera is calibrated.
+        Reason why a calibrated camera gave no sharp positions; empty otherwise.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]
     if fault:
-        words = f"{fault}: these are places of the ball's hull, as of any clip"
+        words = f"{fault}; the positions are those of the ball's outline, as without calibration"
         notes.append(("NOT_SHARP", words))
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.stands else watched.still.unseen_drift(step)
@@ -196,7 +196,7 @@ def measure(
     notes += against_flights(scene, watched, pieces, ways)
     same = _while_moving(repeats(watched), ways or pieces)
     if same.any():
-        words = f"{same.sum()} frames are stored twice while the ball moves: a repeat is no place"
+        words = f"{same.sum()} frames are stored twice while the ball moves; repeats are ignored"
         notes.append(("REPEATED_FRAMES", words))
     return FollowedClip(
         clip=clip,

@@ -68,7 +68,7 @@ class FittedFlights:
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
-    """Fit by the same model but for what is changed."""
+    """Return the fit of the same model with some settings changed."""
     same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
     return fit_flights(scene, ways, **same | changed)
 

@@ -100,9 +100,9 @@ def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     blobs
         Blobs of all frames in order, an array of `find.blobs.BLOB`.
     time
-        Of each frame in steps of a frame, NaN: a repeat that does not count, (frame,).
+        Time of each frame in frame intervals, (frame,); NaN for a repeated frame, which is ignored.
     pull
-        Acceleration that all share, (2,) [pixels/frame²], where it is known.
+        Acceleration common to all pieces, (2,) [pixels/frame²]; None: unknown.
     """
     whole = [p for p in _Growth(blobs, time, pull).all() if len(p.t) >= GROWTH.least_places]
     return sorted(whole, key=lambda each: each.frames[0])

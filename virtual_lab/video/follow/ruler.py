@@ -92,7 +92,7 @@ class Ruler(PixelScale):
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Return the logarithm of the ratio of scale `other` to `one` over its u."""
+    """Return ln(`other` / `one`) of two scales, divided by its standard uncertainty."""
     apart = float(np.log(other.metres_per_pixel / one.metres_per_pixel))
     return apart / float(np.hypot(one.relative_u, other.relative_u))
 
@@ -128,7 +128,7 @@ def rulers_of(
         rulers += [by_gravity] if by_gravity else []
     if knowledge.ruler == GRAVITY and not any(each.source == GRAVITY for each in rulers):
         allowed = (
-            "no flight shows gravity to a quarter, or the camera is tilted by 10 degrees and more: "
+            "no flight measures gravity to 25 %, or the camera is tilted by 10 degrees or more; "
             "give --ball or --scale"
         )
         raise InputError(where, "--ruler", GRAVITY, allowed)

@@ -131,7 +131,7 @@ def sharpen(
         raise NotSharpError(f"the calibration file does not give {key}")
     if calibration.timestamps is not None and (stepped := scene.lost(ways)):
         raise NotSharpError(
-            f"the ball steps ahead before frame {min(stepped)} by more than its time stamps say"
+            f"before frame {min(stepped)} the ball moves farther than the time stamps explain"
         )
     blobs = watched.blobs[np.concatenate([way.blobs for way in ways])]
     frames, step = blobs["frame"].astype(np.intp), usual_step(clip.times)
@@ -140,9 +140,7 @@ def sharpen(
         expected = knowledge.ball / 2 / knowledge.metres_per_pixel
         least, most = SHARPNESS.size_ratios
         if not least < radius / expected < most:
-            raise NotSharpError(
-                f"nothing round with a radius near {expected:.3g} pixels was seen to fly"
-            )
+            raise NotSharpError(f"no flying round object has a radius near {expected:.3g} pixels")
     coarse = fit_flights(scene, ways)
     velocity = np.concatenate([coarse.at(k, way.t)[:, 2:] for k, way in enumerate(ways)])
     places = np.stack([blobs["picture_x"], blobs["picture_y"]], axis=1)
@@ -232,7 +230,10 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
     Raises `NotSharpError`: too few places.
     """
     if len(way.t) < (few := SHARPNESS.least_frames):
-        raise NotSharpError(f"fewer than {few} frames of a flight show it whole, round and free")
+        raise NotSharpError(
+            f"fewer than {few} frames of a flight show the ball complete, round and apart from "
+            "other objects"
+        )
     least = max(few, (1 - SHARPNESS.denied_share) * len(way.t))
     while len(way.t) > least:
         assert way.u is not None
@@ -290,8 +291,8 @@ def _against(
         if float(np.sqrt(np.mean(left**2))) > SHARPNESS.crooked_u * noise:
             yield (
                 "CROOKED",
-                f"flight {k + 1} is no straight line: give gravity_mps2 or drag_per_m, or the "
-                "ball was touched",
+                f"flight {k + 1} is not straight; give gravity_mps2 or drag_per_m, or leave out "
+                "frames in which the ball is touched",
             )
         if off.any():
             velocity = fit.states[k, 2:]
@@ -299,6 +300,6 @@ def _against(
             faster = along * ball.plane.metres_per_pixel * knowledge.rate
             yield (
                 "OFF_PLANE",
-                f"the ball changes its size in flight {k + 1}: it leaves the plane, which makes "
-                f"its speed read {faster:+.2g} m/s off",
+                f"the size of the ball changes in flight {k + 1}, so it leaves its plane; this "
+                f"shifts its speed by {faster:+.2g} m/s",
             )

@@ -93,14 +93,14 @@ def fit_edge(
     regions
         Regions with the ball, its blur and some pixels around; the background's level is fitted.
     start
-        Place of the ball to about a pixel, its radius, and its blur; the blur is held.
+        Position of the ball to about a pixel, its radius, and its blur; the blur is not fitted.
     noise, lens
         The camera's noise, and the standard deviation of its lens's blur [pixel].
     oval, oval_u
-        Known deviation of the outlines from circles, r = R (1 + c cos 2a + s sin 2a): c and s,
-        (region, 2) or less, and their u; 0 only where they are known to 0.0005: the rest of an
-        ellipse would be taken for a pattern. A sphere off a camera's axis by the angle b has
-        an outline that is longer by 1 / cos b along the way from the axis.
+        Known deviation of the outlines from circles: c and s of r = R (1 + c cos 2a + s sin 2a),
+        of a shape that broadcasts to (region, 2), and their u. The u may be 0 only if c and s are
+        known to 0.0005, because a wrong ellipse looks like a pattern. The outline of a sphere at an
+        angle b from the camera's axis is longer by 1 / cos b in the direction away from the axis.
     """
     from virtual_lab.video.locate.edge_kernel import View
 
@@ -250,8 +250,8 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     """Return the solution of a cyclic block-tridiagonal system, in the shape of `right`.
 
     `blocks` (block, n, n) are on the diagonal, `links` from each to the next, the last's to the
-    first; `right` (block, n, m). Folded, 0, last, 1, …, neighbours are two places apart: a band.
-    Raises `LinAlgError` where it is not positive definite.
+    first; `right` (block, n, m). In the order 0, last, 1, last - 1, … neighbours are at most two
+    blocks apart, so the system is a band. Raises `LinAlgError` if it is not positive definite.
     """
     from scipy.linalg import solveh_banded
 

@@ -92,12 +92,12 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def on_the_limb(regions: Regions, start: Located) -> Located:
-    """Return the positions by the lit limb, to a pixel or two; without one, those of `start`.
+    """Return the positions from the lit limb, to a pixel or two, or those of `start` without one.
 
-    A lamp from the side lights a part of a ball alone: limb on one side of the light, on the other
-    the line between light and shade. Of all circles of the ball's size, that on which most of the
-    light's outline lies is the ball's: one that moves little in an exposure, against its radius,
-    which the start knows to 3 %.
+    A lamp at the side lights only part of a ball. One side of the outline of this part is the limb
+    of the ball, the other side is the border of the shade. The position is that of the circle of
+    the ball's size that contains most of the outline. The motion during an exposure must be small
+    compared with the radius, which `start` gives to 3 %.
     """
     import cv2
 

@@ -16,9 +16,9 @@ from virtual_lab.video.calibration.plane import relative_u_of
 
 NOTES = {
     "matrix": "pixels",
-    "rotation": "from axes of the plane view to the camera's, rad",
-    "plane_height_m": "of the ball's plane: minus what it is above the board, Z goes down into it",
-    "relative_scale_u": "of lengths in that plane, were its height exact",
+    "rotation": "from the axes of the plane view to those of the camera, rad",
+    "plane_height_m": "Z of the ball's plane: negative above the board, as Z points into it",
+    "relative_scale_u": "relative u of lengths in that plane if its height is exact",
 }
 HEAD = """\
 # Written by virtual-lab calibrate. X is to the right in the plane view, Y down, Z away from the
@@ -32,7 +32,7 @@ lens_blur_px = {blur:.3g}  # standard deviation, in the plane view
 
 
 def calibration_toml(result: Calibrated) -> str:
-    """Write the calibration file."""
+    """Return the text of the calibration file."""
     entries = asdict(result.model)
     fit = entries.pop("fit")
     lines = [*map(_entry, entries, entries.values()), "", "[camera.fit]"]
@@ -55,7 +55,7 @@ def calibration_document(result: Calibrated) -> dict[str, Any]:
 
 
 def calibration_text(result: Calibrated) -> str:
-    """Write the calibration in a few lines."""
+    """Return the calibration as text of a few lines."""
     model, fit = result.model, result.model.fit
     assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
@@ -72,9 +72,9 @@ def calibration_text(result: Calibrated) -> str:
         _line("p1, p2", p1, p2),
         *([_line("k3", k3)] if fit.distortion_u[4] else []),
         _line("lens blur, pixels", f"{result.lens_blur:.2g}", "standard deviation"),
-        _line("scale across and down, mm a pixel", f"{across:.6f}", f"{down:.6f}"),
-        _line("relative u of lengths", f"{relative_u_of(model):.1e}", "the plane's height in it"),
-        _line("without it", f"{model.relative_scale_u:.1e}"),
+        _line("scale across and down, mm per pixel", f"{across:.6f}", f"{down:.6f}"),
+        _line("relative u of lengths", f"{relative_u_of(model):.1e}", "with that of the height"),
+        _line("  if the height is exact", f"{model.relative_scale_u:.1e}"),
         _line("camera to board, m", with_uncertainty(far, fit.translation_u_m[2])),
         _line("plane view", Path(result.plane).name),
         _line("largest residuals", f"{rms:.2g} pixels rms", Path(worst).name),
@@ -114,9 +114,9 @@ def draw_calibration(result: Calibrated, path: Path) -> None:
             width=0.0012,
             headwidth=4,
         )
-        words = f"rms each way, {solved.rms:.2g} pixels"
+        words = f"rms per axis, {solved.rms:.2g} pixels"
         axes.quiverkey(arrows, 0.95, 1.03, solved.rms, words, labelpos="W")
         axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
-        axes.set_title("what the lens leaves of each corner\norange: in the plane view", loc="left")
+        axes.set_title("residuals of the corners\norange: plane view", loc="left")
         figure.savefig(path)

@@ -193,8 +193,8 @@ class Pictures:
         for axes, label in (
             (place, "place, m\n(- -: right, —: up)"),
             (speed, "speed\nalong the fit, m/s"),
-            (along, "off the flight\nalong, pixels"),
-            (across, "off the flight\nacross, pixels"),
+            (along, "residual\nalong, pixels"),
+            (across, "residual\nacross, pixels"),
         ):
             axes.sharex(place)
             axes.set_ylabel(label)

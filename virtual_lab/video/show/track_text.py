@@ -63,7 +63,7 @@ def in_columns(row: Mapping[str, Any]) -> Row:
 
 
 def write_table(rows: Iterable[Mapping[str, Any]], path: Path) -> None:
-    """Write rows as CSV; what is None or NaN stays empty."""
+    """Write rows as CSV; None and NaN give empty cells."""
     cells = [{name: _cell(name, each) for name, each in in_columns(row).items()} for row in rows]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, dict.fromkeys(name for row in cells for name in row))
@@ -88,7 +88,7 @@ def _json_value(value: Any) -> Any:
 
 
 def track_document(track: FollowedClip) -> Row:
-    """Write the result for JSON; keys of one contact are None where there is none or several."""
+    """Return the result for JSON; keys of a single contact are None if there is none or several."""
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
     rate = Estimate(value=track.knowledge.rate, u=track.knowledge.rate * track.knowledge.rate_u)
@@ -172,7 +172,7 @@ def _with_ball(track: FollowedClip) -> int:
 
 
 def track_text(track: FollowedClip) -> str:
-    """Write the result in a few lines."""
+    """Return the result as text of a few lines."""
     lines = [
         f"{track.clip.source.path.name}: {track.clip.count} frames, {motion_of(track)}, "
         f"the ball in {_with_ball(track)}"
@@ -185,7 +185,7 @@ def track_text(track: FollowedClip) -> str:
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
             f"  flight {k + 1}: frames {row['first_frame']} to {row['last_frame']}, "
-            f"{row['places']} places, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
+            f"{row['places']} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
         )
         pull = row["acceleration_mps2"]
         if pull and pull.u < pull.value:  # else the flight bends too little to show it
@@ -210,24 +210,24 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
     """Return a sentence on the ruler of the scale, its u, and the deviation of the others."""
     size = 1e3 * scale.metres_per_pixel
     said = (
-        f"scale {with_uncertainty(size, size * scale.relative_u)} mm a pixel "
-        f"by {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"
+        f"scale {with_uncertainty(size, size * scale.relative_u)} mm per pixel "
+        f"from {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"
     )
     for each in track.checks:
         ratio = 100 * (each.metres_per_pixel / scale.metres_per_pixel - 1)
         said += (
-            f"; by {SAID[each.source]} {ratio:+.2g} % (u {100 * each.relative_u:.2g} %, "
-            f"{abs(off_u(scale, each)):.1f} u off)"
+            f"; {SAID[each.source]} gives {ratio:+.2g} % (u {100 * each.relative_u:.2g} %, "
+            f"a difference of {abs(off_u(scale, each)):.1f} u)"
         )
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:
         side = "right" if roll > 0 else "left"
-        said += f"; gravity points {abs(roll):.0f} deg to the {side} of the picture's down"
+        said += f"; gravity points {abs(roll):.0f} deg to the {side} of the picture's vertical"
     return said
 
 
 def track_title(track: FollowedClip) -> str:
-    """Write the result in a line, and the flags; without a flight, why and what to try."""
+    """Return the result in one line, and the flags; without a flight, the reason and advice."""
     ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
     parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
     lines = [f"{track.clip.source.path.name}: {'; '.join(parts)}"]

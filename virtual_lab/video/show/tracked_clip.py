@@ -88,14 +88,16 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
     mass = said.get("mass", said.get("ball_mass") if not calibration.drag_per_m else None)
     if mass:
         if not (diameter := calibration.ball_diameter_m):
-            allowed = "drag needs the ball's size too: --ball"
+            allowed = "the drag depends on the ball's size; give --ball"
             raise InputError("", "--mass", f"{1e3 * mass:g}g", allowed)
         drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, mass))
         # seams, roughness and speed move C_d by a fifth, far more than a ball's mass varies
         calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
     if calibration.metres_per_pixel or calibration.camera:
         if ruler:
-            raise InputError("", "--ruler", ruler, "a length in the picture is given: it is one")
+            raise InputError(
+                "", "--ruler", ruler, "leave it out: the given length in the picture is the ruler"
+            )
     elif said.get("assumed"):
         diameter_u = 1e3 * calibration.ball_diameter_m_u
         return calibration, [("", f"{UNSURE_BALL}: {diameter_u:.2g} mm was assumed")]
@@ -147,7 +149,7 @@ def save_track(
     film: bool = False,
     settings: str = "",
 ) -> None:
-    """Write track.csv, speeds.csv, result.json, track.png, sheet.png into a folder.
+    """Write track.csv, speeds.csv, result.json, track.png and sheet.png into a folder.
 
     With `film` also track.webp, with `settings` also settings.toml. Raises `InputError` if the
     folder is not empty or cannot be written.
