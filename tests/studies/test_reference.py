@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import replace
 from math import inf, nan
@@ -14,6 +15,7 @@ from virtual_lab.studies.reference.findings import FINDERS, ReferenceResult, com
 from virtual_lab.studies.reference.published import Published, published
 
 SLOW = ("hoop_trend", "expanded_speed_u", "length_trend", "best_wood")  # about a second each
+ROOT = Path(__file__).parents[2]
 REPRESENTED = [row for row in published() if row.role != "none"]
 
 
@@ -53,6 +55,17 @@ def test_every_row_says_what_it_is() -> None:
         assert row.low < row.high or row.role == "none", row.quantity
         assert row.source
         assert row.reading
+
+
+def test_the_page_has_the_counts_and_every_known_disagreement() -> None:
+    page = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
+    section = page.partition("## Published measurements")[2].partition("\n## ")[0]
+    words = " ".join(section.split())
+    roles = Counter(row.role for row in published())
+    assert f"{len(REPRESENTED)} are represented: {roles['prediction']} are predicted" in words
+    assert f"{roles['data']} are numbers of our data files, and {roles['fit']} are inputs" in words
+    rows = re.findall(r"^\| (?!known|-)", section, flags=re.MULTILINE)
+    assert len(rows) == sum(row.known is not None for row in published())
 
 
 MEASURED = Published(
