@@ -169,7 +169,8 @@ def next_hits_of_block(
         request = next_hits(place[rows], valid[rows], objective[rows], rules, room)
         left = max(rules.attempts - (starts[one + 1] - starts[one]), 0)
         number[one] = min(request, left)
-        out[one, : number[one]] = room[: number[one]]
+        for shot in range(number[one]):  # a slice takes seconds more to compile
+            out[one, shot] = room[shot]
 
 
 class Scanned(NamedTuple):
@@ -214,7 +215,9 @@ def scans_of_block(
             many = fresh_hits(best, at, good, rules, fresh)
             mine[fresh[max(many - rules.final_hits, 0) : many]] = True
         else:
-            mine[:] = counted & (np.abs(at - best) < rules.fit_half_width + 4 * rules.reach)
+            for shot in range(at.size):
+                is_near = abs(at[shot] - best) < rules.fit_half_width + 4 * rules.reach
+                mine[shot] = counted[shot] and is_near
         scans.result[one] = mine.sum()
 
 
@@ -260,12 +263,28 @@ def _round_position(place: Array) -> Array:
 
 
 @njit(cache=True)
+def _sort_distinct(values: Array) -> Array:
+    """Return the distinct values in ascending order. `np.unique` takes seconds more to compile."""
+    distinct, many = np.empty(values.size), 0
+    for value in values:
+        k = many
+        while k and distinct[k - 1] >= value:
+            k -= 1
+        if k == many or distinct[k] != value:
+            for other in range(many, k, -1):
+                distinct[other] = distinct[other - 1]
+            distinct[k] = value
+            many += 1
+    return distinct[:many]
+
+
+@njit(cache=True)
 def _select_complete(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
     """Return the positions with all hits of a scan, and the mask of these hits."""
     counted = np.empty(place.size, np.bool_)
     count_scan_hits(place, valid, rules, counted)
     at = _round_position(place)
-    each = np.unique(at[counted])
+    each = _sort_distinct(at[counted])
     full = np.empty(each.size, np.bool_)
     for k in range(each.size):
         mine = counted & (at == each[k])

@@ -62,6 +62,13 @@ class Limits(NamedTuple):
 LIMITS = Limits()
 
 
+@njit(cache=True)
+def _copy(source: Array, target: Array) -> None:
+    """Copy `source` into `target`. A slice would do, and takes seconds more to compile."""
+    for i in range(source.size):
+        target[i] = source[i]
+
+
 @njit(cache=True, fastmath=FAST)
 def _approach(s: float, g: Array, p: Array) -> float:
     total = s
@@ -137,7 +144,7 @@ def _step_to(
     for _ in range(LIMITS.root_tries):
         if not low < t < high:
             t = 0.5 * (low + high)
-        y[:] = old
+        _copy(old, y)
         _step(t, bat, law, state)
         after, slope = _miss(event, bat, law, state, peak)
         if (after > 0.0) == past_event:
@@ -163,7 +170,7 @@ def _contact(
     rate = _approach(r[1], g, v)
     step = h * LIMITS.first_step
     for _ in range(LIMITS.most_steps):
-        old[:] = y
+        _copy(y, old)
         step = min(h, 2.0 * step)
         span = step
         _step(span, bat, law, state)
@@ -194,7 +201,7 @@ def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
     """Set the state to that of `old` after a time t [s] of free motion. Return the approach [m]."""
     g, w2 = bat[1], bat[2]
     p, v, r = state
-    y[:] = old
+    _copy(old, y)
     r[0] += t * r[1]
     for i in range(p.size):
         w = np.sqrt(w2[i])
@@ -215,7 +222,7 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array
     """
     _, g, w2 = bat
     p, v, r = state
-    old[:] = y
+    _copy(y, old)
     start, drift, reach, surface = r[0], r[1], 0.0, 0.0
     for i in range(p.size):
         square = v[i] ** 2 + w2[i] * p[i] ** 2
@@ -241,7 +248,7 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array
         steps += 1
         if steps > LIMITS.most_steps:
             return nan
-    y[:] = old
+    _copy(old, y)
     return inf
 
 
@@ -282,7 +289,7 @@ def _follow(
         if isnan(wait):
             counts[2] = Failure.ENDLESS
     if 0.0 < wait < inf:
-        y[:] = old  # state at release, because this touch is too late to count
+        _copy(old, y)  # state at release, because this touch is too late to count
     return t, loss
 
 

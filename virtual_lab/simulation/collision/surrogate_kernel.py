@@ -13,9 +13,10 @@ BLOCK = 256  # number of points per block, whose polynomials fit in the first-le
 @njit(cache=True)
 def _polynomials(x: Array, out: Array) -> None:
     """Fill `out` (degree, point) with the Chebyshev polynomials at `x` (point,)."""
-    out[0, : x.size] = 1.0
-    if len(out) > 1:
-        out[1, : x.size] = x
+    for i in range(x.size):  # a slice takes seconds more to compile
+        out[0, i] = 1.0
+        if len(out) > 1:
+            out[1, i] = x[i]
     for k in range(2, len(out)):
         for i in range(x.size):
             out[k, i] = 2 * x[i] * out[k - 1, i] - out[k - 2, i]
@@ -38,7 +39,9 @@ def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
     out = np.zeros(unit.shape[1])
     for start in range(0, unit.shape[1], BLOCK):
         stop = min(start + BLOCK, unit.shape[1])
-        places[:, : stop - start] = unit[:, start:stop]
+        for variable in range(4):
+            for i in range(start, stop):
+                places[variable, i - start] = unit[variable, i]
         _polynomials(places[0], first)
         _polynomials(places[1], second)
         _polynomials(places[2], third)
@@ -57,5 +60,6 @@ def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
                     middle[i] += inner[i] * third[k, i]
             for i in range(BLOCK):
                 total[i] += middle[i] * second[j, i]
-        out[start:stop] = total[: stop - start]
+        for i in range(start, stop):
+            out[i] = total[i - start]
     return out

@@ -170,7 +170,7 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
         entry = memory[int(missing * (CENTRE_PHASES + 1) + phase)]
         if entry[0] != radius[i]:
             entry[0] = radius[i]
-            entry[1:] = _gains(phase / CENTRE_PHASES, missing, radius[i])
+            entry[1], entry[2], entry[3] = _gains(phase / CENTRE_PHASES, missing, radius[i])
         gains[0, i], gains[1, i], gains[2, i] = entry[1], entry[2], entry[3]
 
 
