@@ -439,7 +439,7 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
     "vl.shelf('bat')": "did you mean bats",
     "vl.Sheet.of('bat', 'r161')": "did you mean bats",
     "vl.bat(None)": "a name, or a path",
-    "vl.critique('r161')": "bats = 'r161'; allowed: two and more",
+    "vl.critique('r161')": "bats = 'r161'; allowed: at least two",
     "vl.critique('r161', 'ea70')": r"several bats are one list, \[A, B\]; or write it by name",
     "vl.critique(['r161', 'ea70'], procedures=[])": "at least one",
     "vl.faults(procedures=[vl.procedure('bbcor').with_(valid_hits=9)])": (

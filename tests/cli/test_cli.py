@@ -122,7 +122,7 @@ def test_altered_files_are_named(tested: Path, tmp_path: Path, run: Run) -> None
     assert code == 3
     assert out.splitlines()[0].startswith("quantity")
     assert out.splitlines()[-4:] == [
-        "seal broken, changed since the test:",
+        "The seal is broken; changes since the test:",
         "  certificate.json, metric.value: altered since it was sealed",
         "  records/impact/encoder.csv: altered since it was sealed",
         "reproducible: seed chosen by the operator, not sealed",
@@ -316,7 +316,7 @@ def test_every_listed_sheet_can_be_shown(kind: str | None, run: Run) -> None:
 R161 = (ROOT / "data" / "bats" / "r161.toml").read_text()
 BAD_BATS = {
     "wrong unit": ('unit = "kg/m^3"', 'unit = "kg"', ["density", "kg/m^3"]),
-    "negative": ("value = 644.3", "value = -644.3", ["density", "-644.3", "beyond 100"]),
+    "negative": ("value = 644.3", "value = -644.3", ["density", "-644.3", "range 100"]),
     "missing": ("damping_ratio =", "damping =", ["damping"]),
     "not a number": ("value = 644.3", "value = nan", ["density", "finite"]),
     "not monotonic": ("[0, 2, 5, 8,", "[0, 5, 2, 8,", ["profile", "increase"]),

@@ -128,13 +128,15 @@ def test_records_cannot_be_changed() -> None:
 @pytest.mark.parametrize("shape", [(), (3,), (1, 2, 3)])
 def test_a_wrong_number_of_axes_is_refused(shape: tuple[int, ...]) -> None:
     """The shape of readings is (item, repeat)."""
-    with pytest.raises(ValueError, match=r"readings needs axes \('item', 'repeat'\)"):
+    with pytest.raises(ValueError, match=r"readings needs the axes \('item', 'repeat'\)"):
         MassReadings(readings=np.zeros(shape))
 
 
 def test_fields_of_different_lengths_are_refused() -> None:
     """One field has two shots, another has three."""
-    with pytest.raises(ValueError, match="place has 3 along 'shot', others 2"):
+    with pytest.raises(
+        ValueError, match="place has the length 3 along 'shot'; other columns have 2"
+    ):
         ShotLog(ball=np.zeros(2), nominal_speed=np.ones(2), place=np.ones(3))
 
 
@@ -194,8 +196,8 @@ def _set(column: str, value: object, row: int = -1):
         (GateRecord, GATES, lambda t: t.replace({"shot": {1: 2}}), "shot", "go up to 2"),
         (GateRecord, GATES, lambda t: t[t.way == 0], "way", "needs 0 and 1, in and back"),
         (GateRecord, GATES, lambda t: t[t.edge == 0], "edge", "broke and cleared"),
-        (ShotLog, LOG, _set("ball", 0.5), "ball", "whole numbers from 0"),
-        (ShotLog, LOG, _set("ball", -1), "ball", "whole numbers from 0"),
+        (ShotLog, LOG, _set("ball", 0.5), "ball", "whole numbers, 0 and up"),
+        (ShotLog, LOG, _set("ball", -1), "ball", "whole numbers, 0 and up"),
         (EncoderRecord, ENCODER, _set("counts", nan), "counts", "finite"),
         (EncoderRecord, ENCODER, _set("counts", inf), "counts", "finite"),
         (EncoderRecord, ENCODER, _set("time_s", 7.0), "time_s", ""),
@@ -233,11 +235,11 @@ def _swap(times: np.ndarray, *places: tuple[int, ...]) -> np.ndarray:
 @pytest.mark.parametrize(
     ("one", "other", "fault", "at"),
     [
-        ((1, 0, 1, 0), (1, 0, 1, 1), "cleared before it broke", "shot 1, way 0, gate 1, edge 1"),
-        ((1, 1, 0, 0), (1, 1, 0, 1), "cleared before it broke", "shot 1, way 1, gate 0, edge 1"),
-        ((0, 0, 0), (0, 0, 1), "out of turn", "shot 0, way 0, gate 1, edge 0"),
-        ((1, 1, 0), (1, 1, 1), "out of turn", "shot 1, way 1, gate 1, edge 0"),
-        ((1, 0), (1, 1), "out of turn", "shot 1, way 0, gate 1, edge 0"),
+        ((1, 0, 1, 0), (1, 0, 1, 1), "clears before it breaks", "shot 1, way 0, gate 1, edge 1"),
+        ((1, 1, 0, 0), (1, 1, 0, 1), "clears before it breaks", "shot 1, way 1, gate 0, edge 1"),
+        ((0, 0, 0), (0, 0, 1), "out of order", "shot 0, way 0, gate 1, edge 0"),
+        ((1, 1, 0), (1, 1, 1), "out of order", "shot 1, way 1, gate 1, edge 0"),
+        ((1, 0), (1, 1), "out of order", "shot 1, way 0, gate 1, edge 0"),
     ],
 )
 def test_gates_that_time_runs_backwards_at(
@@ -257,7 +259,7 @@ def test_gates_that_time_runs_backwards_at(
 
 def test_a_ball_that_returns_before_it_arrives_is_refused() -> None:
     """All times of the flight back are in order, but before the flight in."""
-    with pytest.raises(InputError, match="came back before it came in"):
+    with pytest.raises(InputError, match="returns before it arrives"):
         GateRecord.from_table(
             GateRecord(times=FLIGHTS - 9 * np.reshape([0.0, 1.0], (2, 1, 1))).table(), "x.csv"
         )
@@ -267,7 +269,7 @@ def test_order_looks_past_what_was_not_seen() -> None:
     """The middle of three gates is blind; the last may still not come before the first."""
     times = np.full((1, 2, 3, 2), nan)
     times[0, 0, 0], times[0, 0, 2] = (2.0, 3.0), (1.0, 4.0)
-    with pytest.raises(InputError, match=r"out of turn.*gate 2, edge 0"):
+    with pytest.raises(InputError, match=r"out of order.*gate 2, edge 0"):
         GateRecord.from_table(GateRecord(times=times).table(), "x.csv")
 
 

@@ -104,7 +104,7 @@ def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
     assert -0.01 < pair.difference < 0
     said = found.text
     assert "v_f, constant energy" in said
-    assert "in the field struck by game-2003" in said
+    assert "field: struck by game-2003" in said
     assert "v_f_mph_energy" in found.document["metrics"][0]
     found.save(tmp_path / "out")
 
@@ -114,8 +114,8 @@ def test_probability_is_the_normal_laws() -> None:
     found = misranking(-4.0, np.array([1.0, 2.0, 3.0]))
     assert found.probability == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
     assert (found.mean, found.sd, found.wrong) == pytest.approx((2, 1, 3))
-    assert found.verdict == "other way round"
-    assert misranking(4.0, np.array([1.0, 2.0, 3.0])).verdict == "as the field"
+    assert found.verdict == "opposite order"
+    assert misranking(4.0, np.array([1.0, 2.0, 3.0])).verdict == "same order"
 
 
 def test_counted_share_is_clopper_and_pearsons() -> None:
@@ -132,10 +132,10 @@ def test_counted_share_is_clopper_and_pearsons() -> None:
         (1.0, [-1.0, 1.0, 0.5], "by chance"),
         (0.09, [1.0, 1.1, 1.2], "tie"),
         (-0.09, [1.0, 1.1, 1.2], "tie"),
-        (0.11, [1.0, 1.1, 1.2], "as the field"),
+        (0.11, [1.0, 1.1, 1.2], "same order"),
         (1.0, [1.0, nan, nan], "no result"),
-        (1.0, [2.0, 2.0], "as the field"),
-        (1.0, [-2.0, -2.0], "other way round"),
+        (1.0, [2.0, 2.0], "same order"),
+        (1.0, [-2.0, -2.0], "opposite order"),
     ],
 )
 def test_the_verdict_on_a_ranking_follows_its_differences(
@@ -159,7 +159,7 @@ def test_the_text_ranks_from_the_greatest_down() -> None:
     assert "103.0 (1)" in said
     assert "v_f 90.00 (2)" in said
     assert "+3.00 mph" in said
-    assert "other way round 1.000 (2 of 2)" in said
+    assert "opposite order 1.000 (2 of 2)" in said
 
 
 def test_the_folder_holds_tables_and_picture(paper: Critique, tmp_path: Path) -> None:
@@ -171,7 +171,7 @@ def test_the_folder_holds_tables_and_picture(paper: Critique, tmp_path: Path) ->
 
 
 def test_one_laboratory_has_no_scatter() -> None:
-    with pytest.raises(InputError, match="2 and more"):
+    with pytest.raises(InputError, match="at least 2"):
         critique(BATS, laboratories=1)
 
 

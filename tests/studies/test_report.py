@@ -80,7 +80,7 @@ def test_a_copy_is_no_repeat(results: Path, tmp_path: Path) -> None:
     document = json.loads((copy / "certificate.json").read_text("utf-8"))
     document["particulars"]["customer"]["name"] = "another"
     (copy / "certificate.json").write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"copy: records; are those of .*n0, the") as refused:
+    with pytest.raises(InputError, match=r"copy: records; are also those of .*n0") as refused:
         vl.report([results / "repeats", copy])
     assert "\n" not in str(refused.value)
 
@@ -107,7 +107,7 @@ def test_repeats_scatter_as_their_values_do(results: Path) -> None:
     found = vl.report(results / "repeats")
     values = [vl.load(results / "repeats" / f"n{number}").value for number in range(3)]
     (said,) = (each for each in found.words if "mean of" in each)
-    assert f"BPF {statistics.fmean(values):.4f}: mean of 3" in said
+    assert f"BPF {statistics.fmean(values):.4f} is the mean of 3" in said
     assert f"standard deviation {statistics.stdev(values):.2g}" in said
     assert not any("mean of" in each for each in vl.report(results / "bats").words)
 
@@ -124,7 +124,8 @@ def test_the_scatter_is_told_in_root_mean_squares_of_u() -> None:
     found = CertificateReport(kind=REPEATS, rows=rows, statement="")
     (said,) = (each for each in found.words if "mean of" in each)
     assert said == (
-        "e 0.2000: mean of 2, standard deviation 0.14, 0.28 times the root mean square u."
+        "e 0.2000 is the mean of 2 results; their standard deviation is 0.14, which is 0.28 times "
+        "their rms u."
     )
 
 

@@ -48,7 +48,7 @@ def test_a_whole_seal_is_scored(folder: Path) -> None:
     assert set(document) == {"seal", "altered", "sealing", "faults"} | ROWS
     assert (document["seal"], document["altered"]) == ("whole", [])
     assert document["metric"]["z"] == pytest.approx(1)
-    assert scored.text.splitlines()[-2:] == ["seal intact", SEALING]
+    assert scored.text.splitlines()[-2:] == ["The seal is intact.", SEALING]
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
     for path, text in tables.items():
         filled = path.read_text()
         path.write_text(text)
-        with pytest.raises(InputError, match="no number yet") as caught:
+        with pytest.raises(InputError, match="no numbers yet") as caught:
             load_laboratory(folder)
         assert caught.value.where == str(path)
         path.write_text(filled)

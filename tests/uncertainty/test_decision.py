@@ -92,15 +92,15 @@ def test_guard_bands_meet_their_risk() -> None:
         (lambda: vl.conformity(1, 0.1, upper=2, dof=nan), "dof = nan; allowed: a number"),
         (lambda: vl.conformity(1, 0.1, upper=2, dof=-1), "dof = -1.0; allowed: above 0"),
         (lambda: vl.guard_band(0.1, upper=1, r=inf), "guard band = inf; allowed: a finite number"),
-        (lambda: vl.conformity(1, 0.1, lower=2, upper=1), "allowed: above lower = 2"),
+        (lambda: vl.conformity(1, 0.1, lower=2, upper=1), "allowed: larger than lower = 2"),
         (lambda: vl.risk(1.5, 0.1, upper=2), r"prior = 1.5; allowed: vl.Input"),
         (lambda: vl.risk(vl.Input(1, 0), 0.1, upper=2), "prior: u = 0; allowed: above 0"),
         (lambda: vl.risk(RESISTORS, 0.04, **LIMITS, guard=0.3), "half the tolerance"),
-        (lambda: vl.guard_band(0.1, upper=1), "allowed: r or target"),
+        (lambda: vl.guard_band(0.1, upper=1), "allowed: either r or target"),
         (lambda: vl.guard_band(0.1, upper=1, target=1.5), "between 0 and 1"),
         (
             lambda: vl.guard_band(0.04, **LIMITS, target=0.5, prior=RESISTORS),
-            "what guard bands can reach",
+            "the range that a guard band covers",
         ),
     ],
 )

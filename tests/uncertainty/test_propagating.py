@@ -270,7 +270,7 @@ def test_a_function_of_numbers_is_called_row_by_row() -> None:
 def test_several_outputs_are_selected_by_name() -> None:
     result = vl.propagate(models.circuit, {("v", "i", "phi"): models.CIRCUIT})
     assert result.table["output"].tolist() == ["R", "X", "Z"]
-    with pytest.raises(vl.InputError, match=r"allowed: .NAME. of R, X, Z"):
+    with pytest.raises(vl.InputError, match=r"use .NAME. of R, X, Z"):
         _ = result.u
     with pytest.raises(vl.InputError, match="allowed: R, X, Z"):
         _ = result["Y"]
@@ -307,50 +307,75 @@ WRONG = {
         lambda a, b, c: a + b + c,
         THREE,
         {"correlations": NOT_DEFINITE},
-        r"eigenvalue -0\.8, most of it by . and .",
+        r"negative eigenvalue -0\.8, mainly caused by . and .",
     ),
     "above 1": (plain, GOOD, {"correlations": {("a", "b"): 1.5}}, "a b = 1.5; allowed: -1 to 1"),
     "twice": (plain, GOOD, {"correlations": {("a", "b"): 0.5, ("b", "a"): 0.4}}, "given twice"),
     "unknown": (plain, GOOD, {"correlations": {("a", "z"): 0.5}}, "allowed: two of a, b"),
-    "limits": (plain, GOOD | {"b": vl.Input(low=3, high=1)}, {}, "b: high = 1.0; .*above low = 3"),
+    "limits": (
+        plain,
+        GOOD | {"b": vl.Input(low=3, high=1)},
+        {},
+        "b: high = 1.0; .*larger than low = 3",
+    ),
     "limits of a normal": (
         plain,
         GOOD | {"b": vl.Input(low=1, high=3, distribution="normal")},
         {},
-        "value and u for it",
+        "value and u instead of limits",
     ),
     "both": (plain, GOOD | {"b": vl.Input(2, low=1, high=3)}, {}, "low and high, or value and u"),
     "law": (plain, GOOD | {"b": vl.Input(2, 1, distribution="norml")}, {}, "did you mean normal"),
     "negative": (plain, GOOD | {"b": vl.Input(2, -1)}, {}, "b: u = -1.0; allowed: at least 0"),
     "dof": (plain, GOOD | {"b": vl.Input(2, 1, dof=0)}, {}, "b: dof = 0; allowed: above 0"),
     "text for dof": (plain, GOOD | {"b": vl.Input(2, 1, dof="9")}, {}, "b: dof = '9'; .*above 0"),
-    "texts": (plain, {("a", "b"): "many"}, {}, "allowed: vl.Input, a number, readings"),
+    "texts": (plain, {("a", "b"): "many"}, {}, "allowed: vl.Input, a number, or readings"),
     "inexact": (plain, GOOD | {"b": vl.Input(low=1, high=2, inexact=0.6)}, {}, "half the distance"),
     "equal": (plain, GOOD | {"b": [3.0, 3.0, 3.0]}, {}, r"b: readings = 3.0; all are equal.*√12"),
     "one reading": (plain, GOOD | {"b": [3.0]}, {}, "at least 2"),
-    "text": (plain, GOOD | {"b": "2 mm"}, {}, "allowed: vl.Input, a number, readings"),
-    "nan": (lambda a, b: np.sqrt(a - b), GOOD, {}, "is nan in 3 of 3 rows, as at a = 1, b = 2"),
+    "text": (plain, GOOD | {"b": "2 mm"}, {}, "allowed: vl.Input, a number, or readings"),
+    "nan": (
+        lambda a, b: np.sqrt(a - b),
+        GOOD,
+        {},
+        "is nan in 3 of 3 rows, for example at a = 1, b = 2",
+    ),
     "shape": (lambda a, b: np.array([a, b]), GOOD, {}, r"shape \(2,\)'; allowed: one number"),
     "complex": (lambda a, b: a + 1j * b, GOOD, {}, "real ones"),
-    "writes": (changes, GOOD, {}, "the model writes into an array it was given"),
+    "writes": (changes, GOOD, {}, "the model changes one of its input arrays"),
     "raises": (lambda a, b: a / (b - b), {"a": vl.Input(1, 0.1), "b": 2.0}, {}, "is inf"),
     "argument": (lambda a: a, GOOD, {}, "raises; TypeError: .*unexpected keyword"),
     "nothing": (lambda a: a, {"a": 1.0}, {}, "none has an uncertainty"),
     "method": (plain, GOOD, {"method": "third"}, "first-order, second-order"),
     "probability": (plain, GOOD, {"probability": 95}, "between 0 and 1"),
-    "groups": (plain, GOOD | {"b": vl.Input([1, 2, 3], 0.1, by=[1, 2])}, {}, "or 2 of them"),
-    "array": (plain, GOOD | {"b": vl.Input([1, 2], 0.1)}, {}, "an array with by=labels"),
+    "groups": (
+        plain,
+        GOOD | {"b": vl.Input([1, 2, 3], 0.1, by=[1, 2])},
+        {},
+        "or 2 numbers, one per label",
+    ),
+    "array": (plain, GOOD | {"b": vl.Input([1, 2], 0.1)}, {}, "an array needs by=labels"),
     "no output": (lambda a, b: {}, GOOD, {}, r"outputs = \[\]; allowed: one number"),
     "correlations": (plain, GOOD, {"correlations": [0.5]}, r"allowed: \{\('a', 'b'\): 0.5\}"),
     "no number": (plain, GOOD, {"correlations": {("a", "b"): "x"}}, "a b = 'x'; allowed: -1 to 1"),
-    "one together": (plain, {("a",): np.ones((2, 1))}, {}, "two inputs and more"),
-    "together": (plain, {("a", "b"): np.ones((2, 2))}, {}, "more than 2 of 2 inputs"),
-    "infinite": (plain, GOOD | {"b": vl.Input(2, inf)}, {}, "b: u = inf; allowed: a number below"),
+    "one together": (plain, {("a",): np.ones((2, 1))}, {}, "at least two inputs"),
+    "together": (plain, {("a", "b"): np.ones((2, 2))}, {}, "more than 2, the number of inputs"),
+    "infinite": (
+        plain,
+        GOOD | {"b": vl.Input(2, inf)},
+        {},
+        "b: u = inf; allowed: a number with a magnitude below",
+    ),
     "no square": (plain, GOOD | {"b": vl.Input(2, 1e200)}, {}, "b: u = 1e.200; .* below 1e.150"),
     "wide": (plain, GOOD | {"b": vl.Input(low=-1e308, high=1e308)}, {}, "low = -1e.308; .*below"),
-    "large readings": (plain, GOOD | {"b": [1e308, -1e308]}, {}, "in a row, below 1e.150 in size"),
+    "large readings": (plain, GOOD | {"b": [1e308, -1e308]}, {}, "with magnitudes below 1e.150"),
     "large answer": (lambda a, b: 1e200 * a + b, GOOD, {}, "is 1e.200 in 3 of 3 rows.*below 1e"),
-    "names": (Changing(named=True), GOOD, {}, r"outputs = \['sum \d'\]; allowed: sum \d, as at"),
+    "names": (
+        Changing(named=True),
+        GOOD,
+        {},
+        r"outputs = \['sum \d'\]; allowed: sum \d, the outputs",
+    ),
     "names by row": (
         lambda a, b: {"low" if np.all(a < 1.01) else "high": a + b},
         GOOD,
@@ -408,7 +433,7 @@ def test_an_output_without_u_is_stated() -> None:
     result = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
     assert result.u == 0
     assert result.dof == inf
-    assert "no input moves it" in result.text
+    assert "no input changes it" in result.text
 
 
 @pytest.mark.parametrize("method", ["first-order", "second-order", "monte-carlo"])

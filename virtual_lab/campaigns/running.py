@@ -72,7 +72,7 @@ def campaign(
     folder = Path(folder)
     parquet()  # raises an error if the extra is missing
     if workers < 1:
-        raise InputError("", "workers", workers, "allowed: 1 and more")
+        raise InputError("", "workers", workers, "allowed: at least 1")
     opened = Campaign.open(folder) if study is None else _begin(study, folder, progress)
     numbers = opened.share(blocks)
     with draft_in(opened.parts):

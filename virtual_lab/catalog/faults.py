@@ -32,7 +32,9 @@ class Prediction(Spec):
         trusts = (self.efficiency_bias_u, self.metric_bias_u)
         if self.caught_by:
             if any(number is not None for number in (*biases, *trusts)):
-                raise ValueError("a fault that is caught leaves no bias: caught_by or both biases")
+                raise ValueError(
+                    "a detected fault leaves no bias: give either caught_by or both biases"
+                )
         elif any(number is None for number in (*biases, *trusts)):
             raise ValueError("needs caught_by, or efficiency_bias and metric_bias each with its _u")
 
@@ -72,7 +74,9 @@ class FaultSheet(Spec):
 
     def __post_init__(self) -> None:
         if (self.found_by is None) == (not self.unfound):
-            raise ValueError("needs found_by, or unfound: why no check at the bench finds it")
+            raise ValueError(
+                "needs found_by, or unfound: the reason why no check at the bench finds the fault"
+            )
         named = [prediction.procedure for prediction in self.predictions]
         if len(named) != len(set(named)):
             raise ValueError("two predictions for one procedure")

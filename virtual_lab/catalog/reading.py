@@ -215,7 +215,7 @@ class ModifiedBat(Spec):
 
 def _modify(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
     if change.wall_factor is not None and base.body.profile.wall is None:
-        allowed = f"none: {change.base} is solid, it has no wall to thin"
+        allowed = f"leave it out: {change.base} is solid and has no wall"
         raise InputError(where, "wall_factor", f"{change.wall_factor:g}", allowed)
     try:
         body = base.body.with_wall(1.0 if change.wall_factor is None else change.wall_factor)

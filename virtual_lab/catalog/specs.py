@@ -50,16 +50,18 @@ class Dimension:
             )
         for key in ("value", "unit", "source", "verified"):
             if key not in raw:
-                raise ValueError(f"misses {key!r} (value, unit, source and verified are needed)")
+                raise ValueError(f"lacks {key!r} (value, unit, source and verified are required)")
         units = DIMENSIONS[self.name]
         unit = raw["unit"]
         if not isinstance(unit, str) or unit not in units:
             hint = nearest(unit, units)
-            raise ValueError(f"unit {unit!r} is no {self.name}, {hint}allowed: {', '.join(units)}")
+            raise ValueError(
+                f"unit {unit!r} is not a unit of {self.name}, {hint}allowed: {', '.join(units)}"
+            )
         if not isinstance(raw["verified"], bool):
             raise ValueError("verified must be true or false")
         if not (isinstance(raw["source"], str) and raw["source"]):
-            raise ValueError("source must name where the number comes from")
+            raise ValueError("source must name the origin of the number")
         value = raw["value"]
         if isinstance(value, list):
             return tuple(self._number(item, unit) for item in value)
@@ -84,7 +86,7 @@ class Dimension:
         ]
         hint = f" (is the unit {' or '.join(meant)}?)" if meant else ""
         allowed = f"{low:g} to {high:g} {unit}".removesuffix(" 1")
-        raise ValueError(f"{value:g} is beyond {allowed}{hint}")
+        raise ValueError(f"{value:g} is outside the range {allowed}{hint}")
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -111,7 +113,7 @@ class Words:
     def read(self, raw: object) -> object:
         """Return the file entry. Raises `ValueError` if it is not a printable line."""
         if isinstance(raw, str) and not is_line(raw, self.most):
-            raise ValueError(f"must be a line of up to {self.most} characters that can be printed")
+            raise ValueError(f"must be one line of up to {self.most} printable characters")
         return raw
 
     def __get_pydantic_core_schema__(
@@ -181,7 +183,7 @@ class Profile(Spec):
             if values is None:
                 continue
             if len(values) != len(self.z):
-                raise ValueError(f"{name} has {len(values)} stations where z has {len(self.z)}")
+                raise ValueError(f"{name} has {len(values)} stations, but z has {len(self.z)}")
         if self.wall is not None:
             for diameter, wall in zip(self.outer_diameter, self.wall, strict=True):
                 if 2 * wall > diameter:
@@ -376,5 +378,5 @@ class BallSpec(Spec):
         force = np.ravel(self.stiffness * 0.01**self.exponent)  # one value, or one per lot
         if (wrong := force[(force < 100) | (force > 1e7)]).size:
             raise ValueError(
-                f"a ball pressed in by 1 cm gives {wrong[0]:g} N; allowed: 100 to 1e7 N"
+                f"the force of a ball compressed by 1 cm is {wrong[0]:g} N; allowed: 100 to 1e7 N"
             )

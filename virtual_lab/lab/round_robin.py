@@ -133,7 +133,7 @@ class RoundRobin:
         does.
         """
         if processes < 1:
-            raise InputError("", "workers", processes, "allowed: 1 and more")
+            raise InputError("", "workers", processes, "allowed: at least 1")
         if processes == 1:
             yield from map(take, self.blocks(laboratories, seed))
             return

@@ -42,28 +42,28 @@ class Constant(NamedTuple):
 
 
 CONSTANTS = {  # key: "instrument.constant"
-    "scale.zero": Constant("mass", "what the scale shows of nothing", "scale, zero", "g", -1, 1),
+    "scale.zero": Constant("mass", "reading of the empty scale", "scale, zero", "g", -1, 1),
     "scale.span": Constant(
-        "number", "mass shown, less the zero, over true mass", "scale, span", "ppm", 0.5, 2
+        "number", "reading minus zero, divided by the true mass", "scale, span", "ppm", 0.5, 2
     ),
-    "scale.resolution": Constant("mass", "its smallest step", "scale, smallest step", "g"),
-    "rule.offset": Constant("length", "length shown less true length", "rule, offset", "mm", -1, 1),
-    "rule.resolution": Constant("length", "its smallest step", "rule, smallest step", "mm"),
+    "scale.resolution": Constant("mass", "smallest step of the scale", "scale, smallest step", "g"),
+    "rule.offset": Constant("length", "reading minus true length", "rule, offset", "mm", -1, 1),
+    "rule.resolution": Constant("length", "smallest step of the rule", "rule, smallest step", "mm"),
     "stand.offset": Constant(
-        "length", "balance point shown less true one", "balance stand, offset", "mm", -1, 1
+        "length", "reading minus true balance point", "balance stand, offset", "mm", -1, 1
     ),
     "stand.resolution": Constant(
-        "length", "its smallest step", "balance stand, smallest step", "mm"
+        "length", "smallest step of the balance stand", "balance stand, smallest step", "mm"
     ),
     "pendulum.clock": Constant(
-        "number", "time shown over true time", "pendulum, clock rate", "ppm", 0.5, 2
+        "number", "recorded time divided by true time", "pendulum, clock rate", "ppm", 0.5, 2
     ),
     "pendulum.amplitude_offset": Constant(
-        "angle", "amplitude shown less true one", "pendulum, amplitude reading", "mrad", -1, 1
+        "angle", "reading minus true amplitude", "pendulum, amplitude reading", "mrad", -1, 1
     ),
     "pendulum.pivot_from_knob": Constant(
         "length",
-        "from the knob's end to the axis it swings on",
+        "distance from the end of the knob to the axis of the pendulum",
         "pendulum, axis to knob",
         "mm",
         -1,
@@ -71,7 +71,7 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "pendulum.clamp_inertia": Constant(
         "inertia",
-        "of the clamp alone, about that axis",
+        "moment of inertia of the clamp alone about the axis of the pendulum",
         "pendulum, inertia of the clamp",
         "g m²",
         0,
@@ -79,33 +79,33 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "pendulum.clamp_moment": Constant(
         "moment",
-        "mass of the clamp times its lever below the axis",
+        "mass of the clamp times the distance of its centre of mass below the axis",
         "pendulum, balance of the clamp",
         "g m",
         -10,
         10,
     ),
     "climate.temperature": Constant(
-        "temperature", "temperature shown less the true one", "thermometer", "K", -20, 20
+        "temperature", "reading minus true temperature", "thermometer", "K", -20, 20
     ),
     "climate.temperature_resolution": Constant(
         "temperature", "smallest step of the thermometer", "thermometer, smallest step", "K", 0, 20
     ),
     "climate.humidity": Constant(
-        "number", "relative humidity shown less the true one", "hygrometer", "", -0.5, 0.5
+        "number", "reading minus true relative humidity", "hygrometer", "", -0.5, 0.5
     ),
     "climate.humidity_resolution": Constant(
         "number", "smallest step of the hygrometer", "hygrometer, smallest step", "", 0, 0.5
     ),
     "climate.pressure": Constant(
-        "pressure", "pressure shown less the true one", "barometer", "Pa", -1e4, 1e4
+        "pressure", "reading minus true pressure", "barometer", "Pa", -1e4, 1e4
     ),
     "climate.pressure_resolution": Constant(
         "pressure", "smallest step of the barometer", "barometer, smallest step", "Pa", 0, 1e4
     ),
     "gates.distance": Constant(
         "length",
-        "from the ball's centre at contact; 0: farthest gate",
+        "distance of the gate from the ball's centre at contact; gate 0 is the farthest",
         "light gates, distance of gate {number}",
         "mm",
         0,
@@ -113,7 +113,7 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "gates.height": Constant(
         "length",
-        "of the gate above the line of fire, against its nominal",
+        "height of the gate above the line of fire minus its nominal height",
         "light gates, height of gate {number}",
         "mm",
         -10,
@@ -121,37 +121,51 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "gates.lowest": Constant(
         "length",
-        "of the lowest beam above the line of fire",
+        "height of the lowest beam above the line of fire",
         "light boards, lowest beam",
         "mm",
         -10,
         10,
     ),
     "gates.pitch": Constant(
-        "length", "from beam to beam", "light boards, pitch of the beams", "mm", 0.0001, 1
+        "length",
+        "distance between neighbouring beams",
+        "light boards, pitch of the beams",
+        "mm",
+        0.0001,
+        1,
     ),
     "gates.thickness": Constant(
         "length",
-        "of a beam along the flight",
+        "thickness of a beam along the flight",
         "light gates, thickness of a beam",
         "mm",
         0,
         0.1,
     ),
     "gates.clock": Constant(
-        "number", "time shown over true time", "light gates, clock rate", "ppm", 0.5, 2
+        "number", "recorded time divided by true time", "light gates, clock rate", "ppm", 0.5, 2
     ),
-    "hall.gravity": Constant("acceleration", "in the hall", "Hall: gravity", "mm/s²", 9, 11),
-    "air.density": Constant("density", "of the air in the hall", "air density", "kg/m³", 0, 10),
+    "hall.gravity": Constant(
+        "acceleration", "gravity in the hall", "Hall: gravity", "mm/s²", 9, 11
+    ),
+    "air.density": Constant(
+        "density", "density of the air in the hall", "air density", "kg/m³", 0, 10
+    ),
     "air.drag_coefficient": Constant(
-        "number", "of the ball", "drag coefficient of the ball", "", 0, 5
+        "number", "drag coefficient of the ball", "drag coefficient of the ball", "", 0, 5
     ),
     "pivot.from_knob": Constant(
-        "length", "from the knob's end to the axis the bat turns on", "pivot to knob", "mm", -1, 2
+        "length",
+        "distance from the end of the knob to the axis of the bat's rotation",
+        "pivot to knob",
+        "mm",
+        -1,
+        2,
     ),
     "pivot.height": Constant(
         "length",
-        "of the bat's axis above the line of fire",
+        "height of the bat's axis above the line of fire",
         "bat above the line of fire",
         "mm",
         -10,
@@ -159,37 +173,37 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "cannon.along": Constant(
         "length",
-        "where balls strike less where they were set to",
+        "mean impact position minus the set impact position",
         "cannon, aim along the bat",
         "mm",
         -1,
         1,
     ),
     "encoder.scale": Constant(
-        "number", "angle shown over true angle", "encoder, scale", "ppm", 0.5, 2
+        "number", "recorded angle divided by true angle", "encoder, scale", "ppm", 0.5, 2
     ),
     "encoder.counts_per_turn": Constant(
-        "number", "of the encoder", "encoder, counts a turn", "", 1, 1e9
+        "number", "counts per turn of the encoder", "encoder, counts per turn", "", 1, 1e9
     ),
     "swing.scale": Constant(
-        "number", "angle shown over true angle", "encoder of the swing, scale", "ppm", 0.5, 2
+        "number", "recorded angle divided by true angle", "swing encoder, scale", "ppm", 0.5, 2
     ),
     "swing.counts_per_turn": Constant(
-        "number", "of the encoder", "encoder of the swing, counts a turn", "", 1, 1e9
+        "number", "counts per turn of the encoder", "swing encoder, counts per turn", "", 1, 1e9
     ),
     "control.restitution_ratio": Constant(
         "number",
-        "e of the control bat with this lot, over its own",
+        "e of the control bat with this lot divided by its reference value",
         "Control bat with this lot of balls",
         "",
         0.1,
         10,
     ),
-    "ball.radius": Constant("length", "of the ball", "Ball radius", "mm", 0.005, 0.2),
+    "ball.radius": Constant("length", "radius of the ball", "Ball radius", "mm", 0.005, 0.2),
     "ball.restitution_slope": Constant(
         "slope of speed",
-        "of the ball's e0 over its speed",
-        "Fall of ball restitution with speed",
+        "slope of the ball's e0 against its speed",
+        "Decrease of ball restitution with speed",
         "s/m",
         -1,
         1,

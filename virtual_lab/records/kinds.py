@@ -259,9 +259,9 @@ def _of_a_flight(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
     gate = axes[2]
     back = np.reshape([1.0, -1.0], (2, *[1] * (times.ndim - 2)))
     faults = {
-        "edge": "the beam cleared before it broke",
-        gate: f"the ball was at this {gate} out of turn",
-        "way": "the ball came back before it came in",
+        "edge": "the beam clears before it breaks",
+        gate: f"the ball passes this {gate} out of order",
+        "way": "the ball returns before it arrives",
     }
     return tuple(
         Order(

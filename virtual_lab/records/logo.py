@@ -63,14 +63,14 @@ def picture_in(address: str) -> tuple[str, bytes]:
     head, _, text = address.partition(";base64,")
     kinds = {f"data:{kind}": suffix[1:] for suffix, kind in KINDS.items()}
     if head not in kinds:
-        raise ValueError("must be a picture as 'reduce' and 'certify' embed it")
+        raise ValueError("must be a picture embedded by 'reduce' or 'certify'")
     try:
         data = base64.b64decode(text, validate=True)
     except binascii.Error:
         raise ValueError("must be a picture in base64") from None
     cleaned = _clean_svg(data) if kinds[head] == "svg" else _require_png(data)
     if cleaned != data:
-        raise ValueError("must be cleaned of scripts and references")
+        raise ValueError("must not contain scripts or references")
     return kinds[head], data
 
 
@@ -98,7 +98,7 @@ Logo = Annotated[str, LogoAddress()]
 def _require_png(data: bytes) -> bytes:
     head = data[16:24]
     if not data.startswith(PNG_SIGNATURE) or data[12:16] != b"IHDR" or len(head) < 8:
-        raise ValueError("is no PNG picture")
+        raise ValueError("is not a PNG picture")
     _require_small(data)
     wide, high = (int.from_bytes(part, "big") for part in (head[:4], head[4:]))
     if not 0 < wide * high <= MOST_PIXELS:
@@ -107,7 +107,7 @@ def _require_png(data: bytes) -> bytes:
     import numpy as np
 
     if cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) is None:
-        raise ValueError("is no PNG picture that can be read")
+        raise ValueError("is a PNG picture that cannot be read")
     return data
 
 
@@ -115,13 +115,13 @@ def _clean_svg(data: bytes) -> bytes:
     """Return a drawing of plain shapes alone: no script, no link, nothing from elsewhere."""
     text = re.sub(rb"<!DOCTYPE[^>\[]*>", b"", data)
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
-        raise ValueError("has a document type with declarations of its own; allowed: none")
+        raise ValueError("declares its own document type, which is not allowed")
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as fault:
-        raise ValueError(f"is no SVG drawing: {fault}") from fault
+        raise ValueError(f"is not an SVG drawing: {fault}") from fault
     if root.tag != f"{{{SVG}}}svg":
-        raise ValueError("is no SVG drawing: its outermost element is none of <svg>")
+        raise ValueError("is not an SVG drawing: its root element is not <svg>")
     ElementTree.register_namespace("", SVG)
     try:
         _strip(root)
@@ -129,7 +129,7 @@ def _clean_svg(data: bytes) -> bytes:
         _require_few(root)
         cleaned = ElementTree.tostring(root)
     except RecursionError:
-        raise ValueError("has parts nested too deep") from None
+        raise ValueError("has elements nested too deeply") from None
     _require_small(cleaned)
     return cleaned
 
@@ -162,7 +162,7 @@ def _require_size(root: ElementTree.Element) -> None:
         size = SIDE.fullmatch(side)
         if size is None or not 0 < float(size[1]) <= LARGEST_SIDE:
             stated = ", ".join(f"{key} {root.get(key)!r}" for key in ("width", "height", "viewBox"))
-            raise ValueError(f"has no size ({stated}); allowed: sides above 0")
+            raise ValueError(f"has no valid size ({stated}); allowed: sides larger than 0")
 
 
 def _require_few(root: ElementTree.Element) -> None:
@@ -181,7 +181,7 @@ def _require_few(root: ElementTree.Element) -> None:
 
     shapes = count(root)
     if shapes > MOST_DRAWN:
-        raise ValueError(f"draws {shapes:g} shapes, allowed up to {MOST_DRAWN:,}")
+        raise ValueError(f"has {shapes:g} shapes, allowed up to {MOST_DRAWN:,}")
 
 
 def _require_small(data: bytes) -> None:

@@ -120,7 +120,7 @@ class Authoriser(Spec):
 
     def __post_init__(self) -> None:
         if not (self.name and self.role):
-            raise ValueError("needs a name and a role; leave the table out where nobody authorises")
+            raise ValueError("needs a name and a role; leave this table out if nobody authorises")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +140,7 @@ class ReplacedReport(Spec):
         if not self.reason:
             raise ValueError("needs a reason")
         if self.folder in (".", "..") or Path(self.folder).name != self.folder:
-            raise ValueError("needs as folder the name of one beside this report's")
+            raise ValueError("needs the name of a folder beside that of this report")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,7 +285,7 @@ def particulars_of(
         day_row = Particular(key, key)
         day, earlier = day_row.of(particulars), before.of(particulars) if before.key else ""
         if day and earlier and day < earlier:
-            raise InputError(where, key, day, f"allowed: {before.key}, {earlier}, or later")
+            raise InputError(where, key, day, f"allowed: {earlier} ({before.key}) or later")
         before = day_row if day else before
     return particulars
 
@@ -293,9 +293,9 @@ def particulars_of(
 def form() -> Iterator[str]:
     """Yield the lines of a file with every key, to be filled in."""
     words = {row.key: row.words for row in PRINTED}
-    words["laboratory.logo"] = "Name of a .png or .svg file beside this one, up to 200 kB"
-    yield "# Who tested which bat for whom. Every line may be left empty, or out: the certificate"
-    yield "# says what is not stated. Days: 2026-11-25."
+    words["laboratory.logo"] = "Name of a .png or .svg file in the same folder, up to 200 kB"
+    yield "# Particulars of a test: laboratory, customer, bat, persons. Any line may stay empty or"
+    yield "# be deleted; the certificate lists what is not stated. Dates are written 2026-11-25."
     for table in fields(Particulars):
         kind = table.default
         if is_dataclass(kind):
@@ -308,8 +308,8 @@ def form() -> Iterator[str]:
     yield '# name = ""'
     yield '# role = ""'
     yield ""
-    yield "# [instruments.gates]  # and so on, each by a name of your own: added to the rigs' own,"
-    yield "# or in place of one that has the same name"
+    yield "# [instruments.gates]  # one table per instrument; it is added to the instruments of the"
+    yield "# rigs, or replaces the one with the same name"
     for key in fields(InstrumentIdentity):
         yield f'# {key.name} = ""'
 

@@ -78,7 +78,7 @@ class Order:
 
 def rising(times: Array, axes: tuple[str, ...]) -> Order:
     """Return the order of times that rise along the last of their axes."""
-    fault = f"must rise from {axes[-1]} to {axes[-1]}"
+    fault = f"must increase from {axes[-1]} to {axes[-1]}"
     return Order(
         column="time_s", values=times, axes=axes, along=axes[-1], fault=fault, strictly=True
     )
@@ -202,7 +202,8 @@ class Record:
                 grid, np.broadcast_to(np.expand_dims(values, others), grid.shape), equal_nan=True
             ):
                 over = ", ".join(column.axes)
-                raise InputError(where, column.name, None, f"one value for each {over}, found more")
+                allowed = f"needs a single value for each {over}"
+                raise InputError(where, column.name, None, allowed)
             arrays[name] = values
         record = cls(**arrays)
         record._check_orders(where, first)
@@ -227,12 +228,13 @@ def _check_numbers(
         due = first.get(axis, 0) + np.arange(numbers.size)
         if (numbers != due).any():
             skipped = due[numbers != due][0]
-            raise InputError(where, axis, skipped, f"is missing, others go up to {numbers[-1]:g}")
+            allowed = f"is missing, although the numbers go up to {numbers[-1]:g}"
+            raise InputError(where, axis, skipped, allowed)
     for column in columns:
         values = table[column.name].to_numpy(float)
         sound = np.abs(values) <= LARGEST
         if not (sound | (np.isnan(values) & column.may_be_missing)).all():
-            allowed = f"every row needs a finite number, of up to {LARGEST:g}"
+            allowed = f"every row needs a finite number up to {LARGEST:g}"
             raise InputError(where, column.name, values[~sound][0], allowed)
         if column.is_index:
             _check_index(values, column.name, first.get(column.name, 0), where)
@@ -241,7 +243,7 @@ def _check_numbers(
 def _check_index(values: Array, name: str, first: int, where: str) -> None:
     wrong = values[~((values >= first) & (values == np.round(values)))]
     if wrong.size:
-        raise InputError(where, name, wrong[0], f"must be whole numbers from {first}")
+        raise InputError(where, name, wrong[0], f"must be whole numbers, {first} and up")
 
 
 def require_numbers(table: pd.DataFrame, where: str) -> None:
@@ -262,10 +264,12 @@ def require_numbers(table: pd.DataFrame, where: str) -> None:
 def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:
     """Add the lengths of a field's axes to `sizes`; `ValueError` if they differ."""
     if values.ndim != len(axes):
-        raise ValueError(f"{name} needs axes {axes}, got shape {values.shape}")
+        raise ValueError(f"{name} needs the axes {axes}, but has the shape {values.shape}")
     for axis, size in zip(axes, values.shape, strict=True):
         if sizes.setdefault(axis, size) != size:
-            raise ValueError(f"{name} has {size} along {axis!r}, others {sizes[axis]}")
+            raise ValueError(
+                f"{name} has the length {size} along {axis!r}; other columns have {sizes[axis]}"
+            )
 
 
 def join(parts: list[Record]) -> Record:

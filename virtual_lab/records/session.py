@@ -298,7 +298,7 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
             listed.update(f"{stage}/{channel}-{name}.npy" for name in entry.attached)
     for name, kind in contents(folder).items():
         if kind != "file":
-            allowed = "allowed among records: plain files in plain folders"
+            allowed = "allowed in a folder of records: ordinary files and folders"
             raise InputError(str(folder / name), "file", f"a {kind}", allowed)
         if name not in listed:
             raise InputError(str(folder / name), "file", None, f"is not listed in {where}")
@@ -308,7 +308,7 @@ def require_channel(stage: str, channel: str, where: Path) -> None:
     """Raise `InputError` if the name of a stage or a channel could lead out of the folder."""
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
-            allowed = "allowed as names: letters, digits, - and _"
+            allowed = "allowed in names: letters, digits, - and _"
             raise InputError(str(where), "channels", name, allowed)
 
 

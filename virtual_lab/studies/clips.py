@@ -99,7 +99,7 @@ def clip_coverage(
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     if clips < 2:
-        raise InputError("", "clips", clips, "allowed: 2 and more")
+        raise InputError("", "clips", clips, "allowed: at least 2")
     clips_of_laboratories: list[Array] = []
     detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
     for number in range(clips):

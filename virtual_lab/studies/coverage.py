@@ -215,7 +215,7 @@ def each_laboratory(
     fewer than two laboratories.
     """
     if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+        raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     finished = 0
     counting = partial(_counting, take=take)
     for count, part in round_robin.each_block(counting, laboratories, seed, workers):

@@ -75,7 +75,7 @@ class BatRank:
 class Ranking:
     """Ranking of two bats by a procedure, compared with the field.
 
-    The verdict is ``as the field``, ``other way round``, ``by chance`` (neither is reliable),
+    The verdict is ``same order``, ``opposite order``, ``by chance`` (neither order is reliable),
     ``tie`` (no order in the field), or ``no result``.
     """
 
@@ -265,7 +265,7 @@ def critique(
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+        raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # sorted by bat, then by n
@@ -329,9 +329,9 @@ def misranking(field: float, differences: Array) -> Ranking:
     share = binomtest(wrong, finite.size).proportion_ci(0.95, "exact")
     verdict = "by chance"
     if probability >= RELIABLE_SHARE:
-        verdict = "other way round"
+        verdict = "opposite order"
     elif probability <= 1 - RELIABLE_SHARE:
-        verdict = "as the field"
+        verdict = "same order"
     return replace(
         tie,
         probability=probability,
@@ -403,8 +403,8 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
             row, [value for value in rivals if value is not None]
         )
     tested = {row.procedure: row.ball for row in metrics}
-    fires = [f"{name} fires {ball}" for name, ball in tested.items()]
-    fired = "; ".join([f"in the field {balls_text(balls)}", *fires])
+    fires = [f"{name}: fires {ball}" for name, ball in tested.items()]
+    fired = "; ".join([f"field: {balls_text(balls)}", *fires])
     lines: dict[tuple[str, str, str], dict[str, str]] = {}
     for each in pairs:
         ranked = each.ranking
@@ -426,10 +426,11 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
         if ranked.probability is not None:
             line[swing] += f" {ranked.probability:.3f} ({ranked.wrong} of {ranked.laboratories})"
     return (
-        "error-free laboratory, rank among the bats in parentheses\n"
+        "results of an error-free laboratory, with the rank among the bats in parentheses\n"
         f"{table_text(list(tables.values()))}\n{fired}\n\n"
-        "first minus second bat; probability of the opposite order to the field, and number of "
-        f"laboratories with it\n{table_text(list(lines.values()))}"
+        "differences, first minus second bat, with the probability that a laboratory finds the "
+        "opposite of the order in the field,\nand the number of simulated laboratories that do\n"
+        f"{table_text(list(lines.values()))}"
     )
 
 

@@ -39,15 +39,11 @@ class PageLayout(NamedTuple):
 
 
 MARKS = {
-    "as the field": Mark(
-        "ranks as the field does, 95 % sure", "o", 17, "#56b4e9", "#0072b2", "black"
-    ),
-    "by chance": Mark("noise decides", "D", 14, "#f0e442", "#8a7f00", "black"),
-    "other way round": Mark(
-        "ranks the other way round, 95 % sure", "s", 17, "#b34a00", "black", "white"
-    ),
-    "tie": Mark("no order in the field", "_", 8, "0.5", "0.5", "0.5"),
-    "no result": Mark("gives no result", "x", 8, "0.5", "0.5", "0.5"),
+    "same order": Mark("same order, reliably", "o", 17, "#56b4e9", "#0072b2", "black"),
+    "by chance": Mark("order by chance", "D", 14, "#f0e442", "#8a7f00", "black"),
+    "opposite order": Mark("opposite order, reliably", "s", 17, "#b34a00", "black", "white"),
+    "tie": Mark("no difference in the field", "_", 8, "0.5", "0.5", "0.5"),
+    "no result": Mark("no test result", "x", 8, "0.5", "0.5", "0.5"),
 }
 PAGE = PageLayout()
 SLANT = 55  # angle of the procedures' names [°]
@@ -85,15 +81,16 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     height = PAGE.above + bottom + panel[1]
     swing = "constant energy of bat and batter" if swings[0] is None else "$I^{-n}$"
     sentences = (
-        ("Does the test rank two bats as the field does?", 0.2, 10),
+        ("Does the test rank two bats in the same order as play on the field?", 0.2, 10),
         (
-            "Number: probability [%] that a laboratory ranks them the other way round.",
+            "Number: probability [%] that a laboratory finds the opposite order; "
+            "reliably: at least 95 %.",
             0.41,
             7.5,
         ),
         (
-            "$\\Delta v_f$: largest batted-ball speed in the field, first minus second bat, "
-            f"bats swung by {swing}.",
+            "$\\Delta v_f$: difference of the largest batted-ball speeds in the field, first minus "
+            f"second bat; swing law: {swing}.",
             0.56,
             7.5,
         ),

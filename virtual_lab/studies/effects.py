@@ -128,7 +128,7 @@ def effects(
     cases = [case for block in blocks for case in block]
     names = list(dict.fromkeys(name for case in cases for name in case.components))
     if len(cases) < 4 * len(names) or not cases:
-        least = f"{4 * len(names)} and more with a result, 4 for each of {len(names)} terms"
+        least = f"at least {4 * len(names)} with a result, 4 for each of {len(names)} terms"
         raise InputError("", "laboratories", len(cases), f"allowed: {least}")
     regressors = {name: _errors_of(name, cases) for name in names}
     regressors_known = {name: errors for name, errors in regressors.items() if errors is not None}

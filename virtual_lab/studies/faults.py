@@ -168,7 +168,7 @@ def faults(
     """
     names, bat, procedures = words_of(names), entry_name(bat), entry_names(procedures)
     if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: 2 and more")
+        raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     sheets = [
         catalog.load("faults", name, FaultSheet).spec for name in names or catalog.names("faults")
     ]
@@ -215,7 +215,7 @@ def _require_predictions(sheets: Sequence[FaultSheet], procedures: Sequence[str]
             raise InputError("", "procedure", procedure, allowed)
     for fault, predicted_for in able.items():
         if not predicted_for & set(procedures):
-            allowed = f"it has predictions for {', '.join(sorted(predicted_for))}"
+            allowed = f"it has predictions only for {', '.join(sorted(predicted_for))}"
             raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
 
 

@@ -128,7 +128,7 @@ def operating(
     """
     bat, procedures = entry_name(bat), entry_names(procedures)
     if laboratories < 1:
-        raise InputError("", "laboratories", laboratories, "allowed: 1 and more")
+        raise InputError("", "laboratories", laboratories, "allowed: at least 1")
     rows: list[OperatingPoint] = []
     limits: dict[str, float] = {}
     for at, name in enumerate(procedures):

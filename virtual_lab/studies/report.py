@@ -154,8 +154,8 @@ class CertificateReport(StudyResult):
             first = self.rows[0]
             sentences.append(
                 f"{first.metric} {fmean(values):.4f} {first.unit}".rstrip()
-                + f": mean of {len(results)}, standard deviation {stdev(values):.2g}, "
-                f"{stdev(values) / rms:.2g} times the root mean square u"
+                + f" is the mean of {len(results)} results; their standard deviation is "
+                f"{stdev(values):.2g}, which is {stdev(values) / rms:.2g} times their rms u"
             )
         return [*(f"{each}." for each in sentences), AS_STATED]
 
@@ -184,7 +184,7 @@ class CertificateReport(StudyResult):
             bottom=height - 30,
             x=(min(every, default=0.0) - margin, max(every, default=1.0) + margin),
             y=(-len(rows) + 0.4, 0.6) if rows else (0.0, 1.0),
-            x_label=f"{rows[0].metric}{unit}" if one_metric and rows else "result over its limit",
+            x_label=f"{rows[0].metric}{unit}" if one_metric and rows else "result / limit",
             y_ticks=[-float(n) for n in range(len(rows))] if few else (),
             y_words=[self._row_name(row) for row in rows] if few else (),
         )
@@ -193,7 +193,7 @@ class CertificateReport(StudyResult):
             panel.dots([value], [-n], radius=1.8)
         for limit in limits:
             panel.line((limit, limit), panel.y, width=1.2, dashes=DASHED)
-        caption = f"{len(rows)} results with their 95 % intervals; dashed line: limit"
+        caption = f"{len(rows)} results with their 95 % intervals. Dashed line: limit"
         return figure([panel], height, "report", self.title, caption)
 
     def _row_name(self, row: ComparedCertificate) -> str:
@@ -301,7 +301,7 @@ def _require_other_records(documents: dict[Path, CertificateDocument]) -> None:
     for folder, document in documents.items():
         same = earlier.setdefault(document.session_digest or str(folder), folder)
         if same != folder:
-            allowed = f"are those of {same}, the same test; allowed: each test once"
+            allowed = f"are also those of {same}; allowed: each test only once"
             raise InputError(str(folder), "records", None, allowed)
 
 
@@ -314,6 +314,6 @@ def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
             differing[key] = ", ".join(name or "not stated" for name in list(names)[:6])
     if len(differing) > 1:
         ways = "; ".join(f"{key}: {names}" for key, names in differing.items())
-        allowed = f"differ in more than one way ({ways}); allowed: in one of these, or in none"
+        allowed = f"differ in more than one respect ({ways}); allowed: a difference in one at most"
         raise InputError("", "folders", None, allowed)
     return KINDS[next(iter(differing))][0] if differing else REPEATS

@@ -87,12 +87,12 @@ class CertificateScore(StudyResult):
 
     @property
     def _lack(self) -> str:
-        return "too much was changed" if self.altered else "the test gave no result"
+        return "too many keys were changed" if self.altered else "the test has no result"
 
     @property
     def title(self) -> str:
         """Title with the state of the seal."""
-        return f"comparison of a certificate with the truth, seal {self.seal}"
+        return f"comparison of a certificate with the truth; the seal is {self.seal}"
 
     @property
     def code(self) -> int:
@@ -114,7 +114,9 @@ class CertificateScore(StudyResult):
         """Table of the scores, and one line per change after the test."""
         lines = [
             table_text(self.rows) if self.rows else f"no score: {self._lack}",
-            "seal broken, changed since the test:" if self.altered else "seal intact",
+            "The seal is broken; changes since the test:"
+            if self.altered
+            else "The seal is intact.",
             *(f"  {each}" for each in self.altered),
         ]
         if self.faults:

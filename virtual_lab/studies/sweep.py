@@ -65,7 +65,7 @@ def sweep_tests(
     import pandas as pd
 
     if laboratories < 1:
-        raise InputError("", "laboratories", laboratories, "allowed: 1 and more")
+        raise InputError("", "laboratories", laboratories, "allowed: at least 1")
     catalog.require_own_names("bats", [catalog.load_bat(each).spec.name for each in bats])
     rules = [catalog.load("procedures", each, Procedure).spec.name for each in procedures]
     catalog.require_own_names("procedures", rules)

@@ -42,7 +42,7 @@ class Tolerance:
         if lower is None and upper is None:
             raise InputError("", "limits", None, "allowed: lower, upper, or both")
         if not tolerance.lower < tolerance.upper:
-            raise InputError("", "upper", upper, f"allowed: above lower = {lower}")
+            raise InputError("", "upper", upper, f"allowed: larger than lower = {lower}")
         return tolerance
 
     def guard(self, w: float) -> Tolerance:
@@ -52,7 +52,7 @@ class Tolerance:
         tolerance = Tolerance(self.lower + w, self.upper - w)
         if not tolerance.lower < tolerance.upper:
             most = (self.upper - self.lower) / 2
-            raise InputError("", "guard band", w, f"allowed: below {most}, half the tolerance")
+            raise InputError("", "guard band", w, f"allowed: less than half the tolerance, {most}")
         return tolerance
 
     def chance(self, y: Array, u: float, dof: float) -> Array:
@@ -177,7 +177,7 @@ def guard_band(
     _require_u(u, dof)
     limits = Tolerance.read(lower, upper)
     if (r is None) == (target is None):
-        raise InputError("", "guard band", None, "allowed: r or target, one of them")
+        raise InputError("", "guard band", None, "allowed: either r or target")
     if r is not None:
         k = 2.0 if dof == inf else float(coverage_factors(np.array(dof)))
         w = r * k * u
@@ -189,7 +189,9 @@ def guard_band(
         most = min((limits.upper - limits.lower) / 2 * (1 - 1e-9), 40 * u)
         reached = [risk(w) for w in (-40 * u, most)]
         if not reached[1] <= target <= reached[0]:
-            allowed = f"allowed: {reached[1]:.2g} to {reached[0]:.2g}, what guard bands can reach"
+            allowed = (
+                f"allowed: {reached[1]:.2g} to {reached[0]:.2g}, the range that a guard band covers"
+            )
             raise InputError("", "target", target, allowed)
         w = float(brentq(lambda w: risk(w) - target, -40 * u, most, xtol=1e-12 * u))
     acceptance = limits.guard(w)

@@ -71,7 +71,7 @@ def sobol_indices(
         bound = ", ".join(read.joints[0].names)
         raise InputError("inputs", "observed together", bound, "allowed: independent inputs")
     if len(read.sources) < 2:
-        raise InputError("inputs", "uncertain", len(read.sources), "allowed: two and more")
+        raise InputError("inputs", "uncertain", len(read.sources), "allowed: at least two")
     called, names = Model.try_out(model, read), list(read.sources)
     of_A_point = len(names) * (len(names) + 2 + 8 * len(called.outputs))
     most = 1 << int(log2(MOST_NUMBERS / of_A_point))
@@ -122,7 +122,8 @@ def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Arr
     squares = (f_A**2 + f_B**2) / 2
     variance = squares.mean(axis=-1)
     if not variance.all():
-        raise InputError("model", "outputs", None, "no input moves one of them; allowed: all moved")
+        allowed = "one of them depends on no input; leave it out"
+        raise InputError("model", "outputs", None, allowed)
     parts = np.stack([f_B * (f_AB - f_A), (f_AB - f_A) ** 2 / 2])
     mean = parts.mean(axis=-1) / variance
     parts -= mean[..., None] * squares

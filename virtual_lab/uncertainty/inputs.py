@@ -167,17 +167,18 @@ def _numbers(name: str, entry: Any) -> Array:
     try:
         return np.asarray(entry, float)
     except (TypeError, ValueError) as fault:
-        raise InputError(name, "input", entry, "allowed: vl.Input, a number, readings") from fault
+        allowed = "allowed: vl.Input, a number, or readings"
+        raise InputError(name, "input", entry, allowed) from fault
 
 
 def _readings(name: str, readings: Array) -> tuple[float, float]:
     """Return the mean of readings (n,) and its standard uncertainty."""
     if readings.ndim != 1 or readings.size < 2 or not (np.abs(readings) < LARGEST).all():
-        allowed = f"allowed: at least 2 numbers in a row, below {LARGEST:g} in size"
+        allowed = f"allowed: a list of at least 2 numbers with magnitudes below {LARGEST:g}"
         raise InputError(name, "readings", readings, allowed)
     if np.ptp(readings) == 0:
-        allowed = "all are equal, so their scatter is unknown; allowed: vl.Input(value, u) with "
-        raise InputError(name, "readings", readings[0], allowed + "u of the resolution, step/√12")
+        allowed = "all are equal, so their scatter is unknown; use vl.Input(value, u) with the u "
+        raise InputError(name, "readings", readings[0], allowed + "of the resolution, step/√12")
     return float(readings.mean()), float(readings.std(ddof=1) / sqrt(readings.size))
 
 
@@ -204,14 +205,14 @@ def _source(name: str, entry: Input) -> InputSource | float:
         except (TypeError, ValueError) as fault:
             raise refuse(key, value, "a number") from fault
         if not abs(converted) < LARGEST:
-            raise refuse(key, value, f"a number below {LARGEST:g} in size")
+            raise refuse(key, value, f"a number with a magnitude below {LARGEST:g}")
         return converted
 
     if not isinstance(entry.dof, int | float | np.number) or not entry.dof > 0:
         raise refuse("dof", entry.dof, "above 0")
     limits = entry.low is not None or entry.high is not None
     if limits and (entry.value is not None or entry.u is not None):
-        raise refuse("limits", (entry.low, entry.high), "low and high, or value and u, not both")
+        raise refuse("limits", (entry.low, entry.high), "either low and high, or value and u")
     kind = entry.distribution or (
         ("trapezoid" if entry.inexact else "uniform")
         if limits
@@ -220,19 +221,19 @@ def _source(name: str, entry: Input) -> InputSource | float:
     if kind not in LAWS:
         raise refuse("distribution", kind, f"{nearest(kind, LAWS)}{', '.join(LAWS)}")
     if (entry.inexact != 0) != (kind == "trapezoid"):
-        raise refuse("inexact", entry.inexact, "above 0 for a trapezoid, and only there")
+        raise refuse("inexact", entry.inexact, "a number above 0, only for a trapezoid")
     if kind == "t" and entry.dof == inf:
-        raise refuse("dof", entry.dof, "degrees of freedom of a t; else distribution='normal'")
+        raise refuse("dof", entry.dof, "a finite number for a t; use distribution='normal'")
     if limits:
         if not LAWS[kind].limited:
-            raise refuse("distribution", kind, "value and u for it, not limits")
+            raise refuse("distribution", kind, "value and u instead of limits")
         low, high = number("low"), number("high")
         if not low < high:
-            raise refuse("high", high, f"above low = {low}")
+            raise refuse("high", high, f"larger than low = {low}")
         value, half = (low + high) / 2, (high - low) / 2
     else:
         if entry.value is not None and np.ndim(entry.value) > 0:
-            raise refuse("value", entry.value, "a number; an array with by=labels")
+            raise refuse("value", entry.value, "a number; an array needs by=labels")
         value, u = number("value"), number("u") if entry.u is not None else 0.0
         if u < 0:
             raise refuse("u", u, "at least 0")
@@ -247,7 +248,7 @@ def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) 
     dof, shape = entry.dof, nan
     if kind == "trapezoid":
         if not 0 < entry.inexact <= half * (1 + 1e-12):
-            raise refuse("inexact", entry.inexact, f"above 0, at most half the distance, {half}")
+            raise refuse("inexact", entry.inexact, f"above 0, up to half the distance, {half}")
         shape = entry.inexact / half
     elif kind == "t":
         shape = dof
@@ -255,7 +256,7 @@ def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) 
     if kind == "uniform" and dof < inf:
         kind, shape = "trapezoid", inexactness(dof)
         if shape > 1:
-            raise refuse("dof", dof, "at least .5 of limits")
+            raise refuse("dof", dof, "at least 0.5 if limits are given")
     estimate = Estimate(value=value, u=u, dof=dof, evaluation=entry.evaluation)
     return InputSource(estimate, LAWS[kind], half, shape)
 
@@ -268,7 +269,7 @@ def _group_observations(
     rows = entry.by if nested else (entry.by,)
     lengths = {len(row) for row in rows}
     if len(lengths) != 1:
-        raise InputError(name, "by", sorted(lengths), "allowed: rows of labels of one length")
+        raise InputError(name, "by", sorted(lengths), "allowed: rows of labels of equal length")
     labels = list(zip(*rows, strict=True))
     order = {label: at for at, label in enumerate(dict.fromkeys(labels))}
     base = np.zeros(len(labels))
@@ -276,7 +277,7 @@ def _group_observations(
         try:
             base = base + np.asarray(entry.value, float)
         except (TypeError, ValueError) as fault:
-            allowed = f"allowed: a number, or {len(labels)} of them, one a label"
+            allowed = f"allowed: a number, or {len(labels)} numbers, one per label"
             raise InputError(name, "value", entry.value, allowed) from fault
     # the base holds the values, the sources hold the errors about them
     source = source_of(name, replace(entry, value=None if entry.low is not None else 0.0))
@@ -289,7 +290,7 @@ def _group_observations(
 def _require_once(names: Sequence[str]) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError("inputs", "name", twice[0], "is given twice; allowed: once")
+        raise InputError("inputs", "name", twice[0], "is given twice")
 
 
 def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource], Joint]:
@@ -297,11 +298,11 @@ def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource
     where = ", ".join(names)
     readings = _numbers(where, entry)
     if readings.ndim != 2 or readings.shape[1] != len(names) or len(names) < 2:
-        allowed = f"allowed: a column each of two inputs and more, (n, {len(names)})"
+        allowed = f"allowed: one column for each of at least two inputs, (n, {len(names)})"
         raise InputError(where, "readings", f"shape {readings.shape}", allowed)
     n, m = readings.shape
     if n <= m:
-        raise InputError(where, "readings", n, f"allowed: more than {m} of {m} inputs together")
+        raise InputError(where, "readings", n, f"allowed: more than {m}, the number of inputs")
     sources = {}
     for name, column in zip(names, readings.T, strict=True):
         mean, u = _readings(name, column)
@@ -325,10 +326,10 @@ def _correlate(
                 allowed = f"{nearest(name, sources)}allowed: two of {', '.join(sources)}"
                 raise InputError("correlations", "pair", pair, allowed)
             if name in joint_names:
-                allowed = "allowed: none with inputs observed together, whose own are known"
+                allowed = "allowed: inputs that were not observed together"
                 raise InputError("correlations", "pair", pair, allowed)
         if pair[::-1] in correlations:
-            raise InputError("correlations", " ".join(pair), r, "is given twice; allowed: once")
+            raise InputError("correlations", " ".join(pair), r, "is given twice")
         if not isinstance(r, int | float | np.floating) or not -1 <= r <= 1:
             raise InputError("correlations", " ".join(pair), r, "allowed: -1 to 1")
         bound = [block for block in blocks if block & set(pair)]
@@ -364,6 +365,6 @@ def _factor(names: tuple[str, ...], covariance: Array) -> Array:
     if values[0] < -1e-12:
         worst = np.argsort(-np.abs(vectors[:, 0]))[:2]
         pair = " and ".join(names[at] for at in sorted(worst))
-        allowed = f"the matrix has the eigenvalue {values[0]:.3g}, most of it by {pair}; allowed: "
-        raise InputError("correlations", ", ".join(names), None, allowed + "none below 0")
+        allowed = f"the matrix has the negative eigenvalue {values[0]:.3g}, mainly caused by {pair}"
+        raise InputError("correlations", ", ".join(names), None, allowed)
     return np.asarray(u[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))

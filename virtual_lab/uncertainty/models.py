@@ -81,7 +81,7 @@ class Model:
             if differs.any():
                 row = int(np.argmax(differs))
                 pair = f"{values[row]:.9g} and {again[name][row]:.9g}"
-                allowed = f"the same inputs gave two results, {pair}; allowed: a function of the "
+                allowed = f"the same inputs gave two results, {pair}; the model must depend on the "
                 raise InputError("model", REPEATED, name, f"{allowed}inputs alone")
 
     def __call__(self, columns: Mapping[str, Array]) -> Outputs:
@@ -105,8 +105,8 @@ class Model:
             if wrong.any():
                 at = int(np.argmax(wrong))
                 where = _where({key: value[at] for key, value in arguments.items()})
-                message = f"is {values[at]} in {wrong.sum()} of {k} rows, as at {where}"
-                allowed = f"{message}; allowed: numbers below {LARGEST:g} in size"
+                message = f"is {values[at]} in {wrong.sum()} of {k} rows, for example at {where}"
+                allowed = f"{message}; allowed: numbers with magnitudes below {LARGEST:g}"
                 raise InputError("model", VALUE, name, allowed)
         return outputs
 
@@ -116,7 +116,7 @@ class Model:
                 answer = self.function(**arguments)
         except Exception as fault:
             if "read-only" in str(fault):
-                allowed = "the model writes into an array it was given; allowed: a new array"
+                allowed = "the model changes one of its input arrays; it must make a new array"
                 raise InputError("model", CHANGED, None, allowed) from fault
             message = f"{type(fault).__name__}: {fault}; at {_where(arguments)}"
             raise InputError("model", "raises", None, " ".join(message.split())) from fault
@@ -129,7 +129,7 @@ class Model:
 
     def _require_names(self, answer: Mapping[str, Any], names: tuple[str, ...]) -> None:
         if set(answer) != set(names):
-            allowed = f"allowed: {', '.join(map(str, names))}, as at its first call"
+            allowed = f"allowed: {', '.join(map(str, names))}, the outputs of the first call"
             raise InputError("model", "outputs", list(answer), allowed)
 
     def _numbers(self, name: str, answer: Any, shape: tuple[int, ...]) -> Array:

@@ -239,7 +239,10 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
 def _require_drawable(inputs: Inputs) -> None:
     for joint in inputs.joints:
         if joint.drawn:
-            allowed = "allowed for draws: all normal, or all t of one ν (JCGM 101, 6.4.8)"
+            allowed = (
+                "draws of correlated inputs need normal distributions, or t distributions with "
+                "equal ν (JCGM 101, 6.4.8)"
+            )
             raise InputError("correlations", "inputs", joint.drawn, allowed)
 
 
@@ -254,7 +257,10 @@ def _draw_dof(inputs: Inputs) -> Iterator[float]:
 def _draw_notes(few: float, drawing: Drawing) -> tuple[str, ...]:
     note = f"draws: {drawing.rule if drawing.draws is None else 'a fixed number'}"
     if few <= 2:
-        return (f"{note}; an input has ν = {few:g}, at most 2: no u exists, the value is a median",)
+        return (
+            f"{note}; an input has only ν = {few:g} degrees of freedom, so u is infinite and the "
+            "value is the median",
+        )
     return (note,)
 
 
@@ -277,17 +283,20 @@ def _verdict(
 ) -> str:
     """Return the judgement of clause 8: whether the linear ends agree with those of the draws."""
     if not 0 < u < inf:
-        return "first order not validated: no u to compare"
+        return "first order not validated, because u is 0 or infinite"
     limit = tolerance(u, drawing.digits)
     reached = 2 * max(errors[2:])
     low, high = (abs(a - b) for a, b in zip(linear.interval, ends, strict=True))
     if reached > limit / 5 and max(low, high) - reached < limit:
         return (
-            f"first order not judged: ends of the draws known within {reached:.1g}, clause 8 asks "
-            f"for {limit / 5:.1g}; validate=True draws so many"
+            f"first order not judged: the ends of the interval of the draws are accurate to "
+            f"{reached:.1g}, but clause 8 requires {limit / 5:.1g}; use validate=True"
         )
     verdict = "validated" if max(low, high) <= limit else "not validated"
-    return f"first order {verdict}: ends differ by {low:.2g} and {high:.2g}, allowed {limit:.1g}"
+    return (
+        f"first order {verdict}: the ends of the interval differ by {low:.2g} and {high:.2g}, "
+        f"allowed {limit:.1g}"
+    )
 
 
 def _region(model: Model, batches: Batches) -> Region:

@@ -179,12 +179,12 @@ def _read(
     if readings.ndim != 1 or not np.isfinite(readings).all() or readings.size == 0:
         raise InputError("", "values", f"shape {readings.shape}", "allowed: finite numbers (n,)")
     if np.ptp(readings) == 0:
-        allowed = "all readings are equal, so no scatter is known; allowed: a finer instrument"
+        allowed = "all readings are equal, so their scatter is unknown; use a finer instrument"
         raise InputError("", "values", readings[0], allowed)
     numbers = []
     for row in labels:
         if len(row) != readings.size:
-            raise InputError("", "labels", len(row), f"allowed: one a reading, {readings.size}")
+            raise InputError("", "labels", len(row), f"allowed: one per reading, {readings.size}")
         order = {label: at for at, label in enumerate(dict.fromkeys(row))}
         numbers.append(np.array([order[label] for label in row]))
     return readings, numbers

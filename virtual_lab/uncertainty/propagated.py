@@ -92,7 +92,9 @@ class Propagated:
     def _only(self) -> Outcome:
         if len(self.outcomes) > 1:
             names = ", ".join(self.outcomes)
-            raise InputError("", "output", None, f"there are several; allowed: [NAME] of {names}")
+            raise InputError(
+                "", "output", None, f"there are several outputs; use [NAME] of {names}"
+            )
         return next(iter(self.outcomes.values()))
 
     @property

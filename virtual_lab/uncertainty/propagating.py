@@ -200,14 +200,14 @@ def _interval(value: float, u: float, dof: float, probability: float) -> tuple[f
 
 
 def _notes(model: Model) -> tuple[str, ...]:
-    rows = "the model takes numbers only or mixes rows: it is called row by row"
+    rows = "the model is called row by row, because it accepts only numbers or mixes rows"
     return (rows,) if model.row_by_row else ()
 
 
 def _u_is_zero(one: Outcome) -> str:
     if one.shift == 0:
-        return f"u of {one.name} is 0: no input moves it within its u"
+        return f"u of {one.name} is 0, because no input changes it within the u of the input"
     return (
-        f"u of {one.name} is 0 by the first order, but curvature shifts its mean by "
-        f"{one.shift:.3g}: take method='second-order' or 'monte-carlo'"
+        f"u of {one.name} is 0 to first order, but the curvature shifts its mean by "
+        f"{one.shift:.3g}; use method='second-order' or 'monte-carlo'"
     )

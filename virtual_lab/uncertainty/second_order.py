@@ -65,6 +65,6 @@ class SecondOrder:
         squares = first**2 + (self.kurtosis - 1) / 4 * second**2 + self.kurtosis / 3 * first * third
         variance = squares.sum() + np.sum(mixed**2 + first[i] * f_ijj + first[j] * f_iij)
         if variance < -((LAST_BITS * middle) ** 2):
-            allowed = "the series does not converge at these u; allowed: method='monte-carlo'"
+            allowed = "the series does not converge for these u; use method='monte-carlo'"
             raise InputError("second-order", "variance", f"{variance:.3g}", allowed)
         return float(middle + second.sum() / 2), float(np.sqrt(max(variance, 0)))

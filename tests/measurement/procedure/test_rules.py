@@ -258,7 +258,11 @@ def test_the_aimed_position_is_set_in_half_millimetres() -> None:
         ),
         ("attempts = { value = 12,", "attempts = { value = 100000,", "2 to 1000"),
         ("attempts = { value = 12,", "attempts = { value = 3,", "cannot give"),
-        ("speed = { value = 60,", "speed = { value = 1000000,", "beyond 2.2.* to 223.* mph"),
+        (
+            "speed = { value = 60,",
+            "speed = { value = 1000000,",
+            "outside the range 2.2.* to 223.* mph",
+        ),
         ("place_slope_u = { value = 0.014", "place_slope_u = { value = -1", "place_slope_u"),
     ],
 )

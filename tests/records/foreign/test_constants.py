@@ -116,8 +116,8 @@ KEY = "impact.gates.distance_0"
         (GOOD | {"dof": 0}, KEY, "above 0"),
         (GOOD | {"dof": "many"}, f"{KEY}.dof", "number"),
         (GOOD | {"uncertainty": 1}, KEY, "value, unit, u, dof, source"),
-        ({"value": 1, "unit": "in"}, KEY, "misses u"),
-        ({"u": 1}, KEY, "misses value, unit"),
+        ({"value": 1, "unit": "in"}, KEY, "lacks u"),
+        ({"u": 1}, KEY, "lacks value, unit"),
         (21.65, KEY, "expected a table"),
     ],
 )

@@ -155,7 +155,7 @@ def _no_line(start: str) -> Change:
         ),
         (
             _both(_more("impact.gates.distance_2"), _form('(_2.*unit = )"1"', r'\1"in"')),
-            ["impact/gates: gates = 2", "the calibration has 3"],
+            ["impact/gates: gates = 2", "the calibration has distances of 3"],
         ),
         (
             _form('clock" = { value = 1,', 'clock" = { value = 0,'),

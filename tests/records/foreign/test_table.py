@@ -178,7 +178,7 @@ def test_what_belongs_to_fewer_indices_stands_once() -> None:
     assert record.counts.tolist() == [[5, 6], [7, 8]]
     assert record.times == pytest.approx(np.array([1e-3, 2e-3]))
     data = data.replace(b"1,0,7,\n", b"1,0,7,3\n")
-    with pytest.raises(InputError, match="time_ms; one value for each sample, found more"):
+    with pytest.raises(InputError, match="time_ms; needs a single value for each sample"):
         read(data, ChannelForm(record="encoder", file="x.csv"))
 
 
@@ -235,14 +235,14 @@ TEXT = THEIRS.to_csv(index=False)
         (_cell(3, "60 mph"), "t [us]", "60 mph", "without unit"),
         (_cell(3, "60,5"), "t [us]", "60,5", "decimal comma"),
         (_cell(3, inf), "t [us]", inf, "finite"),
-        (_cell(1, -5.0), "t [us]", -5.0, "cleared before it broke (shot 1, way 1, gate 1, edge 2)"),
-        (_cell(2, -5.0), "t [us]", -5.0, "out of turn (shot 1, way 1, gate 2, edge 1)"),
+        (_cell(1, -5.0), "t [us]", -5.0, "clears before it breaks (shot 1, way 1, gate 1, edge 2)"),
+        (_cell(2, -5.0), "t [us]", -5.0, "out of order (shot 1, way 1, gate 2, edge 1)"),
         (lambda t: t.assign(note=1), "columns", "note", "ignore"),
         (lambda t: t.assign(time_in=1), "columns", "time_in", "time_s or time_ms or time_us"),
         (lambda t: t.assign(time_s=1), "columns", "time_us, time_s", "same column"),
         (lambda t: t.assign(time_us=1), "columns", "time_us", "twice"),
         (lambda t: t.drop(columns="gate"), "columns", None, "missing: gate"),
-        (lambda t: t.drop(columns="t [us]"), "columns", None, "no 't [us]'"),
+        (lambda t: t.drop(columns="t [us]"), "columns", None, "lacks 't [us]'"),
         (_as(TEXT.replace("gate", "way", 1)), "columns", "way", "twice in the header"),
         (_as(TEXT.replace(",", ";")), "delimiter", "semicolon", "expected commas"),
         (_as(TEXT.replace(",", "\t")), "delimiter", "tab", "expected commas"),
@@ -259,12 +259,17 @@ TEXT = THEIRS.to_csv(index=False)
         (lambda _: TEXT.encode() + b"\xff,1\n", "CSV", None, "cannot be read"),
         (lambda t: t.iloc[:-1], "rows", 15, "cut short"),
         (lambda t: pd.concat([t, t.iloc[:1]]), "rows", 17, ""),
-        (lambda t: t.replace({"shot": {2: 3}}), "shot", 2, "is missing, others go up to 3"),
-        (lambda t: t.assign(shot=t.shot - 1), "shot", 0.0, "from 1"),
+        (
+            lambda t: t.replace({"shot": {2: 3}}),
+            "shot",
+            2,
+            "is missing, although the numbers go up to 3",
+        ),
+        (lambda t: t.assign(shot=t.shot - 1), "shot", 0.0, "1 and up"),
         (lambda t: t.assign(edge=t.edge == 2), "edge", "False", "numbers"),
         (lambda t: t.assign(shot="A1"), "shot", "A1", "numbers"),
         (lambda t: t[t.way == 1], "way", None, "needs 1 and 2, in and back"),
-        (lambda t: t.assign(**{"t [us]": nan}), "time_us", None, "no number yet"),
+        (lambda t: t.assign(**{"t [us]": nan}), "time_us", None, "no numbers yet"),
     ],
 )
 def test_a_table_that_does_not_fit(
@@ -290,17 +295,17 @@ def test_a_table_that_does_not_fit(
     [
         ({"record": "radar"}, "record", "allowed: mass-readings"),
         ({"columns": {"time_h": "t [us]"}}, "columns", "time_us"),
-        ({"columns": {"time_us": "t"}}, "columns", "no 't'"),
-        ({"ignore": ("note",)}, "columns", "no 'note'"),
+        ({"columns": {"time_us": "t"}}, "columns", "lacks 't'"),
+        ({"ignore": ("note",)}, "columns", "lacks 'note'"),
         ({"fixed": {"beam": 1}}, "fixed", "shot, way, gate, edge"),
-        ({"fixed": {"gate": 1}}, "fixed", "is a column"),
+        ({"fixed": {"gate": 1}}, "fixed", "is also a column"),
         ({"rows": "row"}, "rows", "shot, way, gate, edge"),
-        ({"rows": "shot"}, "rows", "is a column"),
+        ({"rows": "shot"}, "rows", "is also a column"),
         ({"index_from": {"beam": 1}}, "index_from", "shot, way, gate, edge"),
         ({"wide": {"time_h": {}}}, "wide", "time_us"),
-        ({"wide": {"time_us": {"a": {"gate": 1}}}}, "columns", "no 'a'"),
+        ({"wide": {"time_us": {"a": {"gate": 1}}}}, "columns", "lacks 'a'"),
         ({"wide": {"time_us": {"gate": {"beam": 1}}}}, "wide.time_us.gate", "shot, way"),
-        ({"wide": {"time_us": {"gate": {"gate": 1}}}}, "wide", "is a column"),
+        ({"wide": {"time_us": {"gate": {"gate": 1}}}}, "wide", "is also a column"),
         ({"wide": {"time_us": {}, "time_s": {}}}, "wide", "one value column"),
         ({"file": "nowhere.csv"}, "file", "cannot be read"),
     ],

@@ -106,5 +106,5 @@ def test_table_text_and_picture_are_saved(found: PercussionStudy, tmp_path: Path
 
 
 def test_one_laboratory_is_too_few() -> None:
-    with pytest.raises(InputError, match="2 and more"):
+    with pytest.raises(InputError, match="at least 2"):
         percussion("r161", laboratories=1)

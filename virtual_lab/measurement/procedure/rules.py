@@ -96,7 +96,7 @@ class Scan(Spec):
             )
         if self.fine_step < 2 * SETTING_STEP:
             raise ValueError(
-                f"fine_step is {self.fine_step:g} m; allowed: {2 * SETTING_STEP:g} m and more, "
+                f"fine_step is {self.fine_step:g} m; allowed: at least {2 * SETTING_STEP:g} m, "
                 f"because impact positions are set in steps of {SETTING_STEP:g} m"
             )
         if self.fine_step > self.coarse_step:

@@ -32,7 +32,7 @@ def _constant(key: str, entry: Any, where: str) -> Estimate:
         allowed = f"{nearest(unknown[0], KEYS)}allowed: {', '.join(KEYS)}{hint}"
         raise InputError(where, at, unknown[0], allowed)
     if missing := [name for name in KEYS[:3] if name not in entry]:
-        raise InputError(where, at, None, f"misses {', '.join(missing)}")
+        raise InputError(where, at, None, f"lacks {', '.join(missing)}")
     units = _units(key)
     unit = str(entry["unit"])
     if unit not in units:

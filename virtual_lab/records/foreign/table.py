@@ -108,7 +108,7 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     require_numbers(table.rename(columns=headers), str(path))
     values = [names[column.name] for column in kind.columns.values() if not column.is_index]
     if table[values].isna().all(axis=None):
-        raise InputError(str(path), ", ".join(values), None, "hold no number yet")
+        raise InputError(str(path), ", ".join(values), None, "contain no numbers yet")
     record = table[list(names.values())].set_axis(list(names), axis="columns")
     for column in kind.columns.values():
         # values that are constant along an axis need to be entered only once
@@ -156,12 +156,13 @@ def _rename(
     _require_known(form.columns, meanings, "columns", where)
     for header in [*form.columns.values(), *form.ignore]:
         if header not in table:
-            raise InputError(path, "columns", _names(table), f"no {header!r}, named in {where}")
+            allowed = f"lacks {header!r}, which {where} names"
+            raise InputError(path, "columns", _names(table), allowed)
     theirs = {header: name for name, header in form.columns.items()}
     table = table.drop(columns=list(form.ignore)).rename(columns=theirs)
     for name in table:
         if list(table).count(name) > 1:
-            raise InputError(path, "columns", str(name), f"stands there twice, see {where}")
+            raise InputError(path, "columns", str(name), f"this column occurs twice; see {where}")
     return table, dict(form.columns)
 
 
@@ -180,7 +181,7 @@ def _spread(
         _require_known(axes_given, axes, key, where)
         for axis in axes_given:
             if axis in table:
-                raise InputError(where, key, axis, f"is a column of {path} too")
+                raise InputError(where, key, axis, f"is also a column of {path}")
     table = table.assign(**form.fixed)
     if form.rows:
         others = [axis for axis in axes if axis in table]
@@ -189,15 +190,16 @@ def _spread(
     if not form.wide:
         return table
     if len(form.wide) > 1:
-        raise InputError(where, "wide", ", ".join(form.wide), "one value column may be wide")
+        raise InputError(where, "wide", ", ".join(form.wide), "only one value column may be wide")
     (name, cells), *_ = form.wide.items()
     for header, indices in cells.items():
         _require_known(indices, axes, f"wide.{name}.{header}", where)
         if header not in table:
-            raise InputError(path, "columns", _names(table), f"no {header!r}, named in {where}")
+            allowed = f"lacks {header!r}, which {where} names"
+            raise InputError(path, "columns", _names(table), allowed)
     rest = table.drop(columns=list(cells))
     if name in rest:
-        raise InputError(where, "wide", name, f"is a column of {path} too")
+        raise InputError(where, "wide", name, f"is also a column of {path}")
     return pd.concat(
         [rest.assign(**indices, **{name: table[header]}) for header, indices in cells.items()],
         ignore_index=True,
@@ -210,13 +212,15 @@ def _find_columns(
     """Return the name in the table of each column of the record, in the record's order."""
     unknown = [str(name) for name in table if name not in meanings]
     if unknown:
-        allowed = f"allowed: {_allowed_columns(kind)}; what is not to be read goes into ignore"
+        allowed = f"allowed: {_allowed_columns(kind)}; list other columns under ignore"
         raise InputError(path, "columns", ", ".join(unknown), allowed)
     names: dict[str, str] = {}
     for name in map(str, table):
         column = meanings[name].column
         if column in names:
-            raise InputError(path, "columns", f"{names[column]}, {name}", "are the same column")
+            raise InputError(
+                path, "columns", f"{names[column]}, {name}", "are two names of the same column"
+            )
         names[column] = name
     required = [*kind.axes(), *(column.name for column in kind.columns.values())]
     missing = [column for column in required if column not in names]

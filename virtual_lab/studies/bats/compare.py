@@ -221,9 +221,9 @@ def compare(
         ball cannot be used.
     """
     if len(bats) < 2:
-        raise InputError("", "bats", ", ".join(bats) or "none", "allowed: two and more")
+        raise InputError("", "bats", ", ".join(bats) or "none", "allowed: at least two")
     if not swings:
-        raise InputError("", "swing", "none", "allowed: one and more, each 0 to 0.5")
+        raise InputError("", "swing", "none", "allowed: at least one, each 0 to 0.5")
     exponents = tuple(dict.fromkeys(swings))
     groups = [
         profiles(bat, swings=exponents, reference_inertia=reference_inertia, ball=ball)

@@ -189,7 +189,7 @@ def fit_bat(
     if not path.endswith(".toml"):
         raise InputError("", "measurements", path, "allowed: a .toml file")
     if members < 2:
-        raise InputError("", "members", members, "allowed: 2 and more")
+        raise InputError("", "members", members, "allowed: at least 2")
     measured = catalog.load("bats", path, BatMeasurements).spec
     template = TEMPLATES[measured.template]
     require_plausible_hoop(measured)

@@ -214,7 +214,7 @@ def percussion(
     bat = entry_name(bat)
     for name, number in (("laboratories", laboratories), ("shots", shots)):
         if number < 2:
-            raise InputError("", name, number, "allowed: 2 and more")
+            raise InputError("", name, number, "allowed: at least 2")
     still = _Stand.of(bat, 0, Reality.NOISE_FREE)
     body = still.laboratory.specimen.bat.body
     beam = beam_of(body)
