@@ -108,7 +108,7 @@ def test_repeats_scatter_as_their_values_do(results: Path) -> None:
     values = [vl.load(results / "repeats" / f"n{number}").value for number in range(3)]
     (said,) = (each for each in found.words if "mean of" in each)
     assert f"BPF {statistics.fmean(values):.4f} is the mean of 3" in said
-    assert f"standard deviation {statistics.stdev(values):.2g}" in said
+    assert f"standard deviation is {statistics.stdev(values):.2g}" in said
     assert not any("mean of" in each for each in vl.report(results / "bats").words)
 
 
