@@ -78,7 +78,7 @@ def test_a_column_states_its_unit_and_meaning(made: Path) -> None:
     assert meanings["u"] == "standard uncertainty of the metric"
 
 
-def test_units_of_a_metric_that_is_a_speed(tmp_path: Path) -> None:
+def test_a_metric_that_is_a_speed_keeps_its_unit(tmp_path: Path) -> None:
     """The metric of `proposed` is v_f, about 95 mph; its scan has a width in m."""
     study = {"bats": "r161", "procedures": "proposed", "laboratories": 2, "seed": 1}
     vl.campaign(study, tmp_path / "c")
@@ -104,7 +104,7 @@ def test_a_test_without_a_result_is_blank(tmp_path: Path) -> None:
     assert (row["tests"], row["mean"], row["coverage"]) == (3, None, None)
 
 
-def test_the_study_stands_in_the_folder_as_it_was_given(made: Path) -> None:
+def test_the_folder_keeps_the_study_file_unchanged(made: Path) -> None:
     assert (made / "study.toml").read_text("utf-8") == STUDY
 
 
@@ -128,7 +128,7 @@ def test_two_workers_make_the_same_parts_as_one(made: Path, tmp_path: Path) -> N
     assert contents(tmp_path / "two") == contents(made)
 
 
-def test_two_runs_on_one_folder_do_no_harm(made: Path, tmp_path: Path) -> None:
+def test_two_runs_in_one_folder_do_no_harm(made: Path, tmp_path: Path) -> None:
     """Both start it and make its parts; each file is complete at any time."""
     folder, study = tmp_path / "both", begun(tmp_path / "both")
     with ThreadPoolExecutor(2) as pool:
@@ -138,7 +138,7 @@ def test_two_runs_on_one_folder_do_no_harm(made: Path, tmp_path: Path) -> None:
     assert contents(folder) == contents(made)
 
 
-def test_shares_are_all_parts_once(made: Path) -> None:
+def test_shares_cover_every_part_once(made: Path) -> None:
     known = Campaign.open(made)
     for many in (1, 3, 4, 40):
         shares = [number for one in range(many) for number in known.share(f"{one + 1}/{many}")]
@@ -158,7 +158,7 @@ def lose(path: Path) -> None:
 
 
 @pytest.mark.parametrize(("damage", "said"), [(cut, "cannot be read"), (swap, "other tests")])
-def test_a_damaged_part_is_made_again_and_told(
+def test_a_damaged_part_is_repeated_and_reported(
     copy: Path, made: Path, damage: Callable[[Path], None], said: str
 ) -> None:
     damage(part(copy, 2))
@@ -219,7 +219,7 @@ def until(done: Callable[[], bool], patience: float = 60.0) -> None:
         time.sleep(0.02)
 
 
-def test_what_is_there_is_not_made_again(copy: Path) -> None:
+def test_existing_parts_are_not_repeated(copy: Path) -> None:
     kept, lost = part(copy, 0), part(copy, 3)
     before = kept.stat().st_mtime_ns
     lost.unlink()
@@ -240,7 +240,7 @@ def test_check_finds_a_changed_byte_within_a_part(copy: Path) -> None:
     assert why == "it was changed after it was made (its data)"
 
 
-def test_a_block_that_fails_twice_is_told_and_the_others_are_made(
+def test_a_block_that_fails_twice_is_reported_and_the_others_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tried: list[int] = []
@@ -263,7 +263,7 @@ def test_a_block_that_fails_twice_is_told_and_the_others_are_made(
     assert [row["missing"] for row in rows] == [0, 6]
 
 
-def test_the_summary_is_that_of_the_table(made: Path) -> None:
+def test_the_summary_agrees_with_the_table(made: Path) -> None:
     """The oracle is pandas; the variance within a laboratory is half the squared difference."""
     summary = vl.Campaign.open(made).summary()
     table = vl.Campaign.open(made).table
@@ -365,7 +365,7 @@ def test_a_folder_that_is_not_this_campaign_is_left_alone(
 
 
 @pytest.mark.parametrize("blocks", ["0/40", "41/40", "3", "a/b", "1/0", "-1/3"])
-def test_a_share_that_does_not_exist(blocks: str, copy: Path) -> None:
+def test_a_missing_share_is_refused(blocks: str, copy: Path) -> None:
     with pytest.raises(InputError, match="blocks"):
         vl.campaign(None, copy, blocks=blocks)
 
@@ -415,7 +415,7 @@ def silent_address() -> Iterator[str]:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_an_address_of_dask_that_does_not_answer(
+def test_a_dask_address_without_an_answer_is_refused(
     copy: Path, silent_address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(workers, "PATIENCE", 0.2)

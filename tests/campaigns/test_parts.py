@@ -192,7 +192,7 @@ DAMAGE = {
 
 @pytest.mark.skipif(sys.platform == "win32", reason="has no named pipes")
 @pytest.mark.parametrize("kind", DAMAGE)
-def test_a_part_that_is_not_what_was_made_is_told(kind: str, copy: Path) -> None:
+def test_an_altered_part_is_reported(kind: str, copy: Path) -> None:
     damage, said = DAMAGE[kind]
     damage(part(copy, 1))
     known = Campaign.open(copy)

@@ -140,7 +140,7 @@ def _sources(document: Any) -> Iterator[str]:
             yield from _sources(item)
 
 
-def test_source_keys_are_the_ones_explained() -> None:
+def test_every_source_key_is_explained() -> None:
     """Every source key of a number is explained, and every explanation is used."""
     explained = tomllib.loads((DATA / "sources.toml").read_text("utf-8"))
     used: dict[str, Path] = {}
@@ -518,7 +518,7 @@ def test_every_fault_of_a_modified_bat_is_named(old: str, new: str, key: str, al
     assert "mine.toml" in sentence
 
 
-def test_a_bat_based_on_itself(tmp_path: Path) -> None:
+def test_a_bat_based_on_itself_is_refused(tmp_path: Path) -> None:
     """A circular chain of bases is bad input, not a stack overflow."""
     path = tmp_path / "loop.toml"
     path.write_text(MODIFIED.replace("ea70", str(path)), encoding="utf-8")

@@ -488,7 +488,7 @@ FIRST = {file: way for way, (_, file, _) in reversed(ALTERED.items())}  # altera
 
 
 @pytest.mark.parametrize("way", ALTERED)
-def test_what_was_altered_is_named(made: Path, tmp_path: Path, way: str) -> None:
+def test_every_alteration_is_named(made: Path, tmp_path: Path, way: str) -> None:
     """`verify` names file, key and both values, if any, also in a folder without the truth."""
     change, file, key = ALTERED[way]
     folder = shutil.copytree(made, tmp_path / "copy")
@@ -509,7 +509,7 @@ def test_what_was_altered_is_named(made: Path, tmp_path: Path, way: str) -> None
         assert found.state in found.text
 
 
-def test_without_a_new_list_the_list_tells(made: Path, tmp_path: Path) -> None:
+def test_the_checksums_reveal_any_altered_file(made: Path, tmp_path: Path) -> None:
     """The list reveals one byte more in any file, a missing file and an additional file."""
     folder = shutil.copytree(made, tmp_path / "copy")
     assert list(compared_sums(folder, ("truth",))) == []

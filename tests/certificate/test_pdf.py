@@ -92,7 +92,7 @@ def test_every_page_bears_number_word_and_count(document: CertificateDocument, p
     assert pdf_name(document) == f"certificate-{number}-SIMULATED.pdf"
 
 
-def test_it_says_what_the_page_says(document: CertificateDocument, pdf: bytes) -> None:
+def test_the_pdf_says_the_same_as_the_page(document: CertificateDocument, pdf: bytes) -> None:
     """Every printed value is in the text of the PDF, table cells included."""
     shown, printed = text_of(pdf), printed_values(document)
 
@@ -242,7 +242,7 @@ def test_a_form_that_fails_costs_nothing_else(
     ]
 
 
-def test_save_writes_it_on_request(tmp_path: Path, document: CertificateDocument) -> None:
+def test_save_writes_the_pdf_on_request(tmp_path: Path, document: CertificateDocument) -> None:
     test = Certificate(certification=certified().certification)
     test.save(tmp_path / "without")
     test.save(tmp_path / "with", pdf=True)
@@ -254,7 +254,7 @@ def test_save_writes_it_on_request(tmp_path: Path, document: CertificateDocument
     assert not (tmp_path / "a5").exists()
 
 
-def test_without_the_extra_one_line_names_it(
+def test_a_missing_extra_is_named_in_one_line(
     document: CertificateDocument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "typst", None)

@@ -115,7 +115,7 @@ def test_a_repository_around_the_program_is_another_project(clone: Path, tmp_pat
     assert commit_of(clone) is None
 
 
-def test_what_cannot_be_read_is_not_stated(clone: Path) -> None:
+def test_an_unreadable_commit_is_not_stated(clone: Path) -> None:
     (clone / ".git/index").write_bytes(b"DIRC")
     assert commit_of(clone) is None
     (clone / ".git/index").unlink()

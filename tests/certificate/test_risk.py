@@ -74,7 +74,7 @@ def test_a_pass_risks_acceptance_and_a_fail_rejection() -> None:
         (replace(decided(1.13), value=None, u=None), "INVALID", True),
     ],
 )
-def test_what_the_limit_does_not_decide_has_no_risk(
+def test_a_verdict_that_the_limit_does_not_decide_has_no_risk(
     stated: MetricStated, verdict: str, eligible: bool
 ) -> None:
     assert risk_of(stated, verdict, eligible=eligible) is None

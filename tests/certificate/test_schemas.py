@@ -37,7 +37,7 @@ def digest_of(kind: type) -> str:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_field_changes_with_the_schema_alone(form: str) -> None:
+def test_the_digest_of_each_schema_is_unchanged(form: str) -> None:
     """If this fails, give SCHEMA a new number, and add it with this digest to schemas.json.
 
     If only the wording of a meaning is better, renew the digest.

@@ -70,7 +70,7 @@ def test_reductions_of_records_are_whole(made: Path, tmp_path: Path) -> None:
     honest(verify(tmp_path / "theirs"))
 
 
-def test_what_cannot_be_made_here_is_not_checked(
+def test_a_file_that_cannot_be_made_here_is_not_checked(
     result: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def missing(*_: object) -> bytes:
@@ -184,9 +184,7 @@ def test_a_film_of_a_signed_folder_is_checked(result: Path, keys: tuple[Path, Pa
     assert verify(result, key=keys[1]).unchecked == ("film: the folder is missing",)
 
 
-def test_who_rewrites_everything_is_found_by_the_signature(
-    signed: Path, keys: tuple[Path, Path]
-) -> None:
+def test_the_signature_reveals_a_rewritten_folder(signed: Path, keys: tuple[Path, Path]) -> None:
     """Another test under the same name, with matching digests: only the key reveals it."""
     for path in signed.iterdir():
         if path.name != "SHA256SUMS.sig":
@@ -200,7 +198,7 @@ def test_who_rewrites_everything_is_found_by_the_signature(
     assert (row.file, row.key) == ("SHA256SUMS.sig", "signature")
 
 
-def test_what_was_altered_after_signing_is_named(
+def test_an_alteration_after_signing_is_named(
     result: Path, keys: tuple[Path, Path], tmp_path: Path
 ) -> None:
     """An added file in the truth, a missing or foreign signature, and another key are named."""

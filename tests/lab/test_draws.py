@@ -67,7 +67,7 @@ def shared(asked: dict[tuple, set[tuple[Place, ...]]]) -> dict[tuple, set[tuple[
 
 @pytest.mark.parametrize("detail", RecordDetail)
 @pytest.mark.parametrize("procedure", PROCEDURES)
-def test_no_two_places_ask_for_the_same_numbers(
+def test_no_two_parts_of_a_test_draw_the_same_numbers(
     procedure: str, detail: RecordDetail, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert set(PROCEDURES) <= set(catalog.names("procedures"))
@@ -77,14 +77,16 @@ def test_no_two_places_ask_for_the_same_numbers(
     assert not shared(asked)
 
 
-def test_nor_do_the_faults_of_a_day(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_two_faults_of_a_day_draw_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     """All faults of this rig occur at once."""
     with overheard(monkeypatch) as asked:
         certify("r161", procedure="astm-f1881", seed=11, faults=tuple(CATALOGUE))
     assert not shared(asked)
 
 
-def test_nor_do_a_bat_and_its_control_bat(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_bat_and_its_control_bat_draw_different_numbers(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """In tests 1, 2 and 3 of a laboratory, which share only its rigs."""
     rules = tmp_path / "controlled.toml"
     rules.write_text(BBCOR + CORRECTION)

@@ -59,7 +59,7 @@ def test_the_table_holds_every_bit(tmp_path: Path) -> None:
         ({"flags": "chords"}, "flags"),
     ],
 )
-def test_a_difference_is_told(changed: dict[str, object], name: str) -> None:
+def test_a_difference_from_the_table_is_named(changed: dict[str, object], name: str) -> None:
     (line,) = differences(replace(ROW, **changed), ROW)
     assert line.startswith(f"{name}: ")
 

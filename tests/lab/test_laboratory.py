@@ -166,7 +166,7 @@ def test_another_seed_changes_every_number(played: Play) -> None:
     assert all(first[name][0] != other[name][0] for name in first)
 
 
-def test_no_seed_given_draws_one() -> None:
+def test_a_test_without_a_seed_draws_one() -> None:
     """Two laboratories without a seed differ, and each states its seed."""
     first, other = (certify("r161", procedure=PROCEDURE) for _ in range(2))
     assert first.sealed.seed != other.sealed.seed
@@ -314,7 +314,7 @@ def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
     ("bat", "procedure", "tests"),
     [("r161", PROCEDURE, 40), ("softball-wood-34", "asa", 4), ("ea70", "bbcor", 4)],
 )
-def test_what_is_said_of_the_simulation_follows_from_the_setup_alone(
+def test_statements_on_the_simulation_follow_from_the_setup_alone(
     bat: str, procedure: str, tests: int
 ) -> None:
     """Forty individual bats, axes and lots, half with a fault, give one text and one number.
@@ -363,7 +363,7 @@ def _specimen() -> Specimen:
         ("ball-wall", Stage.BALLS, "gates", "edge_jitter", "gates"),
     ],
 )
-def test_one_instruments_noise_is_its_own(
+def test_the_noise_of_an_instrument_is_independent_of_the_others(
     rig: str, stage: Stage, instrument: str, noise: str, channel: str
 ) -> None:
     """Removing the noise of one instrument changes its channel and no bit of any other."""
@@ -442,7 +442,9 @@ def test_the_bat_is_measured_right(played: Play) -> None:
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_it_says_what_goes_on(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_names_each_stage_in_order(
+    compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """One sentence per stage in the order of the day, after the notice of the first compilation."""
     monkeypatch.setattr("virtual_lab.lab.certify.kernel_is_compiled", lambda: compiled)
     said: list[str] = []

@@ -111,7 +111,7 @@ def metrics_of(block: lab.BlockTest) -> list[float]:
 
 
 @pytest.mark.parametrize("procedure", ["asa", "bbcor", "ncaa-besr"])
-def test_what_ran_before_changes_nothing(procedure: str) -> None:
+def test_earlier_tests_change_nothing(procedure: str) -> None:
     """Earlier laboratories and far scenes do not change the result of a laboratory."""
     (alone,) = played(procedure, [3]).values()
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)

@@ -71,7 +71,7 @@ def edit(path: Path, key: str, value: Any) -> None:
     path.write_text(json.dumps(document, indent=2))
 
 
-def test_what_nobody_altered_is_whole(folder: Path) -> None:
+def test_an_unaltered_folder_is_whole(folder: Path) -> None:
     """Other files may lie beside it: notes, a printed page."""
     (folder / "notes.txt").write_text("seen by me")
     assert alterations(folder) == []
@@ -130,7 +130,7 @@ def test_removed_and_added_keys_are_named(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"metric": {"value": 0.94', "[" * 100_000])
-def test_a_certificate_that_is_none(text: str, folder: Path) -> None:
+def test_an_unreadable_certificate_counts_as_altered(text: str, folder: Path) -> None:
     (folder / "certificate.json").write_text(text)
     found = alterations(folder)
     assert {each.file for each in found} == {"certificate.json"}
@@ -142,7 +142,7 @@ def test_a_truncated_record_is_named(folder: Path) -> None:
     assert named(folder) == ["records/impact/encoder.csv: altered since it was sealed"]
 
 
-def test_one_sample_altered_and_its_digest_in_the_session_too(folder: Path) -> None:
+def test_an_altered_sample_with_its_digest_is_named(folder: Path) -> None:
     """The seal detects it, although `reduce` accepts the record."""
     session = folder / "records" / "session.json"
     path = folder / "records" / "balls" / "gates.csv"
@@ -193,7 +193,7 @@ def test_a_seal_that_is_a_link_is_named(folder: Path, tmp_path: Path) -> None:
     assert named(folder) == ["truth/seal.json: replaced by a link since it was sealed"]
 
 
-def test_the_rules_and_the_calibration(folder: Path) -> None:
+def test_altered_rules_and_calibration_are_named(folder: Path) -> None:
     rules = folder / "records" / "procedure.toml"
     text = rules.read_text()
     assert "value = 1.2," in text

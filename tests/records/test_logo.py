@@ -120,7 +120,7 @@ def test_a_picture_of_points_is_kept_as_it_is(tmp_path: Path) -> None:
         ("../logo.svg", b"<svg/>", "leads out of"),
     ],
 )
-def test_what_is_no_such_picture_is_refused_in_one_line(
+def test_an_unsuitable_picture_is_refused_in_one_line(
     tmp_path: Path, name: str, content: bytes, said: str
 ) -> None:
     folder = tmp_path / "lab"

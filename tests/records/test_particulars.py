@@ -102,7 +102,7 @@ def test_the_empty_form_has_every_key_and_states_nothing() -> None:
         ),
     ],
 )
-def test_what_cannot_be_stated_is_refused_in_one_line(
+def test_an_invalid_statement_is_refused_in_one_line(
     document: dict[str, object], said: str
 ) -> None:
     with pytest.raises(InputError) as refused:
@@ -117,7 +117,7 @@ def test_joiners_that_a_script_needs_are_printed() -> None:
         assert particulars_of({"customer": {"name": name}}, "lab").customer.name == name
 
 
-def test_they_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None:
+def test_particulars_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None:
     """Records without particulars have no such key."""
     session = certified().certification.session
     for particulars in (stated, NOTHING_STATED):
@@ -129,7 +129,7 @@ def test_they_stay_with_the_records(stated: Particulars, tmp_path: Path) -> None
         assert ("particulars" in written) == bool(particulars.stated)
 
 
-def test_page_and_text_say_what_is_stated_and_what_is_not(stated: Particulars) -> None:
+def test_page_and_text_name_stated_and_missing_particulars(stated: Particulars) -> None:
     document = certificate(with_particulars(stated))
     assert document_of(json.loads(document.text), "certificate.json") == document
     text, page = certificate_text(document), certificate_page(document)

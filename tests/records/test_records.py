@@ -104,7 +104,7 @@ def test_row_order_does_not_matter(record: Record, data: st.DataObject) -> None:
     assert bits(type(record).from_table(shuffled, "x.csv")) == bits(record)
 
 
-def test_the_file_form_of_gates() -> None:
+def test_the_table_of_gates_has_one_row_per_edge() -> None:
     """Written by hand: one row per edge, one index column per axis."""
     record = GateRecord(times=np.arange(8.0).reshape(1, 2, 2, 2))
     table = record.table()
@@ -242,7 +242,7 @@ def _swap(times: np.ndarray, *places: tuple[int, ...]) -> np.ndarray:
         ((1, 0), (1, 1), "out of order", "shot 1, way 0, gate 1, edge 0"),
     ],
 )
-def test_gates_that_time_runs_backwards_at(
+def test_times_out_of_order_are_named_with_shot_and_gate(
     one: tuple[int, ...], other: tuple[int, ...], fault: str, at: str
 ) -> None:
     """One exchange at a time; the message counts from 0 or from the file's first number."""
@@ -265,7 +265,7 @@ def test_a_ball_that_returns_before_it_arrives_is_refused() -> None:
         )
 
 
-def test_order_looks_past_what_was_not_seen() -> None:
+def test_the_order_of_times_is_checked_across_a_blind_gate() -> None:
     """The middle of three gates is blind; the last may still not come before the first."""
     times = np.full((1, 2, 3, 2), nan)
     times[0, 0, 0], times[0, 0, 2] = (2.0, 3.0), (1.0, 4.0)
@@ -273,7 +273,7 @@ def test_order_looks_past_what_was_not_seen() -> None:
         GateRecord.from_table(GateRecord(times=times).table(), "x.csv")
 
 
-def test_gates_nearer_than_a_ball_is_long() -> None:
+def test_gates_may_be_nearer_than_a_ball_is_long() -> None:
     """The second beam breaks before the first clears, or on the same tick of a slow clock."""
     times = np.full((1, 2, 2, 2), nan)
     times[0, 0] = [[0.0, 3.0], [1.0, 4.0]]
@@ -284,7 +284,7 @@ def test_gates_nearer_than_a_ball_is_long() -> None:
 
 
 @pytest.mark.parametrize("time", [1.0, 0.5])
-def test_a_clock_that_does_not_rise(time: float) -> None:
+def test_a_clock_that_does_not_rise_is_refused(time: float) -> None:
     """The clock of an encoder or pendulum stops or runs back; the message names the sample."""
     counts = EncoderRecord(counts=np.zeros((2, 3)), times=np.array([0.0, 1.0, time]))
     with pytest.raises(InputError, match=f"time_s = {time}; .*sample 2"):

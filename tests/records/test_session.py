@@ -75,7 +75,7 @@ def test_every_record_comes_back_bit_for_bit(record: Record, known: dict) -> Non
 
 
 @pytest.mark.parametrize("example", [EXAMPLE, SUPPLIED])
-def test_what_is_no_record_comes_back_too(example: Session, tmp_path: Path) -> None:
+def test_names_rules_and_origin_survive_a_folder(example: Session, tmp_path: Path) -> None:
     """Names, rigs, the exact text of the procedure, and the origin of the records."""
     save_session(example, tmp_path)
     loaded = load_session(tmp_path)
@@ -279,7 +279,7 @@ def test_every_fault_of_a_session_folder_is_named(
     assert allowed in caught.value.allowed
 
 
-def test_a_session_written_by_hand_as_the_manual_says(tmp_path: Path) -> None:
+def test_a_session_written_by_hand_from_the_manual_is_read(tmp_path: Path) -> None:
     """Written without this package: keys of data/README.md, plain text, digests by hashlib."""
     (tmp_path / "bench").mkdir()
     (tmp_path / "bench" / "bat-mass.csv").write_text("item,repeat,mass_kg\n0,0,0.91\n0,1,0.92\n")
@@ -364,7 +364,7 @@ def _wrong_kind(session: Session) -> Session:
         (_wrong_kind, "pendulum"),
     ],
 )
-def test_a_session_that_lacks_what_the_reduction_needs(change, named: str, played) -> None:
+def test_a_missing_or_impossible_entry_of_a_session_is_named(change, named: str, played) -> None:
     """A session with one missing or impossible entry gives one line that names it."""
     session = played().certification.session
     with pytest.raises(InputError) as caught:

@@ -60,7 +60,7 @@ def test_lengths_are_read_with_their_units(text: str, metres: float) -> None:
         ("charuco:14x9:25mm:18mm:5X5_50", "the board has 63 markers"),
     ],
 )
-def test_a_board_that_is_none(text: str, words: str) -> None:
+def test_an_invalid_board_is_refused(text: str, words: str) -> None:
     with pytest.raises(InputError) as caught:
         board_of(text)
     assert words in str(caught.value)

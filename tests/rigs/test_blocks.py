@@ -230,6 +230,6 @@ def test_a_quiet_block_is_a_quiet_laboratory_many_times() -> None:
         assert np.array_equal(values, np.concatenate([single[name]] * 3), equal_nan=True), name
 
 
-def test_a_rig_that_says_nothing_is_played_one_laboratory_after_another() -> None:
+def test_a_rig_without_blocks_is_played_one_laboratory_at_a_time() -> None:
     assert not knows_blocks(find_rig("filmed-cannon", Stage.IMPACT))
     assert not knows_blocks(object())  # type: ignore[arg-type]

@@ -147,17 +147,19 @@ def agrees(flags: NDArray[np.bool_], expected: float) -> None:
 
 @pytest.mark.parametrize("shift", [0.0, 1.0])
 @pytest.mark.parametrize("rule", [1, 2, 3])
-def test_run_lengths_of_the_rules(rule: int, shift: float, days: Array) -> None:
+def test_run_lengths_of_the_rules_agree_with_their_chains(
+    rule: int, shift: float, days: Array
+) -> None:
     """In control, and shifted by one standard deviation from the first day."""
     agrees(breaks(days + shift, rule), pattern_chain(rule, shift).mean_within(DAYS))
 
 
-def test_run_length_of_eight_on_one_side(days: Array) -> None:
+def test_the_run_length_of_eight_on_one_side_agrees_with_its_chain(days: Array) -> None:
     agrees(breaks(days, 4), eight_chain().mean_within(DAYS))
 
 
 @pytest.mark.parametrize(("rules", "published"), [((1, 4), 152.73), ((1, 2, 3, 4), 91.75)])
-def test_run_lengths_of_rules_together(
+def test_run_lengths_of_combined_rules_agree_with_their_chain(
     rules: tuple[int, ...], published: float, days: Array
 ) -> None:
     """Champ and Woodall 1987; runs beyond 1 000 days are very rare."""
@@ -166,13 +168,13 @@ def test_run_lengths_of_rules_together(
 
 
 @pytest.mark.parametrize("shift", [0.0, 1.0, -2.0])
-def test_run_lengths_of_the_moving_average(shift: float, days: Array) -> None:
+def test_run_lengths_of_the_moving_average_agree_with_its_chain(shift: float, days: Array) -> None:
     flags = np.abs(ewma(days + shift)) > EWMA_LIMIT
     agrees(flags, ewma_chain(shift).mean_within(DAYS))
 
 
 @pytest.mark.parametrize("shift", [0.0, 1.0, -2.0])
-def test_run_lengths_of_the_cumulative_sum(shift: float, days: Array) -> None:
+def test_run_lengths_of_the_cumulative_sum_agree_with_its_chain(shift: float, days: Array) -> None:
     """The side of the shift has the chain's run length; the other side raises no alarm."""
     up, down = cusum(days + shift)
     to, off = (up, down) if shift >= 0 else (down, up)
@@ -211,7 +213,7 @@ RULE_DAYS: list[tuple[int, list[float], list[int]]] = [
 
 
 @pytest.mark.parametrize(("rule", "x", "flagged"), RULE_DAYS)
-def test_rules_on_a_few_days(rule: int, x: list[float], flagged: list[int]) -> None:
+def test_rules_flag_the_days_counted_by_hand(rule: int, x: list[float], flagged: list[int]) -> None:
     """Counted by hand; a day within its limit completes no pattern."""
     assert np.flatnonzero(breaks(np.array(x), rule)).tolist() == flagged
 
@@ -233,7 +235,7 @@ def test_the_baseline_agrees_with_a_hand_calculation() -> None:
 
 
 @pytest.mark.parametrize("values", [[], [1.0], [1.0, 1.0, 1.0]])
-def test_a_baseline_of_no_use(values: list[float]) -> None:
+def test_a_useless_baseline_is_refused(values: list[float]) -> None:
     with pytest.raises(ValueError, match="baseline"):
         Baseline.of(values)
 

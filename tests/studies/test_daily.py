@@ -42,7 +42,7 @@ def test_a_drift_grows_from_day_to_day() -> None:
     assert played.wall[[29, 30, 39]] == pytest.approx([1, 0.999, 0.99], rel=1e-12)
 
 
-def test_delays_of_a_step_no_chart_can_miss() -> None:
+def test_a_large_step_is_detected_after_the_length_of_each_pattern() -> None:
     """For a step beyond ten standard deviations, the delay is the length of each pattern."""
     played = daily(step=0.03, seed=3)
     assert played.since == 26

@@ -100,7 +100,7 @@ def outcome(
 
 
 @pytest.mark.parametrize(("caught", "right"), [(19, True), (18, False)])
-def test_caught_is_caught_by_a_named_flag_in_19_of_20(caught: int, right: bool) -> None:
+def test_a_fault_is_detected_if_flagged_in_19_of_20_days(caught: int, right: bool) -> None:
     """A flag that was not predicted counts as seen, but not as caught.
 
     19 of 20: .7513 to .9987 by the tables of exact binomial limits.

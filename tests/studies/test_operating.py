@@ -72,7 +72,7 @@ def test_a_procedure_without_a_limit_is_refused() -> None:
         vl.operating("r161", laboratories=0, progress=quiet)
 
 
-def test_the_table_of_counted_bats() -> None:
+def test_counted_bats_agree_with_their_predictions() -> None:
     """At least 17 of 20 predictions lie in the 95 % band of the counts."""
     (path,) = Path(__file__).parent.glob("operating-*.csv")
     rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))

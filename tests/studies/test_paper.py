@@ -29,7 +29,7 @@ def test_the_claim_holds_unless_it_is_marked_as_lost(claim: Claim) -> None:
     assert row.holds is not bool(claim.lost), bounds
 
 
-def test_no_claim_stands_there_twice() -> None:
+def test_no_claim_is_listed_twice() -> None:
     assert [
         name for name, count in Counter(claim.name for claim in CLAIMS).items() if count > 1
     ] == []
@@ -39,7 +39,7 @@ def test_no_claim_stands_there_twice() -> None:
         assert claim.paper is None or claim.low < claim.paper < claim.high
 
 
-def test_every_section_and_numbered_thing_of_the_paper_is_there() -> None:
+def test_every_section_and_equation_of_the_paper_has_a_claim() -> None:
     """Secs. II A to V B, Eqs. (1) to (14), Table I, Figs. 2 to 4."""
     sections = {part.strip() for claim in CLAIMS for part in claim.section.split(",")}
     assert sections >= {"II A", "II B", "II C", "II D", "III A", "III B", "III C", "III D", "IV"}

@@ -55,7 +55,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("repeats", "repeats of one test"),
     ],
 )
-def test_it_says_which_comparison_it_took(results: Path, folder: str, kind: str) -> None:
+def test_the_report_names_its_comparison(results: Path, folder: str, kind: str) -> None:
     found = vl.report(results / folder)
     assert found.kind == kind
     assert kind in found.title
@@ -118,7 +118,7 @@ def compared(**known: Any) -> ComparedCertificate:
     return ComparedCertificate(**(empty | told | known))
 
 
-def test_the_scatter_is_told_in_root_mean_squares_of_u() -> None:
+def test_the_scatter_is_stated_relative_to_the_rms_of_u() -> None:
     """Values .1 and .3, s = .1 √2; u .1 and .7, whose root mean square is .5 and mean .4."""
     rows = tuple(compared(value=value, u=u) for value, u in ((0.1, 0.1), (0.3, 0.7)))
     found = CertificateReport(kind=REPEATS, rows=rows, statement="")
@@ -198,7 +198,7 @@ def test_the_figure_shows_results_and_limit_to_scale(results: Path) -> None:
         assert high - low == pytest.approx(scale * (row.high - row.low), abs=0.03)
 
 
-def test_what_is_no_result_is_named(results: Path, tmp_path: Path, run: Run) -> None:  # noqa: F811
+def test_a_folder_without_a_result_is_named(results: Path, tmp_path: Path, run: Run) -> None:  # noqa: F811
     with pytest.raises(InputError, match="allowed: two or more certificates"):
         vl.report(results / "bats" / "ea70")
     with pytest.raises(InputError, match=r"certificate\.json; not found in this folder"):

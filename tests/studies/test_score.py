@@ -62,7 +62,7 @@ def test_a_whole_seal_is_scored(folder: Path) -> None:
         {"restitution": {"value": 0.5}},
     ],
 )
-def test_what_cannot_be_scored_is_told_as_altered(changes: dict[str, Any], folder: Path) -> None:
+def test_an_unscorable_value_is_reported_as_altered(changes: dict[str, Any], folder: Path) -> None:
     """The score then has no rows; without a seal it is bad input."""
     rewrite(folder / "certificate.json", **changes)
     scored = score_folder(folder)
@@ -85,7 +85,7 @@ def test_a_certificate_that_is_no_json_is_altered_as_a_file(folder: Path) -> Non
     assert (one["file"], one["key"]) == ("certificate.json", "")
 
 
-def test_a_cut_certificate_and_an_altered_truth(folder: Path) -> None:
+def test_a_truncated_certificate_and_an_altered_truth_are_named(folder: Path) -> None:
     certificate, truth = folder / "certificate.json", folder / "truth" / "truth.json"
     certificate.write_text(certificate.read_text()[:90])
     truth.write_text("{}")
@@ -93,7 +93,7 @@ def test_a_cut_certificate_and_an_altered_truth(folder: Path) -> None:
     assert [each["file"] for each in found] == ["certificate.json", "truth/truth.json"]
 
 
-def test_a_truth_sealed_again_is_not_the_certificates(folder: Path) -> None:
+def test_a_truth_sealed_again_does_not_belong_to_the_certificate(folder: Path) -> None:
     """The certificate has the truth's digest, too; if that is altered as well, nothing can tell."""
     truth = folder / "truth" / "truth.json"
     rewrite(truth, reality="ideal")
@@ -112,7 +112,7 @@ def test_a_truth_sealed_again_is_not_the_certificates(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["certificate.json", "truth/truth.json", "truth/seal.json"])
-def test_what_a_score_cannot_do_without(name: str, folder: Path) -> None:
+def test_a_missing_file_is_named(name: str, folder: Path) -> None:
     (folder / name).unlink()
     with pytest.raises(InputError, match=name):
         score_folder(folder)

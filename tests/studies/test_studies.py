@@ -24,7 +24,7 @@ LABORATORIES = 30
     ("bat", "procedure"),
     [("r161", "astm-f1881"), ("r161", "ncaa-besr"), ("r161", "bbcor"), ("softball-34", "asa")],
 )
-def test_coverage_in_a_few_laboratories(bat: str, procedure: str) -> None:
+def test_coverage_of_a_few_laboratories_is_95_percent(bat: str, procedure: str) -> None:
     """A short version of ``virtual-lab coverage r161 --summed`` (table beside this).
 
     Of 30 intervals of 95 % at least 25 hold the truth with probability 0.997; the mean error in
@@ -78,7 +78,9 @@ def test_effects_need_laboratories() -> None:
 @pytest.mark.parametrize(
     ("procedure", "bats"), [("astm-f1881", ()), ("asa", ("softball-34", "softball-wood-34"))]
 )
-def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) -> None:
+def test_the_slope_agrees_with_the_sheet_of_its_procedure(
+    procedure: str, bats: tuple[str, ...]
+) -> None:
     """The slope is that of ``virtual-lab slope``, rounded as on the sheet; u is at least its u."""
     *_, mean, deviation = slope(bats, procedure=procedure)
     sheet = catalog.load("procedures", procedure, Procedure).spec
@@ -86,14 +88,14 @@ def test_the_slope_on_a_procedures_sheet(procedure: str, bats: tuple[str, ...]) 
     assert sheet.place_slope_u * INCH == pytest.approx(deviation.slope_per_in, abs=6e-4)
 
 
-def test_a_slope_of_no_place() -> None:
+def test_a_slope_needs_bats_and_positions() -> None:
     with pytest.raises(InputError, match="2 or more"):
         slope(("r161",), procedure="astm-f1881")
     with pytest.raises(InputError, match="at one impact position"):
         slope(procedure="bbcor")
 
 
-def test_coverage_with_every_edge_and_count() -> None:
+def test_coverage_with_complete_records_is_sufficient() -> None:
     """Laboratories with individual bats and complete records."""
     for row in coverage("r161", laboratories=12, seed=50_000):
         assert row.coverage >= 9 / 12  # fewer: by chance 1 in 5000

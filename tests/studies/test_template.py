@@ -99,7 +99,7 @@ def test_the_tables_have_their_index_columns(procedure: str, tmp_path: Path) -> 
             assert form.columns[form.isna().all()].size
 
 
-def test_a_form_with_empty_tables(tmp_path: Path) -> None:
+def test_the_first_empty_table_of_a_form_is_named(tmp_path: Path) -> None:
     """If only the form is filled in, the first table is named."""
     folder = template("astm-f1881", tmp_path / "form")
     tables = {path: path.read_text() for path in folder.glob("*/*.csv")}
@@ -114,7 +114,7 @@ def test_a_form_with_empty_tables(tmp_path: Path) -> None:
         path.write_text(filled)
 
 
-def test_what_may_be_left_out_is_read_where_it_is_filled_in(tmp_path: Path) -> None:
+def test_an_optional_constant_is_read_if_it_is_filled_in(tmp_path: Path) -> None:
     """The beams' thickness is a comment in the form, and a constant without the # sign."""
     session = our_session("astm-f1881")
     folder = template("astm-f1881", tmp_path / "form")
@@ -132,7 +132,7 @@ def test_what_may_be_left_out_is_read_where_it_is_filled_in(tmp_path: Path) -> N
     assert more["impact.gates.thickness"].value == pytest.approx(1.2e-3)
 
 
-def test_rules_of_your_own_come_along(tmp_path: Path) -> None:
+def test_a_procedure_file_is_copied_to_the_form(tmp_path: Path) -> None:
     rules = tmp_path / "mine.toml"
     text = catalog.text("procedures", "astm-f1881").replace(
         "\nballs = { value = 12", "\nballs = { value = 7"

@@ -99,9 +99,7 @@ def test_separate_triggers_leave_no_verdict(delay: int) -> None:
         (partial(sector, 10), "INVALID"),
     ],
 )
-def test_what_is_done_to_a_record_on_disk_shows(
-    change: partial[Fields] | None, verdict: str
-) -> None:
+def test_an_altered_record_is_flagged(change: partial[Fields] | None, verdict: str) -> None:
     test = certified("r161", procedure="astm-f1881", seed=300)
     session = test.certification.session
     if change:

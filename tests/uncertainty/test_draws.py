@@ -182,7 +182,7 @@ def test_limits_whose_u_is_not_well_known_are_inexact() -> None:
     assert first.interval == second.interval
 
 
-def test_no_u_with_two_degrees_of_freedom() -> None:
+def test_two_degrees_of_freedom_give_no_u() -> None:
     result = vl.propagate(lambda x: x, {"x": vl.Input(1, 0.1, dof=2)}, method="monte-carlo")
     assert result.u == inf
     assert result.interval == pytest.approx(1 + 0.1 * np.array(stats.t(2).interval(0.95)), abs=5e-3)

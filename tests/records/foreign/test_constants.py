@@ -121,7 +121,7 @@ KEY = "impact.gates.distance_0"
         (21.65, KEY, "expected a table"),
     ],
 )
-def test_an_entry_that_does_not_fit(entry: object, key: str, allowed: str) -> None:
+def test_every_fault_of_an_entry_is_named(entry: object, key: str, allowed: str) -> None:
     """One fault at a time in an entry that is otherwise valid."""
     read_constants({KEY: GOOD}, "x.toml")
     with pytest.raises(InputError) as caught:
@@ -132,7 +132,7 @@ def test_an_entry_that_does_not_fit(entry: object, key: str, allowed: str) -> No
     assert allowed in caught.value.allowed
 
 
-def test_a_key_without_its_quotes() -> None:
+def test_a_key_without_quotes_is_refused() -> None:
     """Without quotes, TOML reads the dots as nested tables."""
     with pytest.raises(InputError, match="quotes around the whole key"):
         read_constants({"impact": {"gates": {"distance_0": GOOD}}}, "x.toml")

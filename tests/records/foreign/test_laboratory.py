@@ -206,7 +206,7 @@ def test_a_form_written_on_windows_is_read(tmp_path: Path) -> None:
     assert load_laboratory(tmp_path / "theirs").bat == "r161"
 
 
-def test_a_rig_nobody_here_has(tmp_path: Path) -> None:
+def test_records_of_an_unknown_rig_can_be_reduced(tmp_path: Path) -> None:
     """For a rig unknown here, the first missing constant is still named."""
     from virtual_lab import catalog
 

@@ -78,7 +78,7 @@ def columns() -> list[str]:
 
 
 @pytest.mark.parametrize("column", columns())
-def test_the_units_a_column_may_have(column: str) -> None:
+def test_a_column_takes_every_unit_of_its_dimension(column: str) -> None:
     """Against the table written by hand above: the dimension of the unit, and a rate is no time."""
     assert column_names(column) == pytest.approx(COLUMNS[column], rel=1e-15)
 
@@ -110,7 +110,9 @@ def test_a_table_in_any_unit_is_read_in_si(
 
 @given(record=ANY, data=st.data())
 @settings(max_examples=60)
-def test_any_order_and_any_names_of_columns(record: Record, data: st.DataObject) -> None:
+def test_columns_in_any_order_and_by_any_name_give_the_same_bits(
+    record: Record, data: st.DataObject
+) -> None:
     """Permuted and renamed columns, shuffled rows and an ignored column give the same bits."""
     table = record.table()
     table = table[data.draw(st.permutations(list(table.columns)))]
@@ -171,7 +173,7 @@ def test_amplitudes_stand_once_in_a_wide_table() -> None:
     assert record.last_amplitude == pytest.approx(np.radians([4]))
 
 
-def test_what_belongs_to_fewer_indices_stands_once() -> None:
+def test_a_common_value_is_needed_only_once() -> None:
     """A common clock, one amplitude per release: in any of its rows, or in all of them."""
     data = b"shot,sample,counts,time_ms\n0,0,5,1\n0,1,6,\n1,0,7,\n1,1,8,2\n"
     record = read(data, ChannelForm(record="encoder", file="x.csv"))
@@ -198,7 +200,7 @@ def test_what_belongs_to_fewer_indices_stands_once() -> None:
     ],
     ids=["BOM", "CRLF", "CR", "spreadsheet", "tabs", "spaces", "quotes"],
 )
-def test_what_spreadsheets_make_of_a_table(data: bytes, more: dict) -> None:
+def test_the_formats_of_spreadsheets_give_the_same_readings(data: bytes, more: dict) -> None:
     """Byte-order marks, line ends, separators, spaces and quotes do not change two readings."""
     form = ChannelForm(record="mass-readings", file="x.csv", **more)
     assert read(data, form).readings == pytest.approx(np.array([[1.5e-3, 2.5e-3]]), rel=1e-15)
@@ -272,7 +274,7 @@ TEXT = THEIRS.to_csv(index=False)
         (lambda t: t.assign(**{"t [us]": nan}), "time_us", None, "no numbers yet"),
     ],
 )
-def test_a_table_that_does_not_fit(
+def test_every_fault_of_a_foreign_table_is_named(
     change: Callable[[pd.DataFrame], pd.DataFrame | bytes],
     key: str,
     value: object,
@@ -310,7 +312,9 @@ def test_a_table_that_does_not_fit(
         ({"file": "nowhere.csv"}, "file", "cannot be read"),
     ],
 )
-def test_a_form_that_does_not_fit(more: dict, key: str, allowed: str, tmp_path: Path) -> None:
+def test_every_fault_of_a_channel_form_is_named(
+    more: dict, key: str, allowed: str, tmp_path: Path
+) -> None:
     """The table is valid, but the form describes it wrongly."""
     (tmp_path / "theirs.csv").write_text(TEXT)
     with pytest.raises(InputError) as caught:

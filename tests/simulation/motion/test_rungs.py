@@ -126,7 +126,7 @@ def test_any_moment_is_the_end_of_a_shorter_record(rung: str) -> None:
         assert states[..., column] == pytest.approx(end(play(shorter, rung), shorter), abs=1e-11)
 
 
-def test_a_square_hit_on_a_bat_at_rest_is_the_textbook_case() -> None:
+def test_a_square_hit_on_a_bat_at_rest_agrees_with_the_textbook() -> None:
     """By hand: time from distance, e_A, angular momentum, and the speed after drag."""
     z = np.array([5, 8]) * INCH
     played = scene(z=z, gravity=0.0)

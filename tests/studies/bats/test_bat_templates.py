@@ -80,7 +80,7 @@ def test_the_usual_bat_is_its_own_fit() -> None:
     assert found.parameters == pytest.approx(usual, rel=1e-6)
 
 
-def test_what_is_wanted_is_kept_where_the_data_leave_it_open() -> None:
+def test_the_template_decides_where_the_data_leave_it_open() -> None:
     template = TEMPLATES["wood"]
     softer = template.usual - template.spread * (np.arange(template.usual.size) == 8)
     assert template.parameters[8].name == "Young's modulus"
@@ -148,7 +148,9 @@ def test_data_vary_by_their_uncertainties() -> None:
         ({"bending_frequencies": (400.0,)}, "f1"),
     ],
 )
-def test_data_no_bat_of_the_template_meets_are_refused(other: dict[str, Any], said: str) -> None:
+def test_data_that_no_bat_of_the_template_can_have_are_refused(
+    other: dict[str, Any], said: str
+) -> None:
     with pytest.raises(InputError, match="no bat of this template fits the data") as caught:
         fit(measured(**other))
     assert said in str(caught.value).split("best one")[1]

@@ -184,7 +184,7 @@ def test_an_inertia_is_read_with_its_unit(text: str, value: float) -> None:
         ("", "bat"),
     ],
 )
-def test_an_inertia_that_cannot_be_read(text: str, said: str) -> None:
+def test_an_unreadable_inertia_is_refused(text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         read_inertia(text, -KNOB_OFFSET)
 
