@@ -344,9 +344,9 @@ CASES: dict[str, Case] = {
         "show mine.toml",
         ["overwrite"],
     ),
-    "a name of two lines": (bat(('"r161"', r'"a\nb"')), "certify mine.toml", ["name", "printed"]),
-    "a name that paints": (bat(('"r161"', r'"\u001b[31m"')), "certify mine.toml", ["printed"]),
-    "a name without end": (bat(('"r161"', f'"{LONG}"')), "certify mine.toml", ["100 characters"]),
+    "a name of two lines": (bat(('"r161"', r'"a\nb"')), "certify mine.toml", ["name", "printable"]),
+    "a name that paints": (bat(('"r161"', r'"\u001b[31m"')), "certify mine.toml", ["printable"]),
+    "a name without end": (bat(('"r161"', f'"{LONG}"')), "certify mine.toml", ["100 printable"]),
     "an outline of 5000": (
         bat(
             (r"\[0, 2,.*?\]", str([i / 150 for i in range(5001)])),
