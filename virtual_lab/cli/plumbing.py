@@ -19,7 +19,6 @@ import click
 
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import check_new_folder, check_writable, first_free, new_files
-from virtual_lab.files.tables import write_csv
 from virtual_lab.output.progress import show_progress
 
 HELP_WIDTH = 1000  # largest length of a sentence of help [characters], so that none is cut
@@ -176,6 +175,8 @@ class Output:
                 except IncompleteError as fault:
                     missing += fault.missing
             if csv is not None:
+                from virtual_lab.files.tables import write_csv
+
                 with form(csv), new_files(csv.parent) as draft:
                     write_csv(result.table, draft / csv.name)
             if plot is not None:
