@@ -35,7 +35,10 @@ def with_digests(file: bytes) -> bytes:
 
 
 def checked_file(path: Path) -> bytes:
-    """Return the bytes of a Parquet file. Raises `ChangedPartError` if one was changed."""
+    """Return the bytes of a Parquet file.
+
+    Raises `ChangedPartError` if data or footer differ from their digests in the footer.
+    """
     file = read_bytes(path, most=LARGEST_PART)
     data, footer, _ = _split_file(file)
     _require_unchanged(footer)

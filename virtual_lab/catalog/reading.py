@@ -172,9 +172,11 @@ def load_bat(name: str) -> Entry[BatSpec]:
 
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
-    """Return the bat described by a TOML `text`, with its ``base`` from the catalog.
+    """Return the bat described by a TOML `text`; `where` names the file in error messages.
 
-    `wall_factor` can be a plain number instead of a table; its source is then ``not stated``.
+    A text with the key ``base`` states changes of that bat of the catalog, which gives all other
+    values. Its `wall_factor` can be a plain number instead of a table; the source is then ``not
+    stated``. Raises `InputError` for an invalid text and for an unknown base.
     """
     document = _parse(text, where)
     if "base" not in document:

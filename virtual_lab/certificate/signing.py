@@ -22,9 +22,10 @@ TEXTS = (".csv", ".html", ".json", ".toml")  # types of files in which copying m
 
 
 def require_key(path: Path, *, private: bool) -> Any:
-    """Return the Ed25519 key in a file.
+    """Return the private or public Ed25519 key in a PEM file.
 
-    `InputError` where it holds none of this kind, or the extra ``sign`` is missing.
+    Raises `InputError` if the file holds no such key, if the key has a password, or if the extra
+    ``sign`` is not installed.
     """
     of_extra("cryptography", "sign", "a signature")
     from cryptography.hazmat.primitives.asymmetric import ed25519

@@ -83,7 +83,10 @@ def picture_cells(
     axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
     balls: Mapping[str, Case] = BALLS,
 ) -> list[Row]:
-    """Return one row per cell of the maps of pictures, for both methods of the tracker."""
+    """Return one row per condition, ball and method to locate the ball (convex hull, edge fit).
+
+    Each axis of `axes` becomes a map: a condition of the picture and its values.
+    """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():
         progress(axis)

@@ -104,8 +104,8 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
     """Return one row per model.
 
     For scenes on the barrel the row holds the largest and the rms error of e_A, and the time per
-    shot [µs]. For as many scenes along the whole bat it holds the share with an error above the u
-    of a certificate, and the share of refused scenes.
+    shot [µs]. For as many scenes along the whole bat it holds two shares (0 to 1): of the scenes
+    whose error of e_A exceeds its standard uncertainty on a certificate, and of refused scenes.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):

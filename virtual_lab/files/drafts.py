@@ -20,7 +20,10 @@ open_drafts: set[Path] = set()  # drafts of this process, removed if it must end
 
 @contextmanager
 def draft_in(folder: Path) -> Iterator[Path]:
-    """Yield a new draft in `folder`, which is created if missing. Files left in it are deleted.
+    """Yield a new folder for a draft in `folder`, which is created if missing.
+
+    When the context ends, the draft is deleted with all files that were not moved out of it. Drafts
+    of processes that have ended are deleted at the start.
 
     Raises `OSError` if `folder` cannot be written.
     """

@@ -111,7 +111,7 @@ class Visits(NamedTuple):
 def results_of_curves(
     procedure: Procedure, laboratories: int, visits: Visits, objective: Array, metric: Array
 ) -> Array:
-    """Return the procedure's result for exact curves at the positions hit, (laboratory,).
+    """Return the result of the procedure in each laboratory, (laboratory,), from exact curves.
 
     `objective` and `metric` are values of the exact curves at the position of each shot, (shot,).
     The result is NaN if no position has all its hits.

@@ -285,7 +285,10 @@ def prepare(block: SessionBlock) -> Preparation:
 
 @constants_known()
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
-    """Return the readings at the bat, (shot,). `InputError` as `prepare`."""
+    """Return the readings at the bat, (shot,).
+
+    Raises `InputError` for a record that is missing or cannot be used.
+    """
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)
 

@@ -54,7 +54,10 @@ def record_columns(kind: type[Record]) -> Iterator[TableColumn]:
 def data_package(
     title: str, description: str, tables: Mapping[str, Iterable[TableColumn]]
 ) -> dict[str, Any]:
-    """Return the descriptor of tables, by their paths in the folder."""
+    """Return the descriptor (``datapackage.json``) of a folder's tables.
+
+    `tables` has the columns of each table by its path in the folder.
+    """
     return {
         "profile": "tabular-data-package",
         "name": "result",

@@ -273,7 +273,8 @@ def particulars_of(
 ) -> Particulars:
     """Return the particulars of a parsed document; `InputError` as `read_particulars`.
 
-    The logo is a picture's file in `folder`; without one it is already embedded.
+    With `folder`, the logo is the name of a file in it. Otherwise the document contains the
+    picture itself.
     """
     table = document.get("laboratory")
     if folder is not None and isinstance(table, Mapping) and isinstance(table.get("logo"), str):

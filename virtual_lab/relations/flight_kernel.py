@@ -22,7 +22,8 @@ FAST = {"nsz"}
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
     """Fill `out` with the time [s] over the distance `way` [m] from a point of known pace, (shot,).
 
-    `pace` is 1/speed [s/m]. `drag` is κ [1/m] for a distance after the point, -κ for one before it.
+    `pace` is 1/speed at the point [s/m]. `way` is positive. `drag` is κ [1/m] if the ball flies the
+    distance after the point, and -κ if it flies it before the point.
     """
     long = 0
     for i in range(out.size):

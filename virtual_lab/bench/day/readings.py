@@ -108,7 +108,7 @@ class PrintedRow(NamedTuple):
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
     """Yield the first row beyond its limit for each suspected fault.
 
-    A fault is left out if another suspected fault explains the same readings.
+    A fault is left out if a suspected fault of its list ``unless`` explains the same readings.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):

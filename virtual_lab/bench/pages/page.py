@@ -237,7 +237,7 @@ def hall_page(hall: Hall) -> str:
 
 
 def refusal_sentence(fault: InputError) -> str:
-    """Return an error as a sentence for the page, with the titles of buttons and fields."""
+    """Return an error as a sentence in which buttons and fields have the titles of the page."""
     titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
     key = titles.get(fault.key, fault.key)
     value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value

@@ -131,7 +131,7 @@ def application(
     Parameters
     ----------
     days
-        The days, by the one-time token of their first address.
+        The days, by token. The token is part of the address that opens the day and works once.
     hosts
         Served names with port, such as ``127.0.0.1:8000``.
     secure

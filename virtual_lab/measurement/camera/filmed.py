@@ -37,12 +37,15 @@ class CameraResults:
 def reduce_film(
     x: Constants, stage: str, sightings: Sightings, drag: Array, timed: Flights
 ) -> CameraResults:
-    """Return the flights of the balls of a stage from its camera.
+    """Return the flights of the balls from the camera's pictures, for each shot.
 
     Parameters
     ----------
     x
-        Constants, numbers or columns (k, 1).
+        Calibration constants by name, numbers or columns (k, 1). With columns, the results have
+        shape (k, shot).
+    stage
+        The rig with the camera, which is the first part of the constants' names: ``impact``.
     sightings
         Positions of the ball, (shot, frame).
     drag

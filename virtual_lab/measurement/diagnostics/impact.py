@@ -100,7 +100,7 @@ def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Count shots whose fit leaves more of the counts than resolution and noise at rest."""
+    """Flag shots whose residuals of the encoder fit exceed resolution and noise at rest."""
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
             continue
@@ -233,7 +233,8 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     """Compare the mean e_A from the bat's recoil with that from the ball's rebound.
 
-    If the aim marks give the scatter of the impact position, one shot with both values is enough.
+    At least `FEWEST_SHOTS` shots with both values are needed; one is enough if the aim marks give
+    the scatter of the impact position.
     """
     apart = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     both = evidence.reduced.valid & np.isfinite(apart)

@@ -51,11 +51,12 @@ class RateFit(AlignedArrays):
 
 
 def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
-    """Return the record of a counter that never starts again.
+    """Return the record with the overflows of its counter removed.
 
-    A counter of n bits, with or without a sign, and one that counts a turn start again at the other
-    end of their range. Such a step is larger than half the range, which the counts fill. The
-    counts at `contact`, (shot,) [s], are left within half the range of 0.
+    A counter of n bits, with or without a sign, or of one turn (`counts_per_turn`) continues at the
+    other end of its range. A step of more than half the range is such an overflow. Each shot is
+    then shifted by whole ranges so that its count at `contact`, (shot,) [s], lies within half a
+    range of 0. A record without overflows is returned as it is.
     """
     counts = record.counts
     steps = np.diff(counts)

@@ -48,14 +48,15 @@ RECOIL = RecoilFit()
 
 
 def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
-    """Fit a batch of shots at one bat.
+    """Fit rotation and vibration of the shots at one bat together.
 
     Parameters
     ----------
     record
         Counts (shot, sample) at common times.
     contact
-        Uncorrected time of contact, shape (shot,) [s], from the gates.
+        Time of contact from the gates, shape (shot,) [s], on the encoder's clock; NaN if the gates
+        saw no contact.
 
     Raises
     ------

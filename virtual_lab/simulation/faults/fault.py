@@ -71,8 +71,9 @@ class Fault:
 def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
     """Return a hook that changes a true constant of the instrument `part`, not its calibration.
 
-    The true value is multiplied by `times` and increased by `plus`. If the constants of that name
-    are numbered, the last one is changed.
+    The true value is multiplied by `times` and increased by `plus`. If the instrument has several
+    constants of that name (name_0, name_1, …), only the last one is changed. The hook returns None
+    for a station without the instrument or the constant.
     """
 
     def standing(station: Station) -> Station | None:

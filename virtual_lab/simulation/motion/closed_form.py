@@ -13,7 +13,11 @@ from virtual_lab.simulation.motion.touch import first_touch, move, nearness, obs
 
 
 def play_closed_form(scene: ShotScene) -> PlayedShots:
-    """Return the motion of the shots. Refused shots have no pieces."""
+    """Return the motion of the shots as pieces of closed form.
+
+    A shot that the closed form cannot play has no pieces; `PlayedShots.refused` states the reason,
+    an `Obstacle`.
+    """
     everyone = np.arange(scene.shots)
     time = first_touch(scene, scene.start, np.full(scene.shots, scene.duration), everyone)
     hit = np.flatnonzero(np.isfinite(time))

@@ -122,7 +122,10 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
 def scene_of(
     passage: Passage, bat: RestingBat, around: Surroundings, after: Array | float
 ) -> ShotScene:
-    """Return the scene of the shots, until a time `after` [s] beyond the closed-form contact."""
+    """Return the scene of the shots.
+
+    It ends at the time `after` [s], a number or (shot,), past the contact of the closed form.
+    """
     held = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
     span = time_before(AHEAD, passage.speed_in, passage.drag)

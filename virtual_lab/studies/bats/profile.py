@@ -228,7 +228,9 @@ def profiles(
 def curves_of(
     scenes: Scenes, e_A: Array, recoil: Array, pitch: float, moving: Array
 ) -> dict[str, Array]:
-    """Return the curves of a bat in the field by name, in in and mph, each of shape (position,).
+    """Return the curves of a bat in the field by name, each of shape (position,).
+
+    A name ends with its unit (``z_in``, ``v_f_mph``); ratios have none.
 
     Parameters
     ----------

@@ -154,10 +154,12 @@ def centre_farther() -> float:
 
 
 def least_lead(first: str, second: str, *swings: float) -> float:
+    """Return the least lead of the first bat in v_f over several swing exponents [mph]."""
     return min(lead(first, second, n) for n in swings)
 
 
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
+    """Return the loss of the first bat's lead in v_f from exponent `n` to `n_second` [mph]."""
     return lead(first, second, n) - lead(first, second, n_second)
 
 

@@ -83,8 +83,11 @@ class Clip:
 def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
     """Open a clip and read it once: a file, a folder, or an array of its frames.
 
-    Raises `InputError`: no clip, a file cut short, no frames, frames of several sizes or another
-    than the calibrated camera's, time stamps that do not fit.
+    Raises
+    ------
+    InputError
+        The file is no clip, is cut short or has no frames; the frames differ in size from one
+        another or from those of the calibrated camera; or the time stamps contradict each other.
     """
     source = open_source(file)
     first, _ = next(source.pictures())

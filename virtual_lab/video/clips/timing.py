@@ -113,7 +113,10 @@ def _rising(stamps: Array) -> Array | None:
 
 
 def usual_step(times: Array) -> float:
-    """Return the time between frames [s]: the mean of equal steps, the median of unequal ones."""
+    """Return the usual time between the frames at `times`, (frame,) [s].
+
+    This is the mean of the steps or, if they are `uneven`, their median. It is 1 s for one frame.
+    """
     steps = np.diff(times)
     if not len(steps):
         return 1.0

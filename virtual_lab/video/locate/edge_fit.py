@@ -314,8 +314,9 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
 def hidden_share(view: View, p: Array, noise: Noise) -> float:
     """Return the share of the rim's pixels that show only the background.
 
-    A thing in front of the ball is part of the background, because it was there before the ball
-    came: a bat, a cable, the sabot's catcher.
+    Whatever covers part of the ball (a bat, a cable, the sabot's catcher) belongs to the background
+    because it was in the picture before the ball. The share is 0 if the ball and its background
+    look alike.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]
