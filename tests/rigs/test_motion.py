@@ -10,13 +10,15 @@ from tests.laboratories import certify
 from virtual_lab import api, lab
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.stations.rig import Reality
+from virtual_lab.simulation.stations.rig import MotionRung, Reality
 
 DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
 
 
 def certified(rig: str, motion: str, reality: Reality) -> lab.BatTest:
-    return certify("r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=motion)
+    return certify(
+        "r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=MotionRung(motion)
+    )
 
 
 @pytest.mark.parametrize("rig", DONE)

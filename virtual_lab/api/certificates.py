@@ -448,7 +448,7 @@ def certify(
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
-    from virtual_lab.simulation.stations.rig import Reality, member_of
+    from virtual_lab.simulation.stations.rig import MotionRung, Reality, member_of
     from virtual_lab.uncertainty.estimate import Estimates
 
     rules: str | Entry[Procedure] = entry_name(procedure)
@@ -470,13 +470,9 @@ def certify(
         number=number,
         reality=kind,
         rung=collision,
-        motion=motion,
         faults=words_of(faults),
         control_bat=None if control_bat is None else entry_name(control_bat),
         correction=correction,
-        film=film,
-        test=test,
-        lot=lot,
         particulars=read_particulars(
             None if laboratory is None else Path(laboratory),
             {
@@ -499,6 +495,10 @@ def certify(
     scatter = earlier_scatter(paths_of(history), session)
     setup = replace(
         setup,
+        motion=member_of(MotionRung, "motion", motion),
+        film=film,
+        test=test,
+        lot=lot,
         history={name: Estimates.stack([each]) for name, each in scatter.items()},
         uncertainty=uncertainty,
     )

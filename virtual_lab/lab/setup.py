@@ -20,7 +20,7 @@ from virtual_lab.records.session import UncertaintyMethod
 from virtual_lab.simulation.collision.ladder import Ladder
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.stations.rig import MotionRung, Reality, Stage, member_of
+from virtual_lab.simulation.stations.rig import MotionRung, Reality, Stage
 from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Estimates
 
@@ -60,6 +60,14 @@ class TestSetup:
     history: Mapping[str, Estimates] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"
 
+    def __post_init__(self) -> None:
+        for key, value in (("test", self.test), ("lot", self.lot)):
+            if value is not None and self.seed is None:
+                allowed = "allowed with a seed: of a laboratory of its study"
+                raise InputError("", key, value, allowed)
+        if self.lot is not None and self.lot < 0:
+            raise InputError("", "lot", self.lot, "allowed: 0 and more")
+
     @classmethod
     def of(
         cls,
@@ -71,22 +79,19 @@ class TestSetup:
         number: int = 0,
         reality: Reality = Reality.REAL,
         rung: str | None = None,
-        motion: str = MotionRung.CLOSED_FORM.value,
         faults: Sequence[str] = (),
-        test: int | None = None,
-        lot: int | None = None,
         control_bat: str | Entry[BatSpec] | None = None,
         correction: str | None = None,
-        film: bool = False,
         detail: RecordDetail = RecordDetail.FULL,
         particulars: Particulars = NOTHING_STATED,
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
 
-        The choices are those of `virtual_lab.certify`, whose `collision` is `rung` here. A bat or
-        procedure may also be an entry that was read. `detail` says whether instruments write every
-        reading or sums. Instruments of the `particulars` are added to those of the rigs' data
-        sheets, and replace one of equal name.
+        The choices are those of `virtual_lab.certify`, whose `collision` is `rung` here; a choice
+        that is no parameter is set by `dataclasses.replace`. A bat or procedure may also be an
+        entry that was read. `detail` says whether instruments write every reading or sums.
+        Instruments of the `particulars` are added to those of the rigs' data sheets, and replace
+        one of equal name.
 
         Raises
         ------
@@ -100,12 +105,6 @@ class TestSetup:
             raise InputError("", "number", number, "allowed: 0 to 2^32 - 1")
         if number and seed is None:
             raise InputError("", "number", number, "allowed with a seed: a laboratory of its study")
-        if test is not None and seed is None:
-            raise InputError("", "test", test, "allowed with a seed: of a laboratory of its study")
-        if lot is not None and seed is None:
-            raise InputError("", "lot", lot, "allowed with a seed: of a laboratory of its study")
-        if lot is not None and lot < 0:
-            raise InputError("", "lot", lot, "allowed: 0 and more")
         rules = (
             catalog.load("procedures", procedure, Procedure)
             if isinstance(procedure, str)
@@ -130,12 +129,8 @@ class TestSetup:
             number=number,
             reality=reality,
             rung=rung,
-            motion=member_of(MotionRung, "motion", motion),
             faults=FaultSet.of(faults, rig=rig),
-            test=test,
-            lot=lot,
             control_bat=control,
-            film=film,
             detail=detail,
             particulars=replace(particulars, instruments=instruments),
         )
