@@ -578,7 +578,7 @@ def test_a_card_is_one_element_of_html() -> None:
     assert (counted.depth, counted.roots) == (0, 1)
 
 
-def test_the_width_of_a_scan_is_told_where_the_rules_ask_for_it() -> None:
+def test_the_width_of_a_scan_is_stated_if_the_rules_require_it() -> None:
     """Text and HTML show the number of the document, rounded by its uncertainty."""
     document = certificate(scanned("bbcor"))
     width = document.width_m
@@ -620,7 +620,7 @@ def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
     assert "the procedure as implemented here" in real
 
 
-def test_a_place_chosen_raises_the_result_and_says_so() -> None:
+def test_the_choice_of_a_position_raises_the_result_and_says_so() -> None:
     """The value is the mean of new hits plus the expected advantage of a neighbour."""
     chosen = scanned("bbcor")
     document = certificate(chosen)
@@ -661,7 +661,7 @@ def test_the_slope_at_the_aim_is_in_the_budget() -> None:
     assert plain.sensitivity - along.sensitivity == pytest.approx(per_e_a * slope, rel=0.02)
 
 
-def test_the_text_has_every_word_that_a_verdict_hangs_on() -> None:
+def test_the_text_states_everything_that_decides_the_verdict() -> None:
     """Shots and balls count from 1; the risk of a FAIL is that of rejecting a good bat."""
     flag = FlagRaised(name="balls-mixed", sentence="two balls", invalidates=False)
     for name in ("pass", "fail", "marginal", "no valid hit"):

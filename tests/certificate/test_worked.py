@@ -164,7 +164,7 @@ def test_every_line_of_the_budget_follows_from_the_records(case: str) -> None:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_every_rejected_hit_breaks_the_window_that_is_told_by_the_number_told(case: str) -> None:
+def test_every_rejected_hit_breaks_the_stated_window(case: str) -> None:
     expected, told = by_hand(case)["reasons"], document(case)["shots"]
     rejected = {hit["shot"]: hit["reason"] for hit in document(case)["rejected_hits"]}
     assert rejected == {shot["shot"]: shot["reason"] for shot in told if shot["reason"]}
@@ -187,7 +187,7 @@ def test_the_width_of_a_scan_follows_from_the_records() -> None:
     assert [case for case in CASES if document(case)["width_m"]] == ["bbcor", CONTROLLED]
 
 
-def test_the_control_bats_ratio_is_its_own_test_over_what_it_is_known_by() -> None:
+def test_the_ratio_of_the_control_bat_is_measured_over_known_e() -> None:
     """The ratio is e of its records over 0.5, by hand; the bat's e is divided by it."""
     own = worked(folder(CONTROLLED) / "control" / "records")["restitution"]
     told = document(CONTROLLED)["ball_correction"]

@@ -40,7 +40,7 @@ def controlled(rules: str, reality: Reality = Reality.REAL, seed: int = 7) -> la
     return certify("r161", procedure=rules, control_bat=CYLINDER, reality=reality, seed=seed)
 
 
-def test_without_errors_it_is_the_ratio_of_two_tests(rules: str) -> None:
+def test_without_errors_the_constant_is_the_ratio_of_two_tests(rules: str) -> None:
     """Each bat is certified alone by `bbcor`; the metric is the ratio of both e."""
     bat, cylinder = (
         certified(name, procedure="bbcor", reality=Reality.IDEAL) for name in ("r161", CYLINDER)
@@ -138,9 +138,7 @@ def test_a_livelier_lot_goes_out_of_the_ratio(rules: str, tmp_path: Path) -> Non
     assert abs(gains[1]) < 0.1 * gains[0]
 
 
-def test_it_is_kept_with_the_certificate_and_can_be_reduced_again(
-    rules: str, tmp_path: Path
-) -> None:
+def test_the_control_test_is_stored_and_can_be_reduced_again(rules: str, tmp_path: Path) -> None:
     tested = api.certify("r161", procedure=rules, control_bat=CYLINDER, seed=7)
     folder = tested.save(tmp_path / "out")
     again = api.reduce(folder / "records")
@@ -151,7 +149,7 @@ def test_it_is_kept_with_the_certificate_and_can_be_reduced_again(
     assert (folder / "control" / "truth" / "truth.json").exists()
 
 
-def test_the_certificate_says_what_it_was_divided_by(rules: str) -> None:
+def test_the_certificate_states_the_ratio_of_the_control_bat(rules: str) -> None:
     found = controlled(rules).certification
     document = certificate(found)
     assert document.ball_correction is not None

@@ -68,7 +68,7 @@ def test_a_stage_with_two_instruments_or_none_is_refused(ideal: BatTest) -> None
     session = ideal.certification.session
     impact, balls = session.records["impact"], session.records["balls"]
     for records, says in (
-        ({**impact, "gates": balls["gates"]}, "one that times the balls"),
+        ({**impact, "gates": balls["gates"]}, "one record of the ball's flight"),
         ({"log": impact["log"]}, "this record is missing"),
     ):
         changed: Session = replace(session, records={**session.records, "impact": records})

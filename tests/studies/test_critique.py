@@ -83,7 +83,7 @@ def test_the_proposed_metric_agrees_with_the_field(paper: Critique) -> None:
         assert each.laboratories == 2
 
 
-def test_only_procedures_of_the_fields_sport_are_asked_for() -> None:
+def test_only_procedures_of_the_same_sport_are_compared() -> None:
     assert study._of_this_game({"baseball"}) == [
         "astm-f1881",
         "bbcor",

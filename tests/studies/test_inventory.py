@@ -81,7 +81,7 @@ def test_boards_see_a_ball_that_is_as_fast_as_the_sheet_says(
     assert said["told_mph"] == said["at_gates"][-2]["speed_mph"]
 
 
-def test_a_sheet_says_so_in_a_line() -> None:
+def test_a_sheet_states_the_slowest_rebound_of_its_gates() -> None:
     """0.5502 m √(g / 0.15 m) = 4.449 m/s = 9.952 mph."""
     text = show("pivot-gates").text
     assert "75 mm of fall: 10.0 mph at 0.5502 m, 4.5 mph at 0.2499 m; " in text

@@ -49,7 +49,7 @@ def test_the_best_of_three_passes_more(found) -> None:
     assert np.all(three[middle] > one[middle] + 0.1)
 
 
-def test_more_hits_make_it_steeper(found) -> None:
+def test_more_hits_make_the_curve_steeper(found) -> None:
     few, many = (curve(found, 1, name) for name in dict.fromkeys(row.procedure for row in found))
     width = [rows[-1].true - rows[0].true for rows in (few, many)]
     assert width[1] < 0.75 * width[0]

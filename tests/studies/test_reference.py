@@ -12,11 +12,11 @@ import pytest
 
 from virtual_lab.studies.reference import findings, results
 from virtual_lab.studies.reference.findings import FINDERS, ReferenceResult, compare_number
-from virtual_lab.studies.reference.published import Published, published
+from virtual_lab.studies.reference.published import Published, read_published
 
 SLOW = ("hoop_trend", "expanded_speed_u", "length_trend", "best_wood")  # about a second each
 ROOT = Path(__file__).parents[2]
-REPRESENTED = [row for row in published() if row.role != "none"]
+REPRESENTED = [row for row in read_published() if row.role != "none"]
 
 
 @pytest.mark.parametrize(
@@ -32,12 +32,12 @@ def test_the_row_agrees_or_its_disagreement_is_known(row: Published) -> None:
 
 
 def test_enough_rows_are_represented_and_few_are_inputs_of_a_fit() -> None:
-    roles = Counter(row.role for row in published())
+    roles = Counter(row.role for row in read_published())
     assert len(REPRESENTED) >= 60
     assert roles["fit"] <= 30
     assert roles["prediction"] >= 30
-    assert len(published()) == 133
-    assert len({(row.quantity, row.value) for row in published()}) == 133
+    assert len(read_published()) == 133
+    assert len({(row.quantity, row.value) for row in read_published()}) == 133
 
 
 def test_few_published_measurements_with_u_disagree() -> None:
@@ -49,7 +49,7 @@ def test_few_published_measurements_with_u_disagree() -> None:
 def test_every_row_says_what_it_is() -> None:
     used = {row.find.split()[0] for row in REPRESENTED}
     assert used == set(FINDERS)
-    for row in published():
+    for row in read_published():
         assert bool(row.find) == (row.role != "none"), row.quantity
         assert row.why or row.role == "data", row.quantity
         assert row.low < row.high or row.role == "none", row.quantity
@@ -61,11 +61,11 @@ def test_the_page_has_the_counts_and_every_known_disagreement() -> None:
     page = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
     section = page.partition("## Published measurements")[2].partition("\n## ")[0]
     words = " ".join(section.split())
-    roles = Counter(row.role for row in published())
+    roles = Counter(row.role for row in read_published())
     assert f"{len(REPRESENTED)} are represented: {roles['prediction']} are predicted" in words
     assert f"{roles['data']} are numbers of our data files, and {roles['fit']} are inputs" in words
     rows = re.findall(r"^\| (?!known|-)", section, flags=re.MULTILINE)
-    assert len(rows) == sum(row.known is not None for row in published())
+    assert len(rows) == sum(row.known is not None for row in read_published())
 
 
 MEASURED = Published(
@@ -120,7 +120,7 @@ def test_a_result_outside_its_range_disagrees_unless_the_size_is_known(
 
 
 def test_the_range_of_a_row_follows_from_u_range_or_file() -> None:
-    rows = {row.quantity: row for row in published()}
+    rows = {row.quantity: row for row in read_published()}
     bbcor = rows["BBCOR wood RW01 unmodified"]
     assert (bbcor.low, bbcor.high) == pytest.approx((0.4898 - 0.0042, 0.4898 + 0.0042))
     places = rows["BBCOR: places near the maximum of most bats"]
@@ -146,7 +146,7 @@ def test_inertia_and_speeds_by_hand() -> None:
 def test_the_table_names_size_and_reason_and_the_picture_is_drawn(tmp_path: Path) -> None:
     rows = [
         compare_number(row)
-        for row in published()
+        for row in read_published()
         if row.role == "none"
         or row.quantity in ("ASA swing speed assumed", "barrel node of mode 1")
     ]

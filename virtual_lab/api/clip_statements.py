@@ -26,10 +26,10 @@ def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | No
     """Return a reader that returns None for None."""
 
     @wraps(read)
-    def called(text: str | None) -> Value | None:
+    def read_or_none(text: str | None) -> Value | None:
         return None if text is None else read(text)
 
-    return called
+    return read_or_none
 
 
 @_optional

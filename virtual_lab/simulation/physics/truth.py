@@ -110,7 +110,7 @@ class TrueBalls:
         )
 
     def kept_at(self, humidity: float) -> TrueBalls:
-        """Return the same balls after days at a relative humidity, 0 to 1, outside their store."""
+        """Return these balls after days at a relative humidity, 0 to 1, outside their store."""
         law, line = self.spec.humidity, self.spec.restitution
         if law is None:
             return self

@@ -16,7 +16,7 @@ from virtual_lab.studies.reference.published import (
     KNOWN_CHANGE,
     Published,
     finder_of,
-    published,
+    read_published,
 )
 
 FINDERS = {
@@ -125,8 +125,8 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
         Function that is called with the task, the number of rows done and their total.
     """
     rows: list[ReferenceRow] = []
-    for number in published():
-        progress("published numbers", len(rows), len(published()))
+    for number in read_published():
+        progress("published numbers", len(rows), len(read_published()))
         rows.append(compare_number(number))
     return ReferenceResult(rows=rows)
 

@@ -29,7 +29,7 @@ class Published:
     conditions: str
     source: str
     address: str
-    reading: str  # how the number was read
+    reading: str  # source of the number: text, table or drawing
     role: Role  # input of a fit, number of our data files, prediction, or not represented
     find: str  # name of a function in `results` and its arguments
     low: float
@@ -54,7 +54,7 @@ class Published:
 
 
 @cache
-def published() -> tuple[Published, ...]:
+def read_published() -> tuple[Published, ...]:
     """Return the published numbers in the order of their file."""
     with PATH.open(encoding="utf-8", newline="") as table:
         return tuple(_read(row) for row in csv.DictReader(table))
@@ -62,7 +62,7 @@ def published() -> tuple[Published, ...]:
 
 def published_value(quantity: str) -> float:
     """Return the published number of a quantity in its own unit."""
-    (row,) = (row for row in published() if row.quantity == quantity)
+    (row,) = (row for row in read_published() if row.quantity == quantity)
     return float(row.value)
 
 

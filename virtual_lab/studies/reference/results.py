@@ -139,7 +139,7 @@ def barrel_length(bat: str) -> float:
 
 
 @lru_cache
-def _shortened(length_in: float) -> BatBody:
+def _shorten(length_in: float) -> BatBody:
     """Return R161 with its outline compressed along the bat to a length; diameters are the same."""
     whole = body(WOOD)
     share = length_in * INCH / whole.length
@@ -150,7 +150,7 @@ def _shortened(length_in: float) -> BatBody:
 
 def _body(bat: str | float) -> BatBody:
     """Return the body of a bat by name, or that of R161 shortened to a length [in]."""
-    return body(bat) if isinstance(bat, str) else _shortened(float(bat))
+    return body(bat) if isinstance(bat, str) else _shorten(float(bat))
 
 
 def frequency(bat: str | float, mode: int) -> float:
@@ -289,7 +289,7 @@ def hoop_trend(bat: str, speed: float) -> float:
 
 def length_trend(speed: float) -> float:
     """Return the change of BBCOR per inch of length, of R161 shortened."""
-    tops = [_restitution_peak(_shortened(inches), speed).value for inches in LENGTHS]
+    tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])
 
 
