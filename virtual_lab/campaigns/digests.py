@@ -37,7 +37,8 @@ def with_digests(file: bytes) -> bytes:
 def checked_file(path: Path) -> bytes:
     """Return the bytes of a Parquet file.
 
-    Raises `ChangedPartError` if data or footer differ from their digests in the footer.
+    Raises `InputError` if the file cannot be read, and `ChangedPartError` if data or footer differ
+    from their digests in the footer.
     """
     file = read_bytes(path, most=LARGEST_PART)
     data, footer, _ = _split_file(file)

@@ -54,6 +54,7 @@ def make_part(folder: str, number: int) -> Fault:
 def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
     """Yield the number of each block and its fault, as soon as its part is made.
 
+    The fault is "" for a part without one, otherwise a sentence or an `InputError`.
     `workers_or_address` is a number of processes, or the address of a Dask scheduler. Raises
     `InputError` if the scheduler does not answer or has no worker.
     """

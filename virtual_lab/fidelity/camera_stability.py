@@ -85,7 +85,7 @@ def picture_cells(
 ) -> list[Row]:
     """Return one row per condition, ball and method to locate the ball (convex hull, edge fit).
 
-    Each axis of `axes` becomes a map: a condition of the picture and its values.
+    Each axis of `axes` becomes a map: its name, the field of `Case` that varies, and the values.
     """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():

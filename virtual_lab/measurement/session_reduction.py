@@ -285,8 +285,9 @@ def prepare(block: SessionBlock) -> Preparation:
 
 @constants_known()
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
-    """Return the readings at the bat, (shot,).
+    """Return the readings at the bat, (shot,), before any calibration is applied.
 
+    Encoder readings are in counts, and None at a rig without an encoder.
     Raises `InputError` for a record that is missing or cannot be used.
     """
     _require_channels(block, preparation.procedure.spec)

@@ -152,7 +152,10 @@ def beyond_rounding(u: float, value: float) -> float:
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlations of a covariance, (n, n), 0 for an output without variance."""
+    """Return the correlations of a covariance, (n, n), with 1 on the diagonal.
+
+    An output without variance has the correlation 0 with all others.
+    """
     u = np.sqrt(np.diag(covariance))
     scale = np.outer(u, u)
     return np.asarray(np.divide(covariance, scale, out=np.eye(u.size), where=scale > 0))

@@ -53,7 +53,7 @@ def excuses_of(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Display:
-    """Return the steps that were omitted before the last event, with their effects, to display."""
+    """Return the steps that the last event omitted, with their effects, to display."""
     last = len(day.events) - 1
     sheets = action_table().actions
     return tuple(

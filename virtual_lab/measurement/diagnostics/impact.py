@@ -100,7 +100,10 @@ def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Flag shots whose residuals of the encoder fit exceed resolution and noise at rest."""
+    """Yield the flag for shots whose encoder fit leaves more than resolution and noise at rest.
+
+    One per fit (recoil, swing); its `where`, (laboratory,), is False where no shot is affected.
+    """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
             continue

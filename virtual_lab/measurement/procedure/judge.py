@@ -75,7 +75,12 @@ def accept_hits(
     percussion: Array,
     turn_rate: Array,
 ) -> Mask:
-    """Return a mask of the shots that meet all windows; the last two arguments broadcast."""
+    """Return a mask of the shots that meet all windows of the procedure, (…, shot).
+
+    `percussion` is the distance of the centre of percussion from the barrel tip [m], `turn_rate`
+    the angular speed that the procedure requires of a swung bat [rad/s]. Both broadcast over the
+    shots.
+    """
     valid = np.ones(np.shape(results.speed), dtype=bool)
     for met, _, _ in _criteria(procedure, results, readings, percussion, turn_rate):
         valid &= met

@@ -58,6 +58,11 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
         Time of contact from the gates, shape (shot,) [s], on the encoder's clock; NaN if the gates
         saw no contact.
 
+    Returns
+    -------
+    RateFit
+        Rates in counts per second, by the encoder's clock, before its calibration is applied.
+
     Raises
     ------
     ValueError

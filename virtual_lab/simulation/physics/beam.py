@@ -92,7 +92,7 @@ class Section:
 
 
 def outer_diameter(profile: Profile, z: Array) -> Array:
-    """Return the outer diameter [m] at positions `z` [m].
+    """Return the outer diameter [m] at positions `z` from the barrel tip [m].
 
     Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot,
     so a straight barrel stays straight.
@@ -121,7 +121,7 @@ def radius_cubics(profile: Profile) -> tuple[Array, Array]:
 
 
 def section(body: BatBody, z: Array) -> Section:
-    """Return the properties of the section at positions `z` [m]."""
+    """Return the properties of the section at positions `z` from the barrel tip [m]."""
     material = body.material
     d = outer_diameter(body.profile, z)
     if body.profile.wall is None:

@@ -316,7 +316,7 @@ def hidden_share(view: View, p: Array, noise: Noise) -> float:
 
     Whatever covers part of the ball (a bat, a cable, the sabot's catcher) belongs to the background
     because it was in the picture before the ball. The share is 0 if the ball and its background
-    look alike.
+    look alike, or if no pixel of the rim lies in the picture. `p` are the fit's shared parameters.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]

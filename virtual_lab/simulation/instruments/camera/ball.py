@@ -182,7 +182,10 @@ def render_balls(
 
 
 def axes_of(turn: ArrayLike) -> Array:
-    """Return a ball's axes, (…, 3, 3), rotated from the camera's by vectors (…, 3) [rad]."""
+    """Return a ball's axes as rows, (…, 3, 3).
+
+    They are the camera's axes, rotated by the rotation vectors `turn`, (…, 3) [rad].
+    """
     return np.swapaxes(rotation(turn), -1, -2)
 
 

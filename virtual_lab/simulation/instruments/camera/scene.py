@@ -60,7 +60,7 @@ def flicker(spec: CameraSpec, time: Array, phase: Array) -> Array:
 
 
 def windows(picture: Pixels, corners: ArrayLike, side: int) -> Pixels:
-    """Return square windows (n, side, side) of a picture, given their first pixels (n, 2)."""
+    """Return square windows (n, side, side) of a picture from their first pixels (x, y), (n, 2)."""
     views = np.lib.stride_tricks.sliding_window_view(picture, (side, side))
     x, y = np.asarray(corners).T
     return np.asarray(views[y, x], np.float32)
