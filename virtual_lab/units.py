@@ -67,4 +67,5 @@ def suffix(unit: str) -> str:
 
 
 def miles_per_hour(speed: float) -> float:
+    """Return a speed [m/s] in mph."""
     return speed / MPH

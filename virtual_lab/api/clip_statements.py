@@ -91,9 +91,10 @@ def scale_keys(text: str | None) -> dict[str, float]:
 
 
 def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
-    """Return the keys of a calibration file that a ball states, and the mass of a kind of ball.
+    """Return the calibration keys that a statement about the ball gives: diameter [m] and its u.
 
-    `assumed` says whether the u of the diameter is ours.
+    The statement is a length, or a kind of ball, which also gives the mass [kg]. The key
+    ``assumed`` is true if no u of the diameter was stated, so that a usual one was taken.
     """
     if ball is None:
         return {}

@@ -138,7 +138,8 @@ def naive_errors(
 def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
     """Return the share of shots in which the ball passes through the bat without a contact.
 
-    The starts are spread evenly over a step. Without this error the ball would rebound.
+    Every ball should rebound; a miss is an error of the finite `step` [s]. The starts of the balls,
+    of `speed` [m/s], are spread evenly over a step.
     """
     passed = 0
     for shot in range(shots):

@@ -115,6 +115,7 @@ def table_text(
 
 
 def number(value: float | None, form: str = ".6f") -> str:
+    """Return a number as text in the format `form`; None gives an empty text."""
     return "" if value is None else f"{value:{form}}"
 
 

@@ -102,7 +102,7 @@ def moving_range(x: Array) -> Array:
 
 
 def ewma(x: Array) -> Array:
-    """Return the exponentially weighted moving average, started at the centre."""
+    """Return the exponentially weighted moving average, (…, day), started at the centre line 0."""
     return np.asarray(lfilter([WEIGHT], [1.0, WEIGHT - 1.0], x, axis=-1))
 
 

@@ -202,7 +202,8 @@ class StoredDay:
 def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
     """Carry out an action and return its event, with the price and any remarks.
 
-    Nothing is written. Raises `InputError` if the action is refused.
+    The price is the time that the action takes [s]. `day` does not change, and no file is written.
+    Raises `InputError` if the action is refused.
     """
     price = decide(day, action)
     event = replace(apparatus.play(day, action), seconds=price)

@@ -1,4 +1,4 @@
-"""Correction of a scan for the choice of its impact position, if a neighbour is really better.
+"""Correction of a scan for the chance that a neighbour of the chosen position is really better.
 
 The measurand is the largest value over the positions. New hits give the value at the chosen
 position, which is lower on average. The result is corrected by the mean shortfall, and the
@@ -59,7 +59,11 @@ def shortfalls(
 
 
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
-    """Return the budgets of a block, corrected by the shortfalls if there are any."""
+    """Return the budgets of a block with the mean shortfalls added to their values.
+
+    The u of the shortfalls becomes the component `CHOICE`. Without shortfalls the budgets are
+    returned as they are.
+    """
     if not (lost.rms > 0).any():
         return metric
     components = metric.components + types_a(CHOICE, lost.mean, lost.u)

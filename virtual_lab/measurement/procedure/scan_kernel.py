@@ -159,9 +159,11 @@ def next_hits_of_block(
     number: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill in the number of next shots of each laboratory of a block, and their positions.
+    """Fill in the number of next shots of each laboratory of a block, and their positions [m].
 
-    `number` is (laboratory,), and `out` is (laboratory, attempts).
+    `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
+    (laboratory, attempts), and stays as it is beyond the number. `starts`, (laboratory + 1,), are
+    the limits of each laboratory's shots in `place`, `valid` and `objective`.
     """
     room = np.empty(most_asked(rules))
     for one in range(number.size):

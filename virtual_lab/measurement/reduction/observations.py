@@ -237,8 +237,9 @@ def along_of(session: Session) -> float:
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
-    """Return type A constants: 0 ± u of each ball's mean e0, and of e0's slope.
+    """Return the type A uncertainties of each ball's mean e0 and of the slope of e0, by name.
 
+    Each is a constant with the value 0, (laboratory,), to be added to a mean or to the slope.
     The scatter is that within each ball and speed, pooled over all wall hits of a laboratory;
     differences between balls are no uncertainty, because the whole lot is measured. The slope
     [s/m] has a constant only if the wall was hit at two or more speeds.

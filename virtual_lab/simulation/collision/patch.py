@@ -26,9 +26,10 @@ MARGIN = 40  # number of extra knots at each end, each of which reduces the end 
 
 
 def patch_shape(modes: Modes, z: Array, width: float) -> Array:
-    """Return the mean deflection of each mode over patches centred at `z` (n,) [m], (n, N).
+    """Return the mean deflection of each mode over patches centred at `z`, (n, N).
 
-    `width` is the full width of the patch [m]; 0 is a point.
+    `z`, (n,) [m], is the distance from the barrel tip. `width` is the full width of the patch [m];
+    0 is a point. A patch near an end shrinks so that it stays on the bat.
     """
     return patch_shapes((modes,), z, width)[0]
 

@@ -60,18 +60,18 @@ def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]
 
 
 def livelier(specimen: Specimen) -> Specimen:
-    """Balls of a livelier lot than those measured on the wall."""
+    """Return a copy with balls of a livelier lot than those at the wall: e0 is higher by 0.02."""
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
 
 
 def not_conditioned(specimen: Specimen) -> Specimen:
-    """Balls from a damp room instead of the store whose readings are recorded."""
+    """Return a copy whose balls come from a damp room, not from the store with the readings."""
     return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Ball 3 of the lot worn by too many hits: its e0 is lower by 0.04."""
+    """Return a copy in which ball 3 is worn by too many hits: its e0 is lower by 0.04."""
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
     return replace(specimen, balls=replace(specimen.balls, restitution=restitution))

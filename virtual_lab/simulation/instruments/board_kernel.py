@@ -143,9 +143,9 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
 
     The gains are: time of the passage per time of an edge; height per distance flown at an edge;
     height per threshold of a beam. They are NaN if too few beams were broken. They depend on the
-    number of beams missing below that the ball would break on a longer board, and on the position
-    of its centre between two beams, in `CENTRE_PHASES` steps. Missing beams above are treated as
-    missing beams below, upside down.
+    number of beams that the ball would break below the lowest one if the board reached lower, and
+    on the position of its centre between two beams, in `CENTRE_PHASES` steps. Missing beams above
+    are treated as missing beams below, upside down.
 
     Parameters
     ----------
@@ -154,7 +154,8 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     beams
         Number of beams of a board.
     memory
-        Table of `gain_memory` for the largest ball, which serves many balls of one radius.
+        Table of `gain_memory` for the largest radius. It is overwritten; consecutive balls of the
+        same radius share it.
     gains
         Result, (3, n).
     """

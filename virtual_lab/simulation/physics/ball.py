@@ -49,9 +49,10 @@ def wall_contact(
     """Return the collision of the power law with a rigid wall, in closed form.
 
     The arguments broadcast: mass of the ball, or reduced mass [kg], approach speed [m/s], k
-    [N/m^a], a, e0. The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``. Compression
-    and expansion each take ``u_max C(n) / v``, where C is `_half_time`, n is the exponent of the
-    respective law plus 1, and v is the speed of approach or of release.
+    [N/m^a], a, e0. The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``. The
+    compression takes the time ``u_max C(a + 1) / v``, and the expansion ``u_max C(b + 1) / (e0 v)``
+    with the unloading exponent b; C is `_half_time`. The result has compression [m], force [N] and
+    both times [s]; NaN at speed 0.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))

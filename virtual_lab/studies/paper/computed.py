@@ -41,26 +41,31 @@ Z = np.arange(3.0, 8.01, 0.25)  # impact positions from the tip [in]
 
 @lru_cache
 def game() -> GameConditions:
+    """Return the conditions of the paper's game: pitch speed, swing and its reference inertia."""
     return catalog.load("conditions", CONDITIONS, GameConditions).spec
 
 
 @lru_cache
 def paper_ball(name: str = GAME_BALL) -> BallSpec:
+    """Return the data sheet of a ball of the paper."""
     return catalog.load("balls", name, BallSpec).spec
 
 
 @lru_cache
 def rules(procedure: str) -> Procedure:
+    """Return a test procedure of the catalog."""
     return catalog.load("procedures", procedure, Procedure).spec
 
 
 @lru_cache
 def body(bat: str) -> BatBody:
+    """Return the body of a bat of the catalog."""
     return catalog.load_bat(bat).spec.body
 
 
 @lru_cache
 def beam(bat: str) -> Beam:
+    """Return length, mass, balance and inertia of a bat of the catalog."""
     return beam_of(body(bat))
 
 
@@ -82,10 +87,12 @@ def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
 
 
 def peak_value(bat: str, curve: str) -> float:
+    """Return the maximum of `curve` in the standard game, see `top`."""
     return top(bat, curve).value
 
 
 def peak_place(bat: str, curve: str) -> float:
+    """Return the position of the maximum of `curve` [in from the tip], see `top`."""
     return top(bat, curve).place
 
 
@@ -112,6 +119,7 @@ def support(name: str) -> Support:
 
 @lru_cache
 def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> ModalModel:
+    """Return the modal model of a bat held by a `support`, with the given number of modes."""
     if support_name == "free" and modes == BENDING_MODES:
         return free_model(body(bat))
     return ModalModel.of(body(bat), support(support_name), modes)

@@ -92,6 +92,7 @@ def of_drawing(bat: str, name: str) -> float:
 
 
 def added_weight(bat: str) -> float:
+    """Return the mass of the last weight that was added to a bat [oz]."""
     return body(bat).lumps[-1].mass / OUNCE
 
 
@@ -101,10 +102,12 @@ def percent(curve: str, first: str, second: str) -> float:
 
 
 def farther(curve: str) -> float:
+    """Return how much farther from the tip a curve peaks on EA70 than on R161 [in]."""
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
 def slower_there(curve: str) -> float:
+    """Return the bat speed of R161 minus that of EA70, each at its own peak of `curve` [mph]."""
     speeds = [float(nominal(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
 
@@ -125,6 +128,7 @@ def thinner_is_livelier() -> float:
 
 
 def thinner() -> float:
+    """Return the reduction of wall thickness of the loaded bats from that of EA70 [%]."""
     return 100 * (1 - _thickness())
 
 

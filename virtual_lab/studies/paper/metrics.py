@@ -56,12 +56,14 @@ def frames() -> float:
 
 
 def round_trip() -> float:
+    """Return the largest error of e_A recovered by Eq. (2) from v_f by Eq. (3)."""
     e_A = np.linspace(-0.2, 0.6, 9)
     v_f = batted_speed(e_A, 90.0, 70.0)
     return _worst(np.asarray(collision_efficiency(90.0, 70.0, v_f)) - e_A)
 
 
 def symmetrical() -> float:
+    """Return the largest difference between v_f from BESR and from e_A [mph]."""
     e_A = np.linspace(-0.2, 0.6, 9)
     factor = np.asarray(besr(e_A))
     direct = np.asarray(batted_speed(e_A, 90.0, 70.0))
@@ -100,6 +102,7 @@ def node_gap() -> float:
 
 
 def effect_of_support(bat: str, support_name: str) -> float:
+    """Return the largest change of e_A of a bat by a support, against a free bat."""
     gap = (
         peak_of(bat, Z, support_name=support_name).collision_efficiency
         - peak_of(bat, Z).collision_efficiency
@@ -158,6 +161,7 @@ def inverse_mass(support_name: str) -> float:
 
 
 def parallel_axes() -> float:
+    """Return the relative error of the inertia about the axis, by the parallel-axis theorem."""
     bat_beam = beam(WOOD)
     pivot = bat_beam.length - 6 * INCH
     moved = parallel_axis(bat_beam.inertia_cm, bat_beam.mass, pivot - bat_beam.z_cm)
@@ -189,6 +193,7 @@ def below_restitution() -> float:
 
 
 def efficiency(e: float, r: float) -> float:
+    """Return e_A from e and r by Eq. (6)."""
     return float(efficiency_from_restitution(e, r))
 
 
@@ -199,6 +204,7 @@ def overestimate(speed: float) -> float:
 
 
 def overestimate_of_model(speed: float) -> float:
+    """Return the change of v_f of R161 [mph] if e_A is measured at `speed` [mph], not at 160."""
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 
@@ -236,12 +242,14 @@ def least_energy_gap(support_name: str) -> float:
 
 
 def at_percussion(bat: str) -> float:
+    """Return the effect of a pivot on e for a hit at the centre of percussion."""
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
     return _worst(gap)
 
 
 def recoils_at_percussion() -> float:
+    """Return the largest relative effect of a pivot on r at the centre of percussion."""
     return max(
         _worst(
             recoil(bat, centre_of_percussion_in(bat), "pivoted")
@@ -272,6 +280,7 @@ def without_hoop() -> float:
 
 
 def dead_shell_factor() -> float:
+    """Return the peak BPF of EA70 with a rigid shell."""
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
     e_A = peak_of(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
@@ -290,14 +299,17 @@ def softball_factor() -> float:
 
 
 def besr_less_efficiency(e_A: float) -> float:
+    """Return BESR minus e_A."""
     return float(besr(e_A)) - e_A
 
 
 def besr_of(e: float, r: float) -> float:
+    """Return BESR from e and r."""
     return float(besr(efficiency(e, r)))
 
 
 def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
+    """Return v_f from e_A and the speeds of ball and bat, in their unit, by Eq. (3)."""
     return float(batted_speed(e_A, v_ball, v_bat))
 
 
@@ -307,6 +319,7 @@ def energy_fraction(name: str, e: float, r: float) -> float:
 
 
 def sweet_spot_restitution() -> float:
+    """Return the mean e of R161 from 4 to 6 in from the tip."""
     return float(restitution(WOOD, np.linspace(4, 6, 9)).mean())
 
 
@@ -321,4 +334,5 @@ def restitution_lost_clamped() -> float:
 
 
 def recoil_at_peak(bat: str) -> float:
+    """Return r of a bat where its e_A is greatest."""
     return float(recoil(bat, top(bat, "e_A").place))

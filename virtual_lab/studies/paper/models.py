@@ -44,6 +44,7 @@ def compression_free_restitution() -> float:
 
 
 def wall_time() -> float:
+    """Return the contact time of the paper's ball on a wall at 160 mph [ms]."""
     ball = paper_ball()
     arguments = (ball.mass, 160 * MPH, ball.stiffness, ball.exponent, 0.5)
     return float(wall_contact(*(np.array(number) for number in arguments)).time) * 1e3
@@ -56,6 +57,7 @@ def modes_left_out(count: int) -> float:
 
 
 def highest_of(count: int) -> float:
+    """Return the frequency of bending mode number `count` of free R161 [kHz]."""
     return float(model(WOOD).modes.bending_frequencies[count - 1]) / 1e3
 
 
@@ -66,6 +68,7 @@ def less_lost() -> float:
 
 
 def shell_frequency() -> float:
+    """Return the frequency of the hoop mode of EA70 [kHz]."""
     hoop = body(ALUMINIUM).hoop
     assert hoop is not None
     return hoop.frequency / 1e3
@@ -77,6 +80,7 @@ def shell_turns() -> float:
 
 
 def same_speed() -> float:
+    """Return the relative range of the angular speed over `INERTIAS`, for n = 0."""
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
 
@@ -106,6 +110,7 @@ def energy_speeds() -> np.ndarray:
 
 
 def energy_exponent() -> float:
+    """Return the exponent n of the power law closest to a swing of constant energy."""
     return -float(np.polyfit(np.log(INERTIAS), np.log(energy_speeds()), 1)[0])
 
 
@@ -117,12 +122,13 @@ def laws_apart() -> float:
 
 
 def without_inertia() -> float:
+    """Return the angular speed of a bat without inertia over that of the game."""
     law = game().swing(None)
     return float(law.angular_speed(0.0)) / game().angular_speed
 
 
 def follows() -> float:
-    """Return the correlation of e_A and e of R161, each within 3 in of its own peak."""
+    """Return the correlation of e_A and e of R161, each at the same distances from its own peak."""
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
         np.interp(top(WOOD, curve).place + distances, table["z_in"], table[curve])
@@ -139,6 +145,7 @@ def flat_swing() -> float:
 
 
 def least_recoil() -> float:
+    """Return the position of the least r of R161 [in from the tip]."""
     z = np.arange(6, 18, 0.25)
     return peak(z, -recoil(WOOD, z)).place
 
@@ -149,10 +156,12 @@ def contact_time(bat: str) -> float:
 
 
 def gain_with_bat_speed() -> float:
+    """Return the change of v_f per unit of bat speed, for e_A = 0.2."""
     return float(batted_speed(0.2, 90.0, 71.0)) - float(batted_speed(0.2, 90.0, 70.0))
 
 
 def swing_axis() -> float:
+    """Return the distance of the swing's axis from the knob [in]."""
     return KNOB_OFFSET / INCH
 
 
@@ -167,6 +176,7 @@ def speed_of_swing() -> float:
 
 
 def peaks_apart(farther: str, nearer: str) -> float:
+    """Return the distance between the peaks of two curves of R161 [in]."""
     return top(WOOD, farther).place - top(WOOD, nearer).place
 
 
@@ -176,12 +186,15 @@ def speed_lost_inward() -> float:
 
 
 def pitch_speed() -> float:
+    """Return the pitch speed of the game [mph]."""
     return game().pitch_speed / MPH
 
 
 def angular_speed() -> float:
+    """Return the angular speed of the game's swing [rad/s]."""
     return game().angular_speed
 
 
 def reference_inertia() -> float:
+    """Return the moment of inertia that has the game's angular speed [oz in^2]."""
     return game().reference_inertia / OZ_IN2

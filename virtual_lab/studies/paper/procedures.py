@@ -96,6 +96,7 @@ def _ncaa(bat: str) -> float:
 
 
 def exponent_of_mass() -> float:
+    """Return the exponent of asa's bat speed over the mass; NaN if it is over the inertia."""
     field = rules("asa").game
     return field.exponent if field and field.scales_with == "mass" else np.nan
 

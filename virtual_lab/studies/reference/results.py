@@ -103,10 +103,12 @@ def circumference(ball: str) -> float:
 
 
 def length(bat: str) -> float:
+    """Return the length of a bat [in]."""
     return beam(bat).length / INCH
 
 
 def weight(bat: str) -> float:
+    """Return the weight of a bat [oz]."""
     return beam(bat).mass / OUNCE
 
 
@@ -121,7 +123,7 @@ def pivot_inertia(bat: str) -> float:
 
 
 def inertia_ratio(bat: str) -> float:
-    """Return the moment of inertia about the knob end over that 6 in from it."""
+    """Return the moment of inertia about the knob end over that about the axis 6 in from it."""
     return beam(bat).inertia(beam(bat).length) / OZ_IN2 / pivot_inertia(bat)
 
 
@@ -275,7 +277,7 @@ def soft_ball(bat: str, speed: float) -> float:
 
 
 def hoop_trend(bat: str, speed: float) -> float:
-    """Return the rank correlation of BBCOR and hoop frequency, the modal mass held."""
+    """Return the rank correlation of BBCOR and hoop frequency, at constant modal mass."""
     hoop = body(bat).hoop
     assert hoop is not None
     tops = [
@@ -335,8 +337,9 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
 
 
 def cage_speed(exponent: float) -> float:
-    """Return the bat speed of the metal bat in the cage [mph], from that of the wood bat.
+    """Return the bat speed of the metal bat in the cage [mph], computed from the wood bat's speed.
 
+    `exponent` is the n of the swing law: the angular speed falls with the inertia to the power n.
     The impact position is taken to be 6 in from the tip of both bats.
     """
     bats = {name: _cage_bat(name) for name in ("wood", "metal")}

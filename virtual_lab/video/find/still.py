@@ -340,9 +340,9 @@ def share_of(pictures: Sequence[Image]) -> float:
     """Return the quantile of the pictures that is the background.
 
     It is the median, except for a grey camera, as used in laboratories: there a slow ball may cover
-    a pixel for most of the time. It covers most of the pixels that it touches for less than half of
-    the time. This shows whether the ball is lighter than the background, which is then found on the
-    other side of the median.
+    a pixel for most of the time. Most of the pixels that it touches, however, are covered for less
+    than half of the time, and show whether the ball is lighter than the background. For a lighter
+    ball the quantile lies below the median, for a darker one above it.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
@@ -381,7 +381,10 @@ def _panorama(
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
-    """Return the value of a rank among pictures, by bisection (much faster than sorting)."""
+    """Return the value of rank `rank` in each pixel of a stack of pictures; rank 0 is the darkest.
+
+    It is found by bisection, which is much faster than sorting.
+    """
     result = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
         below = (stack < result + np.uint8(bit)).sum(axis=0, dtype=np.uint8)

@@ -68,7 +68,7 @@ class FittedFlights:
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
-    """Return the fit of the same model with some settings changed."""
+    """Return the fit of the same model with some arguments of `fit_flights` changed."""
     same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
     return fit_flights(scene, ways, **same | changed)
 

@@ -112,13 +112,13 @@ def sharpen(
     search: FlightsFound,
     progress: Callable[[str], None],
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Return the scene, the flights and the ball from positions by the ball's outline.
+    """Locate the ball by its outline in each frame, and return scene, flights and ball with that.
 
     Raises
     ------
     NotSharpError
-        The calibration lacks a key, nothing of the ball's size, too few frames that locate it, or
-        time stamps that they contradict.
+        The calibration lacks a key, no object has the ball's size, too few frames locate the ball,
+        or their time stamps contradict the positions.
     InputError
         Nothing sets the scale.
     """
@@ -189,8 +189,8 @@ def settle(
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Select the places that belong to the flights, and note doubts about them.
 
-    The flights' coarse places `ways`, one after another, are those of the ball. Raises
-    `NotSharpError`: too few places.
+    The places of the flights `ways`, joined in order, are those in `ball`, one by one. Raises
+    `NotSharpError` if too few places remain.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None

@@ -59,7 +59,11 @@ class Profiles(NamedTuple):
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Return the tables for balls near a radius that move by `blur` in an exposure [pixel]."""
+    """Return the rim tables for balls of about `radius`, smeared by `blur` in an exposure.
+
+    `width` is the standard deviation of the lens blur, and `inside` the largest depth inside the
+    outline at which pixels are used. All lengths are in pixels.
+    """
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))

@@ -63,8 +63,9 @@ def place(
     """Return the positions of the ball in the full frame; `start` has them to about a pixel.
 
     `lens` is the standard deviation of its blur [pixel], `middle` the pixel on the camera's axis.
-    `oval` is k [1/px²], and the standard uncertainty of the term with k: a sphere at the distance d
-    from the middle, in the direction a_d, has the outline r = R (1 + k d² cos 2(a - a_d)).
+    A sphere at the distance d from the middle, in the direction a_d, has the outline
+    r = R (1 + k d² cos 2(a - a_d)). `oval` is k [1/px²], and the standard uncertainty of k d². A
+    position that cannot be fitted stays as in `start`, with a flag.
     """
     x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval

@@ -44,7 +44,10 @@ class FilmedBat:
 
 
 def background(spec: CameraSpec) -> Pixels:
-    """Return the expected electrons of the background with steady lamps, (row, column)."""
+    """Return the expected electrons per pixel of the background in an exposure, (row, column).
+
+    The lamps are taken as steady; `flicker` adds their variation.
+    """
     sensor, light = spec.sensor, spec.light
     x = (np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5
     y = (np.arange(sensor.rows) + 0.5) / sensor.rows - 0.5
