@@ -237,7 +237,7 @@ def test_the_shots_per_second_match_their_file() -> None:
             r"  ([\w-]+), a certificate.* (\d+) a second", file_named_in(BENCHMARKS, "throughput-*")
         )
     )
-    for name, normals, certificates in cells(BENCHMARKS, "| | normal numbers |"):
+    for name, normals, certificates in cells(BENCHMARKS, "| | random numbers per certificate |"):
         assert (stored[name, "a certificate, summed"], a_second[name]) == (normals, certificates)
 
 
@@ -265,7 +265,7 @@ def test_the_times_of_propagation_match_their_file() -> None:
             row = stored[f"2^20 draws of 11 inputs: {program}"]
             assert f"{float(row['value']):.3f}" == draws
             assert re.findall(r"[+-][\d.]+\d", row["note"])[:3] == errors
-    for tolerance, *stein_and_gum in cells(BENCHMARKS, "| tolerance over u |"):
+    for tolerance, *stein_and_gum in cells(BENCHMARKS, "| tolerance / u |"):
         for rule, met, draws in zip(
             ("stein", "7.9"), stein_and_gum[::2], stein_and_gum[1::2], strict=True
         ):

@@ -1,4 +1,4 @@
-"""Worst errors of e_A on very many scenes, including second contacts and grazing releases."""
+"""Largest errors of e_A on very many scenes, including second contacts and grazing releases."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class _Found:
 
 
 def accuracy(scenes: int = SCENES, seed: int = 1) -> Iterator[Row]:
-    """Yield the worst errors of e_A, the closure of energy, and the shares of repeated scenes."""
+    """Yield the largest errors of e_A, the closure of energy, and the shares of repeated scenes."""
     yield from _one_by_one(seed)
     for label, of in MODELS.items():
         results = [
@@ -80,7 +80,7 @@ def _rows(what: str, results: list[_Found]) -> Iterator[Row]:
     aim = FINE.tolerance
     yield Row(
         part=PART,
-        what=f"{what}: worst of {len(errors)}",
+        what=f"{what}: largest of {len(errors)}",
         value=float(errors.max()),
         at_most=aim,
         note=by_bat,

@@ -1,6 +1,6 @@
 """Benchmark of the collision solver: ``python -m tests.benchmarks.collision``.
 
-It measures speed against peers on the same core in the same run, worst errors on very many scenes,
+It measures speed against peers on the same core in the same run, largest errors on very many scenes,
 the surrogate, and memory. Rows state the target and whether it was reached.
 """
 
@@ -42,7 +42,7 @@ def main() -> None:
     }
     used = ", ".join(f"{package} {version(package)}" for package in ("numpy", "scipy", "numba"))
     print(f"collision solver, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}; {used}")
-    print("columns: value and unit, worst error in e_A that goes with it, figure to reach, note")
+    print("columns: value and unit, largest error of e_A in the same run, figure to reach, note")
     rows, last = [], ""
     for name, measure in parts.items():
         if chosen.only not in (None, name):

@@ -24,7 +24,7 @@ class Row:
     what: str
     value: float = nan
     unit: str = ""
-    error: float = nan  # worst error of e_A with this result
+    error: float = nan  # largest error of e_A with this result
     at_most: float | None = None
     at_least: float | None = None
     note: str = ""

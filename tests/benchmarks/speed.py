@@ -32,7 +32,7 @@ BATCH, PEER_SCENES, SEED = 16_384, 60, 7
 ROUNDS, PEER_REPEATS, SHORT_LIST = 15, 5, 3
 AGAINST_SOLVE_IVP = {"AVX-512": 2500.0, "AVX2": 1500.0}
 AGAINST_NUMBALSODA = 30.0
-GOOD = 1e-6  # worst error of a peer that counts
+GOOD = 1e-6  # largest error of a peer that is compared
 # flops per mode and power, counted from the loops, without step planning, idle lanes and padding
 A_MODE, A_POWER = 8, 45
 SOLVE_IVP = {
@@ -100,7 +100,7 @@ def _ours(setting: _Setting) -> Iterator[Row]:
     yield row("kernel", us["kernel"], unit="us")
     yield row("stepper", us["stepper"], unit="us", note=redone)
     yield row("all", us["all"], unit="us")
-    yield row("worst error", error, at_most=stepper.tolerance)
+    yield row("largest error", error, at_most=stepper.tolerance)
     steps = float(stepper._try(batch, WINDOW)[0].steps.mean())
     stages, powers = stepper.splitting.drifts.size, 2 if batch.compliance.any() else 1
     flops = steps * stages * (A_MODE * batch.shapes.shape[1] + powers * A_POWER)
@@ -169,6 +169,6 @@ def _against(
 
 
 def _error(batch: CollisionBatch, scenes: Scenes, rates: Floats, exact: Floats) -> float:
-    """Return the worst error of e_A, given the rates of s (as in `modal_kernel`) after release."""
+    """Return the largest error of e_A, given the rates of s (as in `modal_kernel`) after release."""
     momentum = scenes.ball_mass * batch.speed
     return float(np.abs((rates - exact) / batch.inverse_mass / momentum).max())

@@ -1,7 +1,7 @@
 """Effects of the constants of the default stepper: ``python -m tests.benchmarks.tuning``.
 
 Each constant is varied on random scenes of two bats, and compared with steps half as long that meet
-every event. The table has the worst error of e_A, the share of repeated scenes and the steps per
+every event. The table has the largest error of e_A, the share of repeated scenes and the steps per
 pass; it is that of `virtual_lab/simulation/collision/README.md`.
 """
 
@@ -41,7 +41,7 @@ Batch = tuple[CollisionBatch, FinalStates]
 def main() -> None:
     """Print one line per value."""
     batches = list(_batches())
-    print(f"{'':22s}{'worst error':>12s}{'again':>8s}{'steps':>7s}")
+    print(f"{'':22s}{'largest':>12s}{'again':>8s}{'steps':>7s}")
     _print("as it is", FINE, batches)
     for name, values in VALUES.items():
         for value in values:
