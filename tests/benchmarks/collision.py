@@ -1,7 +1,7 @@
 """Benchmark of the collision solver: ``python -m tests.benchmarks.collision``.
 
-It measures speed against peers on the same core in the same run, largest errors on very many scenes,
-the surrogate, and memory. Rows state the target and whether it was reached.
+It measures speed against peers on the same core in the same run, largest errors on very many
+scenes, the surrogate, and memory. Rows state the target and whether it was reached.
 """
 
 from __future__ import annotations

@@ -169,6 +169,6 @@ def _against(
 
 
 def _error(batch: CollisionBatch, scenes: Scenes, rates: Floats, exact: Floats) -> float:
-    """Return the largest error of e_A, given the rates of s (as in `modal_kernel`) after release."""
+    """Return the largest error of e_A from the rates of s (as in `modal_kernel`) after release."""
     momentum = scenes.ball_mass * batch.speed
     return float(np.abs((rates - exact) / batch.inverse_mass / momentum).max())

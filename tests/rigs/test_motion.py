@@ -28,7 +28,7 @@ def test_an_ideal_laboratory_by_pymunk_recovers_the_truth(rig: str) -> None:
     assert metric is not None
     assert metric.value == pytest.approx(true, rel=1e-9)
     motion = found.certification.session.origin.rungs["motion"]
-    assert (motion.rung, motion.reason) == ("pymunk", "pymunk, as asked for")
+    assert (motion.rung, motion.reason) == ("pymunk", "pymunk, as requested")
 
 
 @pytest.mark.parametrize("rig", DONE)

@@ -101,5 +101,5 @@ class BlockTest:
 
 
 def _motion_report(motion: MotionRung) -> RungTaken:
-    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as asked for"
+    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as requested"
     return RungTaken(rung=motion.value, reason=f"{motion.value}{pinned}")

@@ -36,6 +36,7 @@ Shots = NDArray[np.intp] | slice
 StruckBat = tuple[BatBody, Shots]  # a bat, and the scenes in which it is struck
 COLLISION_RUNGS = ("rigid", "modal", "reference")
 MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, from fast to accurate
+FASTEST = "the fastest model that is accurate enough"
 SHARE = 0.1  # largest error of a model [share of the standard uncertainty of e_A]
 
 
@@ -118,17 +119,17 @@ def choose(
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":
-        return _because(_reference(body, support, probe), "was asked for", probe)
+        return _because(_reference(body, support, probe), "as requested", probe)
     rungs = _rungs(body, support, probe)
     if rung is not None or standard_uncertainty is None:
         name = "rigid" if rung == "rigid" else _modal(BENDING_MODES)
         choice = next(one for one in rungs if one.name == name)
-        return _because(choice, "was asked for" if rung else "is the default", probe)
+        return _because(choice, "as requested" if rung else "the default model", probe)
     allowed = SHARE * standard_uncertainty
     for one in rungs:
         if one.error <= allowed:
-            return _because(one, "is the cheapest good enough", probe, allowed)
-    why = f"is taken, for with {_modal(MODE_COUNTS[-1])} it errs by up to {rungs[-1].error:.1e}"
+            return _because(one, FASTEST, probe, allowed)
+    why = f"because the error of {MODE_COUNTS[-1]} modes is up to {rungs[-1].error:.1e}"
     return _because(_reference(body, support, probe), why, probe, allowed)
 
 
@@ -200,14 +201,12 @@ def _modal(count: int) -> str:
 
 def _because(choice: Choice, why: str, probe: Scenes, allowed: float | None = None) -> Choice:
     low, high = (end / INCH for end in (probe.impact_position.min(), probe.impact_position.max()))
-    most = "" if allowed is None else f", {allowed:.1e} may be"
-    again = (
-        ", more where a touch comes or goes: ball and bat meet again" if choice.meets_again else ""
+    most = "" if allowed is None else f"; allowed: {allowed:.1e}"
+    again = ", larger where a second contact begins or ends" if choice.meets_again else ""
+    accuracy = f"error of e_A up to {choice.error:.1e} at {low:.4g} to {high:.4g} in from the tip"
+    return replace(
+        choice, reason=f"{choice.name.removesuffix(',')}, {why}: {accuracy}{again}{most}"
     )
-    accuracy = (
-        f"its e_A errs by up to {choice.error:.1e} at {low:.4g} to {high:.4g} in from the tip"
-    )
-    return replace(choice, reason=f"{choice.name} {why}: {accuracy}{again}{most}")
 
 
 def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertainty: float) -> Choice:
@@ -218,9 +217,9 @@ def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertaint
         surrogate = Surrogate.build(choice.model, box, tolerance=PROBING.surrogate_tolerance)
     except InputError as refused:
         return replace(choice, reason=f"{choice.reason}; no surrogate: {refused}")
-    name = f"surrogate of the rung {choice.name}"
+    name = f"surrogate of {choice.name}"
     faster = replace(choice, name=name, error=error, surrogate=surrogate)
-    return _because(faster, "is the cheapest good enough", probe, allowed)
+    return _because(faster, FASTEST, probe, allowed)
 
 
 def _check(rung: str | None, uncertainty: float | None) -> None:
