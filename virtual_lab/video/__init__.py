@@ -10,5 +10,5 @@ A clip goes through the rooms in this order:
 * `locate`: the ball by its outline, for flights before a calibrated camera (`follow.sharpening`),
   and for the windows of a laboratory's camera (`measurement.camera`).
 * `calibration`: lens, pose and scale from pictures of a board; pixels to metres in a plane.
-* `show`: options of the command, results as text, tables and pictures.
+* `show`: results as text, tables and pictures.
 """
