@@ -32,6 +32,10 @@ def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
     assert known.camera is not None
     assert known.camera.matrix[0][0] == session["impact.camera.focal"].value
     assert known.camera.image_size == (1280, 800)
+    true = done.sealed.shots["across"][0]
+    height = known.camera.plane_height_m - session["impact.camera.plane"].value
+    assert height == pytest.approx(true, abs=1e-3)
+    assert known.gravity_mps2 == (0.0, 0.0, -session["hall.gravity"].value)
     assert known.camera.plane_height_u_m == session["impact.camera.plane"].u
     parts = (session[f"impact.camera.{name}"] for name in ("focal", "place_z"))
     scale_u = np.hypot(*(part.u / part.value for part in parts))

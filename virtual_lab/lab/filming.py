@@ -6,6 +6,7 @@ from collections.abc import Callable
 from math import hypot
 from pathlib import Path
 
+from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.records.session import Session
 from virtual_lab.relations.flight import drag_rate
 from virtual_lab.relations.pinhole import looking_down
@@ -22,6 +23,7 @@ lens_blur_px = {blur!r}
 ball_diameter_m = {diameter!r}
 drag_per_m = {drag!r}
 drag_per_m_u = {drag_u!r}
+gravity_mps2 = [0.0, 0.0, {fall!r}]
 
 [camera]
 image_size = {size}
@@ -36,7 +38,12 @@ relative_scale_u = {scale_u!r}
 
 
 def film_of(
-    station: FilmingStation, plan: ShotPlan, specimen: Specimen, draws: Draws, session: Session
+    station: FilmingStation,
+    plan: ShotPlan,
+    specimen: Specimen,
+    draws: Draws,
+    session: Session,
+    timed: FlightReadings,
 ) -> Callable[[Path], None]:
     """Return a function that films the first shot of a test into a folder.
 
@@ -50,21 +57,26 @@ def film_of(
         Random numbers of the test.
     session
         Records of the test, with the bench readings of the bat.
+    timed
+        Readings of the shots by the gates, which show the height of the ball at the bat.
     """
     sensor = station.camera.spec.sensor
 
     def film(folder: Path) -> None:
         station.film(plan, specimen, draws, folder)
-        text = _calibration(session, specimen.balls.spec.mass, (sensor.columns, sensor.rows))
+        text = _calibration(session, timed, specimen.balls.spec.mass, (sensor.columns, sensor.rows))
         (folder / "calibration.toml").write_text(text, encoding="utf-8")
 
     return film
 
 
-def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> str:
+def _calibration(
+    session: Session, timed: FlightReadings, ball_mass: float, size: tuple[int, int]
+) -> str:
     """Return the calibration file of a session's camera, for a ball of `ball_mass` [kg].
 
-    `size` is the width and height of its pictures [px].
+    The ball's plane is at the height that the gates measured at the bat, if they did. `size` is the
+    width and height of the camera's pictures [px].
     """
     import cv2
     import numpy as np
@@ -83,6 +95,9 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
     radius = constants["ball.radius"].value
     drag = float(drag_rate(air.value, coefficient.value, radius, ball_mass))
     share = hypot(air.u / (air.value or 1.0), coefficient.u / (coefficient.value or 1.0))
+    known = {name: np.asarray(each.value) for name, each in constants.items()}
+    flown = timed.correct(known, np.full(timed.raw.speed_in.shape, drag))
+    height = float(np.nan_to_num(np.ravel(flown.offset)[0])) if timed.shows_height else 0.0
     scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))
     return CALIBRATION.format(
         exposure=value("exposure"),
@@ -90,6 +105,7 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
         diameter=2 * radius,
         drag=drag,
         drag_u=drag * share,
+        fall=-constants["hall.gravity"].value,
         size=list(size),
         focal=value("focal"),
         centre_x=value("centre_x"),
@@ -97,7 +113,7 @@ def _calibration(session: Session, ball_mass: float, size: tuple[int, int]) -> s
         distortion=[value(name) for name in ("k1", "k2", "p1", "p2", "k3")],
         rotation=cv2.Rodrigues(turn)[0].ravel().tolist(),
         translation=(-turn @ place).tolist(),
-        plane=value("plane"),
+        plane=value("plane") + height,
         plane_u=of("plane").u,
         scale_u=scale_u,
     )

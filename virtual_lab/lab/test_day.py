@@ -178,15 +178,16 @@ class TestDay:
                 name: np.concatenate([each.truth[name] for each in self.rounds])
                 for name in self.rounds[0].truth
             },
-            film=self._film(sessions) if laboratory.setup.film else None,
+            film=self._film(sessions, readings) if laboratory.setup.film else None,
         )
 
-    def _film(self, sessions: SessionBlock) -> Callable[[Path], None]:
+    def _film(self, sessions: SessionBlock, readings: ImpactReadings) -> Callable[[Path], None]:
         laboratory = self.laboratory
         done = laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen)
         station = laboratory.impact
         assert isinstance(station, FilmingStation), "require_camera() has seen to it"
-        return film_of(station, *done, laboratory.draws, laboratory.session_of(sessions, {}))
+        session = laboratory.session_of(sessions, {})
+        return film_of(station, *done, laboratory.draws, session, readings.flights)
 
     def _on_bench(self, select: Callable[[str], bool]) -> TestDay:
         setup = self.laboratory.setup

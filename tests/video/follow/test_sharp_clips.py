@@ -249,7 +249,7 @@ def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Pat
     assert result.flags == ("ABOVE_ONE",)
     assert result.restitution is None
     assert result.document["restitution"] is None
-    assert any("ratio 1.21" in each for each in result.warnings)
+    assert any("speeds is 1.21," in each for each in result.warnings)
     assert result.speed_out is not None
     assert abs(result.speed_out.value - np.hypot(11.2, 1.7) * UNIT) < 4 * result.speed_out.u
     assert "restitution not stated" in track_text(result.clip)
@@ -344,15 +344,20 @@ def test_angles_do_not_depend_on_the_cameras_axes(
     assert plain.plane.sense == 1.0
     assert flat.angle_out is not None
     assert turned.angle_out is not None
-    assert turned.angle_in.value == pytest.approx(flat.angle_in.value, abs=1e-6)
-    assert turned.angle_out.value == pytest.approx(flat.angle_out.value, abs=1e-6)
-    true = np.arctan2(-film.velocity_in[1], film.velocity_in[0])
-    assert turned.angle_in.value == pytest.approx(true, abs=5 * turned.angle_in.u)
-    # effect of half a degree off the plane: v_z reads as X/Z v_z along the picture
+    for said, without, (right, down) in (
+        (turned.angle_in, flat.angle_in, film.velocity_in),
+        (turned.angle_out, flat.angle_out, film.velocity_out),
+    ):
+        assert said.value == pytest.approx(without.value, abs=2 * said.u)
+        assert said.value == pytest.approx(np.arctan2(-down, right), abs=5 * without.u + 2 * said.u)
+    # effect of half a degree off the plane: at its middle, the flight is off it by the slope times
+    # the way to the contact, and v_z reads as X/Z v_z along the picture
     places = np.stack(film.places())[:, tracked.frames]
     into = tracked.frames < film.before
-    off = (places[:, into].mean(axis=1) - [120.0, 80.0]) / 1000.0
+    middle = places[:, into].mean(axis=1)
+    off = (middle - [120.0, 80.0] + middle - film.contact) / 1000.0
     along = off @ film.velocity_in / np.hypot(*film.velocity_in)
     more = abs(np.tan(np.radians(0.5)) * along * turned.speed_in.value)
     added = np.sqrt(turned.speed_in.u**2 - flat.speed_in.u**2)
-    assert added == pytest.approx(more, rel=0.1)
+    # the growth of a ball of 14 pixels tells little more
+    assert 0.5 * more < added < 1.1 * more

@@ -95,12 +95,12 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
 
 def distance_of(camera: CameraModel) -> float:
     """Return the distance of the camera from the ball's plane [m]."""
-    return abs(float(_pose(camera)[1][2]) - camera.plane_height_m)
+    return abs(float(foot_of(camera)[2]))
 
 
-def slopes_of(camera: CameraModel, places: Array) -> Array:
-    """Return X/Z and Y/Z of places of the plane (…, 2) [m], from the foot of the camera."""
-    return np.asarray((places - _pose(camera)[1][:2]) / distance_of(camera))
+def foot_of(camera: CameraModel) -> Array:
+    """Return X, Y of the camera in the ball's plane, and its height over it along Z, (3,) [m]."""
+    return np.asarray(_pose(camera)[1] - [0.0, 0.0, camera.plane_height_m])
 
 
 def _pose(camera: CameraModel) -> tuple[Array, Array]:

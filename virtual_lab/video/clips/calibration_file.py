@@ -18,7 +18,6 @@ from virtual_lab.files import read_toml
 Uncertainty = Annotated[Real, Ge(0)]
 EXACT = 0.0  # standard uncertainty of a value for which none is given
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m
-Pair = tuple[Place, Place]
 Triple = tuple[Real, Real, Real]
 
 
@@ -88,8 +87,8 @@ class ClipCalibration(Spec):
     timestamps: str | None = None  # CSV file beside this file, with one time per frame [s]
     drag_per_m: Annotated[Real, Ge(0), Le(1)] = 0.0  # κ of dv/dx = -κ v
     drag_per_m_u: Annotated[Real, Ge(0), Le(1)] = EXACT
-    # g along x and y of the picture, or of the camera's plane [m/s²]
-    gravity_mps2: Pair = (0.0, 0.0)
+    # g along x and y of the picture, or along X, Y and Z of the camera's plane [m/s²]
+    gravity_mps2: Annotated[tuple[Place, ...], Len(2, 3)] = (0.0, 0.0)
     camera: CameraModel | None = None  # instead of metres_per_pixel
 
     def __post_init__(self) -> None:

@@ -162,7 +162,7 @@ def measure(
     if sharp and model:
         rulers = [Ruler.of_plane(sharp.plane, knowledge.rate_u)]
         notes += sharp.notes
-        model = replace(model, rest=[*model.rest, *sharp.aside(model.fit)])
+        model = replace(model, rest=[*model.rest, *sharp.aside])
     else:
         ball = watched.blobs[[k for each in ways or pieces for k in each.blobs]]
         rulers = rulers_of(knowledge, ball, model, ways, step, where)

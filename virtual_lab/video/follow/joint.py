@@ -211,7 +211,7 @@ def fit_flights(
     residuals = np.split(left, np.flatnonzero(np.diff(of)) + 1)
     if model.sharp:
         for n, (flight, rest) in enumerate(zip(flights, residuals, strict=True)):
-            added = _pattern(flight, rest, model.dt[of == n])
+            added = pattern_covariance(flight, rest, model.dt[of == n])
             for axis in (0, 1):
                 at = k + 3 + 4 * n + np.array([axis, 2 + axis])
                 covariance[np.ix_(at, at)] += added
@@ -288,7 +288,7 @@ def _solve(
     return vector, inverse / spread**2, room
 
 
-def _pattern(flight: Piece, residuals: Array, late: Array) -> Array:
+def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
     """Return the covariance of position and velocity along an axis from a ball's pattern, (2, 2).
 
     `late` (place,) is the time from the flight's middle [frames].

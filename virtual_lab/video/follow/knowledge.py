@@ -57,17 +57,19 @@ def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     said = calibration.exposure_s
     if camera and (far := distance_of(camera)):
         scale = far / camera.matrix[0][0]
-    pull, drag = calibration.gravity_mps2, calibration.drag_per_m
+    (right, down, *_), drag = calibration.gravity_mps2, calibration.drag_per_m
     return ClipKnowledge(
         rate=1 / usual_step(clip.times),
         drag=(drag, calibration.drag_per_m_u) if drag else None,
-        pull=pull if any(pull) and not camera else None,  # a lens bends a straight line
+        pull=(right, down)
+        if (right or down) and not camera
+        else None,  # a lens bends a straight line
         ball=calibration.ball_diameter_m,
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,
         metres_per_pixel_u=calibration.metres_per_pixel_u,
         exposure=clip.source.exposure if said is None else said,
-        gravity=float(np.hypot(*calibration.gravity_mps2)) or STANDARD_GRAVITY,
+        gravity=float(np.linalg.norm(calibration.gravity_mps2)) or STANDARD_GRAVITY,
         readout=0.0,
         stands=True,
         rate_u=calibration.frames_per_second_u / (calibration.frames_per_second or 1.0),

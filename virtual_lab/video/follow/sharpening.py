@@ -14,16 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.calibration.plane import RIM, Plane, plane_of, slopes_of
-from virtual_lab.video.clips.calibration_file import CameraModel
+from virtual_lab.video.calibration.plane import Plane, foot_of, plane_of
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.clips.timing import usual_step
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.flights import without_contacts
-from virtual_lab.video.follow.joint import Fit, fit_flights
-from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.flights import meetings, without_contacts
+from virtual_lab.video.follow.joint import Fit, fit_flights, pattern_covariance
+from virtual_lab.video.follow.knowledge import (
+    GRAVITY,
+    STATED_LEVEL_U,
+    ClipKnowledge,
+    Note,
+)
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound
@@ -42,11 +46,12 @@ class SharpnessSettings:
     # smallest probability of a place's distance from its flight: a less likely place is rejected
     chance: float = 1e-3
     denied_share: float = 0.34  # largest share of a flight's places that are rejected
-    # largest rms residual of a flight [u of a place, by noise and pattern together]
-    crooked_u: float = 3.0
-    trend: float = 0.004  # smallest relative change of the radius through a flight that matters
-    # largest p-value of such a change: it is small because seams make neighbouring radii err alike
-    trend_chance: float = 1e-6
+    # largest misfit of a flight to its model: rms residual [u of a place, by noise and pattern
+    # together], and slope to the plane [its u]
+    misfit_u: float = 3.0
+    # u of a radius's growth in a flight [pixels]: a background that grows brighter by a tenth of
+    # the ball's contrast changes the radius by as much
+    growth_u: float = 0.03
 
 
 SHARPNESS = SharpnessSettings()
@@ -63,23 +68,9 @@ class SharpBall:
     frames: NDArray[np.intp]
     located: Located
     plane: Plane
-    off_plane: Array  # (flight, 2) velocity that a ball seems to have as it comes nearer [px/frame]
     notes: tuple[Note, ...] = ()
-    # (flight, 2) change of the velocity of a flight half a degree off the plane
-    slants: Array | None = None
-
-    def aside(self, fit: Fit) -> list[tuple[Fit, float]]:
-        """Return fits of flights that stay in the plane or leave it unseen, with their shares."""
-        moves = [self.off_plane] if self.off_plane.any() else []
-        if self.slants is not None:  # each flight by itself
-            moves += [*(np.eye(len(self.slants))[..., None] * self.slants)]
-        fits = []
-        for move in moves:
-            states = fit.states.copy()
-            states[:, 2:] -= move
-            vector = np.r_[fit.vector[: -states.size], states.ravel()]
-            fits.append((fit.with_vector(vector), 1.0))
-        return fits
+    # fits with each flight one standard uncertainty of its slope farther out of the plane
+    aside: tuple[tuple[Fit, float], ...] = ()
 
     def metres(self, place: Array) -> Array:
         """Convert a place (2,) of the fit [pixels] to a place in the plane [m]."""
@@ -158,7 +149,6 @@ def sharpen(
         frames=frames,
         located=located,
         plane=plane_of(located, calibration, str(clip.source.path)),
-        off_plane=np.zeros((len(ways), 2)),
     )
     stamped = clip.times / step
     ways = [
@@ -205,7 +195,7 @@ def settle(
     scale, step = plane.metres_per_pixel, 1 / knowledge.rate
     scene = replace(
         scene,
-        pull=np.array(calibration.gravity_mps2) * [1, plane.sense] * step**2 / scale,
+        pull=np.array(calibration.gravity_mps2[:2]) * [1, plane.sense] * step**2 / scale,
         drag=(calibration.drag_per_m * scale, calibration.drag_per_m_u * scale),
         in_radii=False,
         readout=0.0,
@@ -217,11 +207,9 @@ def settle(
     left_out = ~np.isin(ball.frames, np.concatenate([way.frames for way in flown]))
     flags[good & left_out] |= np.uint16(PlaceFlag.OFF_WAY)
     ball = replace(ball, located=replace(located, flags=flags))
-    ball = replace(ball, off_plane=np.array([_approach(scene, way, ball) for way in flown]))
-    if calibration.camera:
-        fit = fit_flights(scene, flown)
-        ball = replace(ball, slants=_slants(calibration.camera, fit, flown, plane))
-    return scene, flown, replace(ball, notes=tuple(_against(scene, flown, ball, knowledge)))
+    flown, aside, notes = _flatten(scene, flown, ball, knowledge)
+    notes += _against(scene, flown)
+    return scene, flown, replace(ball, aside=aside, notes=tuple(notes))
 
 
 def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
@@ -253,53 +241,79 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
     return way
 
 
-def _slants(camera: CameraModel, fit: Fit, flights: Sequence[Piece], plane: Plane) -> Array:
-    """Return the apparent extra velocity (flight, 2) of a flight half a degree off the plane.
+def _flatten(
+    scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
+) -> tuple[list[Piece], tuple[tuple[Fit, float], ...], list[Note]]:
+    """Return the flights as seen in the plane, fits with other slopes to it, and notes.
 
-    At X off the camera's foot and Z from the camera, v_z reads as X/Z v_z along the plane.
+    A ball at the height h over the plane of a camera at the distance Z looks larger, and farther
+    from the camera's foot, by 1 + h/Z. h is 0 at the contact. The rate of h is estimated from the
+    growth of the ball's picture, and from the calibration: the slope of a flight to the plane is 0
+    with u of half a degree, unless the growth contradicts that.
     """
-    flip = [1, plane.sense]
-    middles = np.array([flight.xy.mean(axis=0) * flip for flight in flights])
-    slopes = slopes_of(camera, middles * plane.metres_per_pixel) * flip
-    return np.asarray(np.tan(np.radians(0.5)) * np.hypot(*fit.states[:, 2:].T)[:, None] * slopes)
+    calibration, plane = knowledge.calibration, ball.plane
+    assert calibration is not None
+    camera, fit, notes = calibration.camera, fit_flights(scene, ways), []
+    foot, far, bend = (np.array(scene.size) - 1) / 2, np.inf, 0.0  # of a camera that is not known
+    if camera:
+        *middle, over = foot_of(camera)
+        foot = np.array(middle) * [1, plane.sense] / plane.metres_per_pixel
+        far = abs(over) / plane.metres_per_pixel
+        (fall,) = calibration.gravity_mps2[2:] or (0.0,)
+        bend = fall / over / knowledge.rate**2 / 2
+    starts = [(ways[0].t[-1] + way.t[0]) / 2 for way in ways[1:]] or [ways[0].t.mean()]
+    (start,) = [t for _, t in meetings(ways, fit)] or starts
+    climbs = []
+    for k, way in enumerate(ways):
+        rows, late = np.isin(ball.frames, way.frames), way.t - start
+        grown = np.log(ball.located.radius[rows] / plane.sizes[rows]) - bend * late**2
+        climb, u = _growth_rate(way, grown, late)
+        before = STATED_LEVEL_U * float(np.hypot(*fit.states[k, 2:])) / far
+        if abs(climb) < SHARPNESS.misfit_u * np.hypot(u, before):
+            share = before**2 / (before**2 + u**2)
+            climb, u = share * climb, np.sqrt(share) * u
+        else:
+            words = f"flight {k + 1} leaves the plane: the ball's picture grows by "
+            notes.append(("OFF_PLANE", f"{words}{100 * climb * np.ptp(late):+.2g} % in it"))
+        climbs.append((climb, u))
+
+    def flat(moved: int | None = None) -> list[Piece]:
+        pieces = []
+        for k, (way, (climb, u)) in enumerate(zip(ways, climbs, strict=True)):
+            late = (way.t - start)[:, None]
+            nearer = (climb + u * (k == moved)) * late + bend * late**2
+            pieces.append(replace(way, xy=foot + (way.xy - foot) / (1 + nearer)))
+        return pieces
+
+    aside = [(fit_flights(scene, flat(k)), 1.0) for k, (_, u) in enumerate(climbs) if u]
+    return flat(), tuple(aside), notes
 
 
-def _approach(scene: FlightScene, way: Piece, ball: SharpBall) -> Array:
-    """Return the apparent velocity (2,) of an approaching ball [px/frame]; 0: it does not."""
-    from scipy.stats import linregress
+def _growth_rate(way: Piece, grown: Array, late: Array) -> tuple[float, float]:
+    """Return the slope of the logarithms `grown` of a ball's radius over time, and its u [1/frame].
 
-    rows = np.isin(ball.frames, way.frames) & (ball.located.flags == 0)
-    if rows.sum() < SHARPNESS.least_frames:
-        return np.zeros(2)
-    radii, t = ball.located.radius[rows], way.t[np.isin(way.frames, ball.frames[rows])]
-    trend = linregress(t, np.log(radii / ball.plane.sizes[rows]))
-    least = max(SHARPNESS.trend, 2 * RIM * way.pattern_u / float(np.median(radii)))
-    if abs(trend.slope) * np.ptp(t) < least or trend.pvalue > SHARPNESS.trend_chance:
-        return np.zeros(2)
-    middle = (np.array(scene.size) - 1) / 2
-    return np.asarray(trend.slope * (ball.located.places[rows].mean(axis=0) - middle))
+    `late` (place,) is the time of each [frames]. The ball's pattern changes the radius slowly by as
+    much as the place, and so does the light.
+    """
+    assert way.u is not None
+    u = way.u / way.radius
+    relative = replace(way, u=u, pattern_u=way.pattern_u / way.radius)
+    line, noise = np.polyfit(late, grown, 1, w=1 / u, cov="unscaled")
+    left = (grown - np.polyval(line, late))[:, None]
+    pattern = pattern_covariance(relative, left, late - late.mean())
+    light = SHARPNESS.growth_u / way.radius / np.ptp(late)
+    return float(line[0]), float(np.sqrt(noise[0, 0] + pattern[1, 1] + light**2))
 
 
-def _against(
-    scene: FlightScene, ways: Sequence[Piece], ball: SharpBall, knowledge: ClipKnowledge
-) -> Iterator[Note]:
+def _against(scene: FlightScene, ways: Sequence[Piece]) -> Iterator[Note]:
     """Yield notes against sharp flights."""
     fit = fit_flights(scene, ways)
-    for k, (way, left, off) in enumerate(zip(ways, fit.residuals, ball.off_plane, strict=True)):
+    for k, (way, left) in enumerate(zip(ways, fit.residuals, strict=True)):
         assert way.u is not None
         noise = np.hypot(np.median(way.u), way.pattern_u)
-        if float(np.sqrt(np.mean(left**2))) > SHARPNESS.crooked_u * noise:
+        if float(np.sqrt(np.mean(left**2))) > SHARPNESS.misfit_u * noise:
             yield (
                 "CROOKED",
                 f"flight {k + 1} is not straight; give gravity_mps2 or drag_per_m, or leave out "
                 "frames in which the ball is touched",
-            )
-        if off.any():
-            velocity = fit.states[k, 2:]
-            along = off @ velocity / np.hypot(*velocity)
-            faster = along * ball.plane.metres_per_pixel * knowledge.rate
-            yield (
-                "OFF_PLANE",
-                f"the size of the ball changes in flight {k + 1}, so it leaves its plane; this "
-                f"shifts its speed by {faster:+.2g} m/s",
             )
