@@ -100,9 +100,9 @@ def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Yield the flag for shots whose encoder fit leaves more than resolution and noise at rest.
+    """Yield a flag for each encoder fit (recoil, swing) with a misfit beyond resolution and noise.
 
-    One per fit (recoil, swing); its `where`, (laboratory,), is False where no shot is affected.
+    The flag's `where`, (laboratory,), is True if at least one shot has such a misfit.
     """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:

@@ -131,7 +131,7 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
 
 
 def scraps_of_beams(station: Station) -> Station:
-    """Sabot fragments in front of light boards, which simulate them themselves."""
+    """Sabot fragments in front of light boards, whose instrument simulates the fragments."""
     return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
 
 

@@ -256,7 +256,7 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 
 
 def remark_on(quantity: str, *values: float) -> str:
-    """Return the remark on a peak if it stands at an end of the positions for one of the bats."""
+    """Return a remark if the peak of one of the bats is at an end of the impact positions."""
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):
         return f"at the end of the range {low:g} to {high:g} in: the true peak may lie beyond it"
