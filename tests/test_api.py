@@ -517,3 +517,11 @@ def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:
     assert files == {"settings.toml", "slope.csv", "slope.png"}
     with pytest.raises(vl.InputError, match="no picture"):
         vl.shelf("bats").plot(tmp_path / "bats.png")
+
+
+def test_a_sheet_refuses_a_value_that_toml_cannot_hold() -> None:
+    from virtual_lab.sheets import toml_text
+
+    for value in (None, {1, 2}, [None]):
+        with pytest.raises(vl.InputError, match="cannot be written in a sheet; allowed: texts"):
+            toml_text({"key": value})

@@ -442,7 +442,10 @@ def _setting(value: Any) -> Any:
 
 
 def toml_text(document: Mapping[str, Any]) -> str:
-    """Return a sheet as TOML."""
+    """Return a sheet as TOML.
+
+    Raises `InputError` for a value that TOML cannot hold, such as None.
+    """
     return "\n".join(_lines(document, "")) + "\n"
 
 
@@ -469,6 +472,8 @@ def _inline(value: Any) -> str:
     if isinstance(value, datetime.date):
         return value.isoformat()
     try:
+        if value is None:
+            raise TypeError
         return json.dumps(value, ensure_ascii=False)  # its texts, numbers and truths are TOML's
     except (TypeError, ValueError) as fault:  # ValueError: a number of thousands of digits
         allowed = (

@@ -128,7 +128,10 @@ def advice(rule: ParameterRule, value: Any) -> str:
 
 
 def first_line(module: str, name: str) -> str:
-    """Return the first line of a function's docstring without importing its module."""
+    """Return the first line of a function's docstring without importing its module.
+
+    Raises `ValueError` if there is no such function or no docstring.
+    """
     return _header(module, name).split('"""')[1].split("\n")[0]
 
 

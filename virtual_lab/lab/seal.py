@@ -45,6 +45,7 @@ def write_seal(folder: Path) -> None:
 def alterations(folder: Path) -> list[Alteration]:
     """Return the files and keys altered, removed or added since `folder` was sealed.
 
+    Added files count only below ``records`` and ``truth``.
     If the seal itself was altered, only this is reported. Raises `InputError` without a seal.
     """
     path = folder / SEAL

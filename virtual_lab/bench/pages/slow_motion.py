@@ -106,7 +106,8 @@ def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
     """Return the e_A to draw: that of the sketch, kept at least 0.03 away from zero.
 
-    The direction of the ball after the contact then stays visible.
+    The direction of the ball after the contact then stays visible: positive where the sketch says
+    that it flies back, otherwise negative.
     """
     rebound, least = float(sketch["rebound"]), 0.03
     return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)

@@ -51,7 +51,10 @@ def is_at(place: float, at: float, reach: float) -> bool:
 
 @njit(cache=True)
 def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
-    """Mark the hits of the scan: the first `valid_hits` valid hits at each position."""
+    """Fill in whether each hit counts for the scan: the first `valid_hits` valid ones per position.
+
+    Every value of `counted`, (shot,), is overwritten.
+    """
     for shot in range(place.size):
         counted[shot] = False
         if valid[shot]:

@@ -29,7 +29,8 @@ def patch_shape(modes: Modes, z: Array, width: float) -> Array:
     """Return the mean deflection of each mode over patches centred at `z`, (n, N).
 
     `z`, (n,) [m], is the distance from the barrel tip. `width` is the full width of the patch [m];
-    0 is a point. A patch near an end shrinks so that it stays on the bat.
+    0 is a point. The mean is weighted by a cosine, largest at the centre. A patch near an end
+    shrinks on both sides so that it stays on the bat.
     """
     return patch_shapes((modes,), z, width)[0]
 

@@ -198,17 +198,17 @@ def _restitution_peak(bat: BatBody, speed: float, ball: BallSpec | None = None) 
 
 
 def peak_restitution(bat: str, speed: float) -> float:
-    """Return the greatest BBCOR along the barrel at a speed, as found with the nominal ball."""
+    """Return the greatest BBCOR along the barrel at `speed` [mph], with the nominal ball."""
     return _restitution_peak(body(bat), speed).value
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the greatest BBCOR [in from the tip]."""
+    """Return the position of the greatest BBCOR at `speed` [mph], in inches from the tip."""
     return _restitution_peak(body(bat), speed).place
 
 
 def restitution_change(bat: str, first: str, speed: float) -> float:
-    """Return the greatest BBCOR of a bat minus that of the first bat."""
+    """Return the greatest BBCOR of a bat at `speed` [mph] minus that of the first bat."""
     return peak_restitution(bat, speed) - peak_restitution(first, speed)
 
 
@@ -230,7 +230,10 @@ def procedure_result(bat: str, procedure: str) -> float:
 
 
 def hit_scatter(bat: str, speed: float) -> float:
-    """Return the standard deviation of BBCOR from hit to hit, with a new ball for each hit."""
+    """Return the standard deviation of BBCOR from hit to hit at `speed` [mph].
+
+    Each hit has a new ball.
+    """
     ball = paper_ball(BALL)
     step = 0.005  # change of e0 for the slope, small beside the curvature of e(e0)
     ends = [
@@ -248,12 +251,12 @@ def hit_scatter(bat: str, speed: float) -> float:
 
 
 def peak_efficiency(bat: str, speed: float) -> float:
-    """Return the greatest e_A along the barrel at a speed."""
+    """Return the greatest e_A along the barrel at `speed` [mph]."""
     return peak(Z, _collide(body(bat), speed)[1].collision_efficiency).value
 
 
 def peak_contact_time(bat: str, speed: float) -> float:
-    """Return the contact time where e_A is greatest [s]."""
+    """Return the contact time where e_A is greatest at `speed` [mph], in seconds."""
     collisions = _collide(body(bat), speed)[1]
     return float(collisions.contact_time[np.argmax(collisions.collision_efficiency)])
 
@@ -261,6 +264,7 @@ def peak_contact_time(bat: str, speed: float) -> float:
 def barrel_travel(bat: str, speed: float) -> float:
     """Return the travel of the barrel in contact [in]: half of its final speed times the time.
 
+    `speed` is the relative speed of ball and bat [mph].
     The half is that of a force symmetric in time. The bat is rigid, on its pivot.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
@@ -270,14 +274,14 @@ def barrel_travel(bat: str, speed: float) -> float:
 
 
 def soft_ball(bat: str, speed: float) -> float:
-    """Return the change of BBCOR by a ball of a tenth of the stiffness and the same e0."""
+    """Return the change of BBCOR at `speed` [mph] by a ball of the same e0, ten times softer."""
     ball = paper_ball(BALL)
     soft = replace(ball, stiffness=ball.stiffness / 10)
     return _restitution_peak(body(bat), speed, soft).value - peak_restitution(bat, speed)
 
 
 def hoop_trend(bat: str, speed: float) -> float:
-    """Return the rank correlation of BBCOR and hoop frequency, at constant modal mass."""
+    """Return the rank correlation of BBCOR at `speed` [mph] and hoop frequency, mass constant."""
     hoop = body(bat).hoop
     assert hoop is not None
     tops = [
@@ -290,7 +294,7 @@ def hoop_trend(bat: str, speed: float) -> float:
 
 
 def length_trend(speed: float) -> float:
-    """Return the change of BBCOR per inch of length, of R161 shortened."""
+    """Return the change of BBCOR at `speed` [mph] per inch of length, of R161 shortened."""
     tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])
 

@@ -381,9 +381,9 @@ def _panorama(
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
-    """Return the value of rank `rank` in each pixel of a stack of pictures; rank 0 is the darkest.
+    """Return the value of rank `rank` in each pixel of a stack of up to 255 pictures.
 
-    It is found by bisection, which is much faster than sorting.
+    Rank 0 is the darkest. It is found by bisection, which is much faster than sorting.
     """
     result = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):

@@ -68,7 +68,10 @@ class FittedFlights:
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
-    """Return the fit of the same model with some arguments of `fit_flights` changed."""
+    """Return another fit of the flights with the readout time and the floor of `fit`.
+
+    `changed` are arguments of `fit_flights`; the others have their defaults.
+    """
     same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
     return fit_flights(scene, ways, **same | changed)
 

@@ -179,6 +179,7 @@ def settle(
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Select the places that belong to the flights, and note doubts about them.
 
+    Only the flights lose the other places; the ball keeps them, with the flag `OFF_WAY`.
     The places of the flights `ways`, joined in order, are those in `ball`, one by one. Raises
     `NotSharpError` if too few places remain.
     """

@@ -61,8 +61,8 @@ class Profiles(NamedTuple):
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
     """Return the rim tables for balls of about `radius`, smeared by `blur` in an exposure.
 
-    `width` is the standard deviation of the lens blur, and `inside` the largest depth inside the
-    outline at which pixels are used. All lengths are in pixels.
+    `width` is the standard deviation of the blur by lens and pixel together, and `inside` the
+    largest depth inside the outline at which pixels are used, without blur. All are in pixels.
     """
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)
