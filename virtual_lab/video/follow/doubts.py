@@ -130,12 +130,12 @@ def against_flights(
         )
         notes.append(("SECOND_BALL", words))
     share = explained_share(scene, ways, pieces)
-    if share < FALLS.explained and ways[0].u is None:  # near a bat sharp places are left out
+    if share < 1 and ways[0].u is None:  # near a bat sharp places are left out
         words = (
             f"the flights explain {100 * share:.0f} % of the frames in which the ball moves; in "
             "the others it is carried, rolls or is struck, or a flight was missed"
         )
-        notes.append(("UNEXPLAINED", words))
+        notes.append(("UNEXPLAINED" if share < FALLS.explained else "", words))
     frames = np.concatenate([way.frames for way in ways])
     leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
     if leaps:

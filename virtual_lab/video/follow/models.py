@@ -55,6 +55,7 @@ class FittedFlights:
         beside: list[tuple[Fit, float]] = []
         for fits, one, other, tilt in ((rest, fit, flat, None), (beside, flat, fit, np.zeros(2))):
             fits += [(one.with_drift(each), 1.0) for each in drift * np.eye(2) if drift]
+            fits += [(each, 1.0) for each in _hidden_sides(scene, ways, one)]
             if scene.drag is None:
                 fits.append((refit(scene, ways, fit, drag=False, tilt=tilt), DRAG_SHARE))
             fits.append((other, 1.0))
@@ -65,6 +66,23 @@ class FittedFlights:
             return cls(fit=fit, rest=rest, tilted=True, longest=longest)
         level = None if fit.floor else cls(fit=flat, rest=beside)
         return cls(fit=fit, rest=rest[:-1], longest=longest, level=level)
+
+
+def _hidden_sides(scene: FlightScene, ways: Sequence[Piece], fit: Fit) -> list[Fit]:
+    """Return fits of a ball whose far side appears or disappears before a wall of its color.
+
+    The short axis of its outline then grows through a flight, and its centre moves as much. A
+    growth less than twice its u is left out.
+    """
+    fits = []
+    for k, way in enumerate(ways):
+        (slope, _), spread = np.polyfit(way.t, scene.blobs["radius"][way.blobs], 1, cov=True)
+        if abs(slope) > 2 * np.sqrt(spread[0, 0]):
+            for axis in (0, 1):
+                vector = fit.vector.copy()
+                vector[4 * (k - len(ways)) + 2 + axis] += slope
+                fits.append(fit.with_vector(vector))
+    return fits
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
