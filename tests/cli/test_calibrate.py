@@ -56,7 +56,7 @@ def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> N
         (["none.png", *BOARD, "--out", "a.toml"], "no such file"),
         (["board", *BOARD, "--out", "a.toml"], "images = 0"),
         (["text.png", *BOARD, "--out", "a.toml"], "cannot be read"),
-        (["blank.png", *BOARD, "--out", "a.toml"], "at least 3 must show the board"),
+        (["blank.png", *BOARD, "--out", "a.toml"], "at least 3 pictures must show the board"),
         (["blank.png", *BOARD, "--out", "a.json"], "ends in .toml"),
         (["blank.png", "--board", "9x6", "--out", "a.toml"], "expected charuco:"),
         (["blank.png", *BOARD, "--height", "36", "--out", "a.toml"], "length with its unit"),
