@@ -78,6 +78,7 @@ class Laboratory:
             without a record that the procedure needs, a film without a camera, a bat or ball
             that does not fit the procedure.
         """
+        setup.require_seeded()
         rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec
         rig = find_rig(setup.rig, Stage.IMPACT)
         require_rig(rig, rules)

@@ -60,7 +60,8 @@ class TestSetup:
     history: Mapping[str, Estimates] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"
 
-    def __post_init__(self) -> None:
+    def require_seeded(self) -> None:
+        """Raise `InputError` for a numbered test or lot without a seed, or a negative lot."""
         for key, value in (("test", self.test), ("lot", self.lot)):
             if value is not None and self.seed is None:
                 allowed = "allowed with a seed: of a laboratory of its study"
