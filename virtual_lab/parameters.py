@@ -236,7 +236,11 @@ def wholes_of(values: int | Sequence[int]) -> tuple[int, ...]:
 
 
 def rule_of(annotation: Any) -> ParameterRule:
-    """Return the rule of a type: the one it carries, or that of its plain type or choices."""
+    """Return the rule by which the values of a type are read.
+
+    An `Annotated` type has its own rule. A plain type, such as float, has the rule in `PLAIN`.
+    A `Literal` of strings allows these strings. Any other type has the rule `ANYTHING`.
+    """
     for note in getattr(annotation, "__metadata__", ()):
         if isinstance(note, ParameterRule):
             return note

@@ -33,7 +33,10 @@ def inline() -> Any:
 
 
 def columns_of(row: Any) -> dict[str, Column]:
-    """Return the printed columns of a row by key; those of an inner dataclass have both names."""
+    """Return the printed columns of a row by key.
+
+    A field of an inner dataclass has the key ``outer_inner`` and the title "outer: title".
+    """
     columns: dict[str, Column] = {}
     for each in fields(row):
         value = getattr(row, each.name)

@@ -18,7 +18,11 @@ from virtual_lab.files.drafts import remove_drafts
 
 
 def work() -> None:
-    """Answer calls until the input ends."""
+    """Answer pickled calls from stdin, each with a pickle on stdout; never return.
+
+    An answer is (result, None), or (None, exception) if the call failed. The process ends when
+    the input ends.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends this process
     calls: SimpleQueue[bytes] = SimpleQueue()
     Thread(target=_hear, args=(calls,), daemon=True).start()

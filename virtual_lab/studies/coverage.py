@@ -309,7 +309,11 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return the sample of a block of laboratories."""
+    """Return what the study needs of each laboratory in a block, arrays (laboratory,) in SI.
+
+    These are counts of shots, impact position, scatter, and by name of each quantity the
+    result with its standard uncertainty, degrees of freedom and true value.
+    """
     certified, reduced = tested.certified, tested.certified.reduced
     owner, metric = reduced.owner, reduced.shot_metric
     count = certified.invalid.size

@@ -84,13 +84,16 @@ def effects(
 
     The table has one row per component, sorted by the size of the stated effect.
 
-    Two components can differ for a known reason. The stated uncertainty of the slope along the
-    barrel is the spread over many bats, but the study tests one bat. `realised` is then a single
-    sample of `stated`, so `apart` is None; the same slope changes the effect of the aim. The
-    component `hits` is stated for independent balls, but a dozen balls are used without
-    replacement. If e is not proportional to e0, as for a hollow bat, the differences between balls
-    then add more to the scatter of the hits than to that of the mean (asa, six of twelve balls: 6 %
-    of the component).
+    Two components can differ for a known reason. The first is the slope along the barrel. Its
+    stated uncertainty is the spread over many bats, but the study tests one bat. `realised` is
+    then the error of this one bat's slope, which says little about the spread, so `apart` is
+    None. This error also changes the effect of the aim.
+
+    The second is `hits`. It is stated as if each hit had a ball of its own, drawn at random,
+    but the hits use different balls of the same dozen. If e is not proportional to e0, as for a
+    hollow bat, balls differ in their results. These differences count fully in the scatter of
+    the hits but partly cancel in the mean, so the stated effect is too large (asa, six of
+    twelve balls: by 6 %).
 
     Parameters
     ----------

@@ -42,25 +42,28 @@ def sweep_tests(
     ----------
     bats, procedures
         Names in the catalog, or paths of .toml files.
-    laboratories, seed
-        Number of laboratories, and the seed of the first.
+    laboratories
+        Number of laboratories. Each is identified by `seed` and its number, from 0.
+    seed
+        Seed of the study, common to all laboratories.
     individual
-        Whether each laboratory tests a different individual of the bat, with `summed`, too.
+        Whether each laboratory tests an individual bat. Otherwise all test the nominal bat.
+        Without `summed` the bats are always individuals.
     summed
-        Whether the instruments write sums. Otherwise they write every reading, and every bat is an
-        individual.
+        Whether the instruments write sums. Otherwise they write every reading.
     keep
-        Function to call with each test; it must be picklable if `workers` is above 1.
+        Function to call with each test. Its result is ignored. It must be picklable if
+        `workers` is above 1.
     workers
         Number of processes.
     progress
-        Function called with the number of tests done and in total.
+        Function that is called with a text, the number of tests done, and the total number.
 
     Raises
     ------
     InputError
-        A name is unknown, two bats or two procedures have the same name, a file cannot be used, or
-        `laboratories` is 0.
+        A name is unknown, two bats or two procedures have the same name, a file cannot be
+        used, or `laboratories` or `workers` is below 1.
     """
     import pandas as pd
 

@@ -50,44 +50,45 @@ def propagate_inputs(
     Parameters
     ----------
     model
-        A function of named inputs that returns one number, or a mapping of names to numbers. It is
-        called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it is called
-        row by row, and a note says so. An input with groups of n observations is an array (k, n),
-        or (n,) row by row.
+        A function of named inputs that returns one number, or a mapping of names to numbers.
+        It is called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it
+        is called row by row, and a note says so. An input with groups of n observations is an
+        array (k, n), or (n,) row by row.
     inputs
-        For each name an `Input`, a number without uncertainty, or readings (n,), whose mean and
-        standard uncertainty of the mean are used. A tuple of m names has readings (n, m) that were
-        taken together.
+        For each name an `Input`, a number without uncertainty, or readings (n,), whose mean
+        and standard uncertainty of the mean are used. A tuple of m names has readings (n, m)
+        that were taken together.
     correlations
         Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method
         ``first-order``: GUM 5.1 with differences over ± u, and Welch–Satterthwaite.
-        ``second-order``: mean and variance with the terms of GUM 5.1.2, note. ``monte-carlo``:
-        JCGM 101, with the probabilistically symmetric and the shortest interval; JCGM 102 for
-        several outputs.
+        ``second-order``: mean and variance with the terms of GUM 5.1.2, note.
+        ``monte-carlo``: JCGM 101, with the probabilistically symmetric and the shortest
+        interval; JCGM 102 for several outputs.
     probability
         Coverage probability of the interval, between 0 and 1.
     digits
-        Number of significant digits of u. Without `draws`, Monte Carlo draws until value, u and
-        ends of the interval are accurate to half a unit of the last of these digits.
+        Number of significant digits of u. Without `draws`, Monte Carlo draws until value, u
+        and ends of the interval are accurate to half a unit of the last of these digits.
     draws
         Number of Monte Carlo draws, rounded up to a multiple of 16 384.
     rule
-        Rule for the number of draws: ``stein`` meets the tolerance for all numbers together with a
-        probability of 95 %; ``7.9`` is the rule of the standard.
+        Rule for the number of draws: ``stein`` meets the tolerance for all numbers together
+        with a probability of 95 %; ``7.9`` is the rule of the standard.
     validate
-        Whether to draw to a fifth of this tolerance and judge the first order by clause 8.
+        Whether Monte Carlo draws until it is five times as accurate as `digits` requires.
+        JCGM 101, clause 8, demands this to judge whether the first-order result is valid.
     seed
         Seed of the draws.
     progress
-        Function that is called with a text, the number of draws made, and the number of all draws.
-        By default long runs print both on stderr.
+        Function that is called with a text, the number of draws made, and the number of all
+        draws. By default ``vl.propagate`` shows the progress of long runs on stderr.
 
     Raises
     ------
     InputError
-        An input, correlation or answer of the model that cannot be used; a model that gives two
-        results for the same inputs.
+        An input, correlation or answer of the model that cannot be used; a model that gives
+        two results for the same inputs.
     """
     named_method(method, "method")
     if not 0 < probability < 1:
@@ -152,7 +153,10 @@ def first_order(model: Model, probability: float) -> Propagated:
 
 
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:
-    """Return mean and u with the terms of second order; degrees of freedom are the first's."""
+    """Return `linear`, the first-order result, with mean and u to second order.
+
+    The intervals are computed again. The degrees of freedom remain those of `linear`.
+    """
     points = SecondOrder.of(model.inputs)
     answers = model(points.columns)
     outcomes = {}

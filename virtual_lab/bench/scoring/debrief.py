@@ -290,9 +290,11 @@ def debrief(
 
 
 def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
-    """Return the debrief of a stored day, with a check of its seal.
+    """Return the debrief of a stored day, which states whether the seal is intact.
 
-    Raises `InputError` if the day was not handed in.
+    A broken seal is stated, not raised. `expert` is the day of the simulated expert, with which
+    the trainee's day is compared; without it this day is simulated now. Raises `InputError` if
+    the day was not handed in.
     """
     return debrief(day.apparatus, day.desk, day.scenario, day.seal, expert=expert)
 

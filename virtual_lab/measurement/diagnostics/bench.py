@@ -302,7 +302,11 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the air's density from the climate record with that of the calibration."""
+    """Yield the difference of the air density by the climate record from the calibration's.
+
+    It is in standard uncertainties, (laboratory,). Nothing is yielded without such a record, or
+    if the calibration states no density.
+    """
     stated = evidence.block.calibration.get(DENSITY)
     if stated is None or "climate" not in evidence.block.records["bench"]:
         return
@@ -347,7 +351,11 @@ def store(evidence: Evidence) -> Iterator[Raised]:
 
 
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:
-    """Flag balls far outside the windows, and inadmissible balls that were fired."""
+    """Yield one flag, raised in the laboratories that have a wrong ball in their lot.
+
+    A ball is wrong if its e0 is more than 0.005 outside the window of the procedure, or if it
+    was fired although its mass or e0 is outside. In a sound block the flag is raised nowhere.
+    """
     windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high

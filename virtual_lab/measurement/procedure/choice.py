@@ -41,12 +41,15 @@ def shortfalls(
     valid: Mask,
     metric: Array,
 ) -> Shortfalls:
-    """Return the expected shortfalls of the positions chosen by scans, from their hits.
+    """Return mean and rms of the shortfall of the position that each scan chose, (laboratory,).
 
-    The true difference from each neighbour is assumed to be normal about the difference of the
-    means, with the scatter within the positions. Its positive part is the shortfall. The shortfall
-    is 0 if no position was chosen, or if the result is not a mean at one position. The parameters
-    are those of `outcomes_of`.
+    The shortfall is the amount by which an adjacent position is truly better, in the unit of
+    the metric. The true difference is assumed to be normally distributed. Its mean is the
+    difference of the mean hits, and its standard deviation follows from the scatter of the hits
+    at each position. Negative differences count as 0. The two adjacent positions are added.
+
+    The shortfall is 0 if no position was chosen, if the hits do not scatter, or if the result
+    is not a mean at one position. The parameters are those of `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:

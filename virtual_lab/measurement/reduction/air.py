@@ -23,9 +23,10 @@ ALLOWED = {  # ranges of the readings in which the formula is accurate enough [S
 
 
 def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateReadings | None:
-    """Return the readings of the climate of the hall or, by `channel`, of the balls' store.
+    """Return the climate readings of the hall, or of the balls' store (`channel` "store").
 
-    Return None without such a record. Raises `InputError` for a reading that is impossible there.
+    Return None without such a record. Raises `InputError` for a reading outside the ranges
+    `ALLOWED`, in which the formula of the air density holds.
     """
     record = block.records.get("bench", {}).get(channel)
     if record is None:

@@ -84,7 +84,10 @@ def counting_noise(counts: Array) -> float:
 
 
 def empty_rates(shots: int) -> RateFit:
-    """Return empty rates, for shots without a known contact."""
+    """Return results that are all NaN, (shot,), for `shots` shots without a known contact.
+
+    The arrays of ring frequencies and decays have no entries.
+    """
     none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(
         rate=none,

@@ -12,16 +12,17 @@ from virtual_lab.units import Array
 def coasting(
     rate: Array, ticks: Array, release: Array, *, constant: float, linear: float, quadratic: float
 ) -> tuple[Array, Array]:
-    """Return two factors, (shot, term) and (term, sample), of the angle since release [rad].
+    """Return two arrays whose matrix product is the angle turned since release [rad].
 
-    Their matrix product is the angle at all ticks from release on. The angle solves
-    dω/dt = -(constant + linear ω + quadratic ω²), with the torques of bearing and air divided by
-    the moment of inertia [rad/s², 1/s, 1/rad]. It is computed as a power series whose coefficients
-    follow from a recurrence. The series is exact to rounding while (linear + 2 quadratic ω) t is
-    below about 1/4, which is asserted.
+    Their shapes are (shot, term) and (term, sample). The product, (shot, sample), holds at all
+    ticks from release on, not before. The angle solves dω/dt = -(constant + linear ω +
+    quadratic ω²), with the torques of bearing and air divided by the moment of inertia
+    [rad/s², 1/s, 1/rad]. It is computed as a power series whose coefficients follow
+    from a recurrence. The series is exact to rounding while (linear + 2 quadratic ω) t is at
+    most 1/4. Raises `ValueError` above that.
 
-    `rate` [rad/s] and `release` [s] have shape (shot,). `ticks` [s], shape (sample,), are common
-    to all shots.
+    `rate` is the angular rate at release [rad/s]. `rate` and `release` [s] have shape (shot,).
+    `ticks` [s], shape (sample,), are common to all shots.
     """
     longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
     reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest

@@ -208,8 +208,9 @@ def compare(
     swings
         Exponents n of the swing law, Eq. (14); None for the law of constant energy.
     reference_inertia
-        I0 of the law, in the form of `virtual_lab.studies.bats.profile.read_inertia`. The paper
-        uses 1.7e4 oz in² (the default), and for its two loaded bats that of the barrel-loaded bat.
+        I0 of the law: a number with its unit, ``17000 oz in^2``, or a bat whose moment of
+        inertia is used. The default is that of the standard game, 17000 oz in^2. For its two
+        loaded bats the paper uses the moment of inertia of the barrel-loaded bat instead.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball of
         each bat's sport.
@@ -217,8 +218,8 @@ def compare(
     Raises
     ------
     InputError
-        There are fewer than two bats, two have the same name, there is no exponent, or a bat or
-        ball cannot be used.
+        There are fewer than two bats, two have the same name, there is no exponent or one
+        outside 0 to 0.5, or a bat, a ball or the moment of inertia cannot be used.
     """
     if len(bats) < 2:
         raise InputError("", "bats", ", ".join(bats) or "none", "allowed: at least two")

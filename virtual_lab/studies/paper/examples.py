@@ -141,7 +141,10 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
-    """Return the position of barrel node `i` of EA70 minus that of R161 [in]."""
+    """Return how much farther from the tip a barrel node of EA70 is than that of R161 [in].
+
+    `i` is 0 for the first bending mode and 1 for the second.
+    """
     return (
         profiles_by_swing(ALUMINIUM)[0.0].nodes[i] - profiles_by_swing(WOOD)[0.0].nodes[i]
     ) / INCH

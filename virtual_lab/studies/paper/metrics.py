@@ -261,9 +261,10 @@ def recoils_at_percussion() -> float:
 
 
 def pivot_speed() -> float:
-    """Return the ratio of the speeds of pivot and impact point, for a rigid free bat.
+    """Return the speed of the pivot point over that of the struck point, just after a hit.
 
-    The impact is at the centre of percussion.
+    R161 is free and rigid, and is hit at its centre of percussion for a pivot 6 in from the
+    knob. This point then stays at rest, so the ratio is 0 up to rounding.
     """
     bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)

@@ -161,7 +161,10 @@ def frequency(bat: str | float, mode: int) -> float:
 
 
 def node(bat: str | float, mode: int) -> float:
-    """Return the barrel node of a bending mode [in from the tip]."""
+    """Return the barrel node of a bending mode of the free bat [in from the tip].
+
+    `bat` is a name, or the length [in] to which R161 is shortened; `mode` is 1 or 2.
+    """
     return barrel_nodes(free_model(_body(bat)).modes)[mode - 1] / INCH
 
 

@@ -205,7 +205,11 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
 
 
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
-    """Note of an unknown readout, by comparison with contacts for a readout of half a frame."""
+    """Return the note that the readout time of the camera is unknown.
+
+    The note states the largest change of a restitution if the readout took half a frame
+    interval. `rolled` are the same contacts, computed with that readout.
+    """
     by = {each.before: each.restitution for each in rolled}
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]
     most = max((abs(one.value - other.value) for one, other in pairs if one and other), default=0.0)

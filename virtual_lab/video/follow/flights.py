@@ -53,7 +53,10 @@ FLIGHTS = FlightSearch()
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
-    """Return the flights among pieces, of one ball and one gravity, and their fit; or none."""
+    """Return those of the pieces that are flights of one ball under one gravity, and their fit.
+
+    Without such flights, or if the pieces are the swing of a pendulum, return ``([], None)``.
+    """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
         return [], None

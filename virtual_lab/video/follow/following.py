@@ -116,7 +116,12 @@ def follow_blobs(
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
-    """Follow the ball through a clip that was watched; `flights`: ways corrected by hand."""
+    """Follow the ball through a clip whose moving objects were already found (`watched`).
+
+    `flights` are the ball's flights as corrected by hand; without them they are searched for.
+    A clip without a flight gives a result without flights, and a warning. Raises `InputError`
+    as `follow` does.
+    """
     same = repeats(watched)
     if flights is not None:
         scene = clip_scene(clip, watched, knowledge, same, squeezed=False)

@@ -177,11 +177,12 @@ def _background(clip: Clip, moving: Blobs) -> Array:
 def settle(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Select the places that belong to the flights, and note doubts about them.
+    """Return scene, flights and ball with only the places that fit the flights.
 
-    Only the flights lose the other places; the ball keeps them, with the flag `OFF_WAY`.
-    The places of the flights `ways`, joined in order, are those in `ball`, one by one. Raises
-    `NotSharpError` if too few places remain.
+    `ball` must have the places of the flights `ways` one by one, joined in order. The returned
+    flights lack the places that are unusable, outliers or near a contact. The returned ball
+    keeps all places; those left out although usable have the flag `OFF_WAY`. It also has notes
+    on doubts. Raises `NotSharpError` if too few places remain.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None
