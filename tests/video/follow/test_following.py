@@ -302,7 +302,7 @@ def test_a_rolling_shutter_is_found(followed: Get) -> None:
     """The readout is no longer flagged as unknown."""
     made, result = followed("rolling-shutter")
     assert result.flags == ("ROLLING_SHUTTER",)
-    assert "about 0.75 of a frame" in " ".join(result.warnings)  # 25 ms of 33 ms
+    assert "about 0.75 frame intervals" in " ".join(result.warnings)  # 25 ms of 33 ms
     require_contacts(made.truth, result)
 
 
