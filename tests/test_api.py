@@ -166,7 +166,7 @@ def test_a_test_without_a_result_states_the_reason(tmp_path: Path) -> None:
             ask()
     with pytest.raises(vl.InputError, match="without a truth"):
         vl.reduce(nothing.save(tmp_path / "test") / "records").score()
-    assert "no score: the test gave no result" in vl.score(tmp_path / "test").text
+    assert "no score: the test has no result" in vl.score(tmp_path / "test").text
     row = vl.sweep("r161", procedures=rules, laboratories=1, seed=2, progress=quiet).iloc[0]
     assert (row["verdict"], row["reason"]) == ("INVALID", "fewer than two hits were valid")
     assert np.isnan([row["value"], row["true"], row["restitution_true"]]).all()

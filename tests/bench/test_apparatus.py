@@ -162,7 +162,7 @@ def test_an_encoder_not_zeroed_shifts_all_counts_of_a_shot_alike(plain: Desk) ->
 def test_a_bat_not_at_rest_is_noticed_in_most_shots(plain: Desk) -> None:
     desk = Desk(day_of(without("wait-rest")))
     assert moved(desk.day, plain) == {"encoder"}
-    assert [shot for shot, why in enumerate(desk.reasons) if "turned at" in why] == [
+    assert [shot for shot, why in enumerate(desk.reasons) if "turning at" in why] == [
         0,
         2,
         3,
@@ -176,7 +176,7 @@ def test_without_the_wait_for_pressure_balls_are_2_5_mph_slow(plain: Desk) -> No
     slow = Desk(day_of(without("wait-pressure")))
     off = slow.by_rules.shots.speed - plain.by_rules.shots.speed
     assert off / 0.44704 == pytest.approx(np.full(off.shape, -2.5), abs=0.01)
-    assert all(reason.startswith("ball at") for reason in slow.reasons)
+    assert all(reason.startswith("ball speed") for reason in slow.reasons)
 
 
 def test_scrap_breaks_the_first_gate_30_mm_too_early(plain: Desk) -> None:
@@ -211,7 +211,7 @@ def test_a_ball_fired_again_at_once_has_lost_e0(plain: Desk) -> None:
 def test_a_wrong_impact_position_is_recorded_and_rejected(plain: Desk) -> None:
     desk = Desk(day_of(with_change("set-place", place="6.5 in")))
     assert desk.session.records["impact"]["log"].place == pytest.approx(0.165, abs=1e-9)
-    assert all("set at" in reason for shot, reason in enumerate(desk.reasons) if shot != 1)
+    assert all("set to" in reason for shot, reason in enumerate(desk.reasons) if shot != 1)
 
 
 def test_a_new_aim_moves_the_marks_and_the_calibration(plain: Desk) -> None:
@@ -328,7 +328,7 @@ def test_an_undecided_hit_does_not_count_and_a_person_may_overrule(plain: Desk) 
     assert undecided.certification.verdict.value == "INVALID"
     over = Desk(day_of([*PLAIN, ("accept", {"shot": 2, "because": "near enough"})]))
     assert over.reduced.valid.sum() == 7
-    assert over.reasons[1].startswith("ball at")
+    assert over.reasons[1].startswith("ball speed")
 
 
 def test_readiness_ends_with_the_shot() -> None:

@@ -43,7 +43,7 @@ def test_traces_are_kept_by_those_who_ask_for_them_and_for_folders(tmp_path: Pat
     assert found.value == vl.certify("r161", seed=1).value
     assert found.printed.encoder is not None
     assert (tmp_path / "all" / "r161-astm-f1881-00000" / "truth" / "truth.json").exists()
-    with pytest.raises(InputError, match="traces = True; allowed with certificates"):
+    with pytest.raises(InputError, match="traces = True; allowed only with certificates"):
         vl.sweep("r161", laboratories=1, traces=True, progress=quiet)
 
 

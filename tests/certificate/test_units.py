@@ -41,6 +41,7 @@ OF_THE_METRIC = {"metric", "swing_range", "choice", "places"}  # numbers in the 
 WITH_UNIT = {
     ("along", "quantities"),
     ("along", "read"),
+    ("ball_correction", "as_found"),
 }  # numbers with `unit` beside them, or in the metric's unit
 OF_RATIOS = {"rebound_check"}
 SI = {"": 1.0, "m/s": 1.0}

@@ -234,7 +234,7 @@ def test_phone_omits_flags_that_hold_for_all_phones(
     clip, _, document = thrown
     by_phone = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
     assert by_phone["flags"] == []
-    assert by_phone["warnings"] == []
+    assert all(each.startswith("the flights explain 9") for each in by_phone["warnings"])
     assert by_phone["contacts"] == document["contacts"]
     assert by_phone["frames_per_second"] == {"value": 30.0, "u": 0.0, "from": "given"}
 

@@ -487,7 +487,7 @@ def test_an_encoder_without_even_ticks_is_refused(times: str, played: Play) -> N
         "constant": np.zeros_like(good),
     }[times]
     impact = {**session.records["impact"], "encoder": replace(encoder, times=bad)}
-    with pytest.raises(InputError, match="even steps"):
+    with pytest.raises(InputError, match="must increase in equal steps"):
         certify_session(replace(session, records={**session.records, "impact": impact}))
 
 

@@ -101,9 +101,9 @@ def test_more_than_a_tenth_of_the_shots_off_their_flight_is_flagged(
     ("e0", "fired", "said"),
     [
         (0.5595, False, ""),
-        (0.5605, False, "worn, or of another kind"),
+        (0.5605, False, "worn or of another type"),
         (0.5205, False, ""),
-        (0.5195, False, "worn, or of another kind"),
+        (0.5195, False, "worn or of another type"),
         (0.5595, True, "was fired"),
         (0.5545, True, ""),
     ],

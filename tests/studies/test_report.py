@@ -167,6 +167,7 @@ def test_every_form_has_every_certificate(results: Path, tmp_path: Path) -> None
         "report.html",
         "report.pdf",
         "report.svg",
+        "settings.toml",
     }
     rows = list(csv.DictReader((folder / "report.csv").read_text("utf-8").splitlines()))
     page = (folder / "report.html").read_text("utf-8")

@@ -105,7 +105,7 @@ def test_groups_of_different_size_agree_with_searle() -> None:
     [
         (lambda: vl.group_study([1, 1, 1], "aab"), "all readings are equal"),
         (lambda: vl.group_study([1, 2, 3], "abc"), "one of them with 2 readings"),
-        (lambda: vl.group_study([1, 2], "aab"), "labels = 3; allowed: one a reading, 2"),
+        (lambda: vl.group_study([1, 2], "aab"), "labels = 3; allowed: one per reading, 2"),
         (lambda: vl.group_study([1, np.nan], "ab"), "finite numbers"),
         (lambda: vl.gauge_study(GAUGE[0], range(10), "A" * 10), "equally often, twice or more"),
         (lambda: vl.gauge_study(GAUGE.ravel()[1:], PARTS[1:], OPERATORS[1:]), "equally often"),

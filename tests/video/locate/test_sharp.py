@@ -71,7 +71,8 @@ def test_a_stitched_ball_that_spins_is_tracked(tmp_path: Path) -> None:
         middle = true[tracked.frames[frames]].mean(axis=0)
         ray = lens.rotation.T @ [*(middle - lens.centre) / lens.focal, 1.0]
         tilted = np.tan(np.radians(0.5)) * abs(ray[0] / ray[2])  # tilt of a flight by half a degree
-        assert tilted < speed.u / exact < np.hypot(tilted, 6e-4)
+        # the growth of the ball's picture shows the slope, so that u need not cover such a tilt
+        assert 0 < speed.u / exact < np.hypot(tilted, 6e-4)
 
 
 def seen_of(regions: np.ndarray, behind: float) -> Regions:
