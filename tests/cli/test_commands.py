@@ -241,7 +241,7 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
 
 
 def test_settings_name_what_no_file_gives_again() -> None:
-    """Neither the pixels of a clip nor a function stand in the settings."""
+    """The settings contain neither the pixels of a clip nor a function."""
     frames = np.zeros((3, 20, 20), np.uint8)
     settings = vl.track(frames, ball="73mm", fps=240, tripod=True).settings
     assert settings == (

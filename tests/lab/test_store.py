@@ -84,7 +84,7 @@ def test_bpf_of_damp_balls_moves_by_the_shell_alone(bat: str, inches: float, mos
 def test_a_result_normalized_by_trampoline_hardly_feels_the_store(bat: str, most: float) -> None:
     """From 42 to 58 % relative humidity e moves by .008, and normalized by 1/20 of it or less.
 
-    What is left of the wood bat's is a third of u: its bending takes less from a deader ball.
+    The wood bat keeps an effect of a third of u, because a ball of lower e0 bends it less.
     """
     inches = list(np.arange(5, 7.6, 0.5))
     e, e0 = np.array([results(bat, "bbcor", inches, h) for h in (0.42, 0.5, 0.58)]).T

@@ -285,7 +285,7 @@ def test_the_swing_machine_corrects_for_its_balls_too() -> None:
         "ea70", procedure="ncaa-besr", reality=Reality.IDEAL, correction="trampoline:0.49"
     )
     e, e0, r = curve.restitution, curve.ball_restitution, curve.recoil_factor
-    stiffness = (1 - e**2) / (e**2 - e0**2)  # of the shell over that of the ball
+    stiffness = (1 - e**2) / (e**2 - e0**2)  # stiffness ratio of shell and ball
     sprung = np.where(e > e0, np.sqrt((0.49**2 * stiffness + 1) / (stiffness + 1)), e * 0.49 / e0)
     e_A = CubicSpline(curve.place, (sprung - r) / (1 + r))
     length = curve.bat.length

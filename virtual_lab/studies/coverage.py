@@ -309,7 +309,7 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return what the study needs of each laboratory in a block, arrays (laboratory,) in SI.
+    """Return the results of a block that the study uses, arrays (laboratory,) in SI.
 
     These are counts of shots, impact position, scatter, and by name of each quantity the
     result with its standard uncertainty, degrees of freedom and true value.

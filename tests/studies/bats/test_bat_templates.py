@@ -166,7 +166,7 @@ def test_data_that_no_bat_of_the_template_can_have_are_refused(
         ({"barrel_nodes": (-0.1,)}, "on the bat"),
         ({"barrel_nodes": (0.17, 0.13), "barrel_nodes_u": (0.01,)}, "has 1 values where"),
         ({"hoop_frequency": 2100.0}, "belongs to a hollow bat"),
-        ({"hoop_frequency_u": 20.0}, "stands without hoop_frequency"),
+        ({"hoop_frequency_u": 20.0}, "hoop_frequency_u requires hoop_frequency"),
     ],
 )
 def test_contradictory_measurements_are_refused(other: dict[str, Any], said: str) -> None:

@@ -114,7 +114,7 @@ def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats)
 
 
 def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
-    """Return how the collision energy is shared by ball, rigid bat and losses. Eqs. (10).
+    """Return the shares of ball, rigid bat and losses in the collision energy. Eqs. (10).
 
     It is the kinetic energy of the ball before the collision, where the bat is at rest. The
     three shares are those after the collision and add to 1.

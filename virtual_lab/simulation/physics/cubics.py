@@ -1,6 +1,7 @@
 """Piecewise cubics through points: one that never overshoots, and the smoothest one.
 
-scipy has both, but loading its interpolation takes longer than a whole certificate.
+scipy has both, but its interpolation loads four other packages of scipy, which a certificate does
+not need.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class PiecewiseCubic:
     coefficients: Array
 
     def __call__(self, x: Array) -> Array:
-        """Return the values at `x`, of the shape of `x` and of one value at a knot."""
+        """Return the values at `x`: its shape, followed by that of the value at one knot."""
         piece = np.clip(np.searchsorted(self.knots, x, side="right") - 1, 0, self.knots.size - 2)
         third, second, first, constant = self.coefficients[:, piece]
         step = np.asarray(x - self.knots[piece])

@@ -114,7 +114,7 @@ class BatMeasurements(Spec):
             if getattr(self, name) is not None and self.template == "wood":
                 raise ValueError(f"{name} belongs to a hollow bat; a wood bat has no hoop mode")
             if getattr(self, name) is None and getattr(self, f"{name}_u"):
-                raise ValueError(f"{name}_u stands without {name}")
+                raise ValueError(f"{name}_u requires {name}")
 
     @property
     def goals(self) -> dict[str, Goal]:

@@ -102,7 +102,7 @@ def percent(curve: str, first: str, second: str) -> float:
 
 
 def farther(curve: str) -> float:
-    """Return how much farther from the tip a curve peaks on EA70 than on R161 [in]."""
+    """Return the peak position of a curve on EA70 minus that on R161, from the tip [in]."""
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
@@ -141,7 +141,7 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
-    """Return how much farther from the tip a barrel node of EA70 is than that of R161 [in].
+    """Return the position of a barrel node of EA70 minus that of R161, from the tip [in].
 
     `i` is 0 for the first bending mode and 1 for the second.
     """

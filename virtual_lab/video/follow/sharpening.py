@@ -256,7 +256,8 @@ def _flatten(
     calibration, plane = knowledge.calibration, ball.plane
     assert calibration is not None
     camera, fit, notes = calibration.camera, fit_flights(scene, ways), []
-    foot, far, bend = (np.array(scene.size) - 1) / 2, np.inf, 0.0  # of a camera that is not known
+    # unknown camera: axis through the picture's centre, distance infinite
+    foot, far, bend = (np.array(scene.size) - 1) / 2, np.inf, 0.0
     if camera:
         *middle, over = foot_of(camera)
         foot = np.array(middle) * [1, plane.sense] / plane.metres_per_pixel
