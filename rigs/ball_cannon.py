@@ -54,7 +54,7 @@ class BallCannonStation(RestingBatStation):
 
 
 def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
-    """Return the commissioned parts of a ball cannon, as the fields of its station."""
+    """Return the commissioned parts of a ball cannon by name, as the fields of its station."""
     holder = factory.as_asked(spec.holder)
     return {
         "holder": Holder.commission(holder, factory.draws, "ball-cannon.holder"),

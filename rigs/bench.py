@@ -63,7 +63,7 @@ class BenchSpec(Spec):
 
 
 class Bench:
-    """The rig."""
+    """The bench as a rig."""
 
     name = "bench"
     stage = Stage.BENCH
@@ -98,7 +98,7 @@ class Bench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchStation(FittedStation):
-    """The bench of one laboratory."""
+    """The bench in one laboratory, or in a block of them."""
 
     spec: BenchSpec
     scale: Scale
@@ -123,7 +123,7 @@ class BenchStation(FittedStation):
     def store_humidity(self, draws: Draws) -> Array | None:
         """Return the relative humidity of the balls' store, 0 to 1, (laboratory,); None: no store.
 
-        It belongs to the lot, whose random numbers are `draws`.
+        The store belongs to the lot, whose random numbers are `draws`.
         """
         kept = None if self.ideal else self.spec.store
         return kept.draw_humidity(draws, "lot.store") if kept else None

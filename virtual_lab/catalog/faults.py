@@ -58,7 +58,7 @@ class FoundBy(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultSheet(Spec):
-    """Sheet of one fault: description, detection and prediction."""
+    """Sheet of one fault: description, detection and predictions."""
 
     name: str
     title: str

@@ -72,19 +72,28 @@ class Entry(Generic[T]):
 
 
 def require_kind(kind: str) -> None:
-    """Raise `InputError` for a kind that the catalog does not have."""
+    """Raise `InputError` for a kind of entry that the catalog does not have. Otherwise return None.
+
+    The kinds are those in `KINDS`, such as "bats".
+    """
     if kind not in KINDS:
         raise InputError("", "kind", kind, f"{nearest(kind, KINDS)}known: {', '.join(KINDS)}")
 
 
 @lru_cache
 def names(kind: str) -> tuple[str, ...]:
-    """Return the names of one kind in the shipped catalog, sorted."""
+    """Return the names of all entries of a kind in the shipped catalog, sorted.
+
+    They have no ending. The tuple is empty for an unknown kind.
+    """
     return tuple(sorted(path.stem for path in (DATA / kind).glob("*.toml")))
 
 
 def title(kind: str, name: str) -> str:
-    """Return the title line of a catalog file."""
+    """Return the `title` of a catalog entry, or of the user's file if `name` ends in .toml.
+
+    Raises `InputError` if there is no such entry or file, or if it has no title.
+    """
     text, where = source(kind, name)
     document = parse_toml(text, where)
     if "title" not in document:
@@ -93,9 +102,9 @@ def title(kind: str, name: str) -> str:
 
 
 def find(kind: str, name: str) -> Path:
-    """Return the path of a catalog entry, or of the user's file if `name` ends in .toml.
+    """Return the path of a catalog entry's file, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError` with the nearest names if there is no such file.
+    Raises `InputError`, which suggests the nearest names, if there is no such file.
     """
     if name.endswith(".toml"):
         if not os.path.isfile(name):  # False also for a name that is too long
@@ -111,17 +120,22 @@ def find(kind: str, name: str) -> Path:
 
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
-    """Return the content of a file, and its numbers with their sources."""
+    """Return the content of an entry's file as a mapping, and its numbers with their sources.
+
+    Values and units are those written in the file. The numbers of a modified bat include those that
+    it inherits from its base; the mapping does not. Raises `InputError` for an unknown entry, and
+    for a file that is not TOML.
+    """
     text, where = source(kind, name)
     numbers = load_bat(name).sheet if kind == "bats" else _numbers(text, where)
     return _parse(text, where), numbers
 
 
 def count_unverified(kind: str, name: str) -> dict[str, str]:
-    """Return the number of unverified values of a catalog entry and of the entries it names.
+    """Return how many values of a catalog entry and of the entries it names are unverified.
 
-    A rig, for example, names its instruments. The result has the form
-    ``{"rigs/astm-pivot": "4 of 5", …}``.
+    A rig, for example, names its instruments. The result has the form ``{"rigs/astm-pivot": "4 of
+    5", …}``: unverified values of all values. An entry whose values are all verified is left out.
     """
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
@@ -134,17 +148,27 @@ def count_unverified(kind: str, name: str) -> dict[str, str]:
 
 
 def text(kind: str, name: str) -> str:
-    """Return the text of the file of a catalog entry, or of the user's file."""
+    """Return the text of a catalog entry's file, or of the user's file if `name` ends in .toml.
+
+    Raises `InputError` if there is no such file.
+    """
     return source(kind, name)[0]
 
 
 def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
-    """Return the catalog entry or user's file `name`, read as `spec`."""
+    """Return a catalog entry, or the user's file if `name` ends in .toml, read as a `spec`.
+
+    Raises `InputError` if there is no such file, or if its content does not fit `spec`.
+    """
     return read(*source(kind, name), spec)
 
 
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
-    """Return the entry in a TOML `text`; `where` names the file in error messages."""
+    """Return the entry in a TOML `text`, with numbers in SI; `where` names the file in messages.
+
+    Raises `InputError` for a text that is not TOML or does not fit `spec`. The same arguments
+    return the same object.
+    """
     return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
 
 
@@ -167,16 +191,20 @@ def _numbers(text: str, where: str) -> tuple[Datum, ...]:
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
-    """Return a bat that is described in full or as a modification of another (``base = "…"``)."""
+    """Return a bat of the catalog, or of the user's file if `name` ends in .toml, in SI.
+
+    It can be described in full or as a modification of another (``base = "…"``). Raises
+    `InputError` as `find` and `read_bat`.
+    """
     return read_bat(*source("bats", name))
 
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat described by a TOML `text`; `where` names the file in error messages.
 
-    A text with the key ``base`` states changes of that bat of the catalog, which gives all other
-    values. Its `wall_factor` can be a plain number instead of a table; the source is then ``not
-    stated``. Raises `InputError` for an invalid text and for an unknown base.
+    Numbers are in SI. A text with the key ``base`` states changes of that bat of the catalog, which
+    gives all other values. Its `wall_factor` can be a plain number instead of a table; the source
+    is then ``not stated``. Raises `InputError` for an invalid text and for an unknown base.
     """
     document = _parse(text, where)
     if "base" not in document:
@@ -243,7 +271,12 @@ def _is_replaced(key: str, change: ModifiedBat, changed: set[str]) -> bool:
 
 
 def source(kind: str, name: str) -> tuple[str, str]:
-    """Return the text of an entry, and its name for error messages, without a catalog folder."""
+    """Return the text of an entry, and the name of its file for error messages.
+
+    That name is without the folder for an entry of the catalog, and the path for a user's file. A
+    text put in place by `sheets_in_place` takes precedence, under the name of the entry. Raises
+    `InputError` if there is no such file.
+    """
     in_place = _in_place.get()
     if in_place is not None:
         in_place.used.add((kind, name))
@@ -263,9 +296,10 @@ def _shipped_text(kind: str, name: str) -> str:
 
 @contextmanager
 def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
-    """Read texts instead of catalog files, by kind and name, within the context.
+    """Within the context, read these texts instead of catalog files; keys are (kind, name).
 
-    Yields the keys of all entries that are read meanwhile.
+    Yields a set with the keys of all entries that are read within the context, which grows as they
+    are read. Contexts can be nested: an inner text takes precedence.
     """
     outer = _in_place.get()
     in_place = SheetsInPlace({**(outer.texts if outer else {}), **texts}, set())
@@ -279,20 +313,31 @@ def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
 
 
 def texts_in_place() -> Mapping[Key, str]:
-    """Return the texts that are read instead of catalog files in the present context."""
+    """Return the texts that replace catalog files in the present context, by (kind, name).
+
+    The mapping is empty outside `sheets_in_place`.
+    """
     in_place = _in_place.get()
     return in_place.texts if in_place else {}
 
 
 def require_own_names(key: str, names: Sequence[str]) -> None:
-    """Raise `InputError` if two entries have the same name, which tables could not distinguish."""
+    """Raise `InputError` if two of `names` are equal, because tables could not distinguish them.
+
+    `key` is the argument that the message names. Otherwise return None.
+    """
     for name in names:
         if names.count(name) > 1:
             raise InputError("", key, name, "is given twice; each needs its own name")
 
 
 def datums(document: Any, prefix: str = "") -> Iterator[Datum]:
-    """Yield the numbers of a parsed file with their provenance."""
+    """Yield the numbers of a parsed file with unit and source, as written, in their order.
+
+    The key of a number is its path, such as ``body.lumps.knob.mass``; an item of a list has its
+    name or its index. Entries without unit are skipped. `prefix` is put before each key. Raises
+    `KeyError` for a number without source.
+    """
     if isinstance(document, Mapping):
         if "value" in document and "unit" in document:
             yield Datum(

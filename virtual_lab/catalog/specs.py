@@ -40,7 +40,10 @@ class Dimension:
     high: float = LARGEST
 
     def read(self, raw: object) -> object:
-        """Return the SI value, or tuple of values, of an entry. Raises `ValueError` if unfit."""
+        """Return the SI value, or tuple of values, of an entry of a file.
+
+        Raises `ValueError` for a wrong form, an unknown unit, and a value outside the range.
+        """
         if not isinstance(raw, Mapping):
             raise ValueError("expected a table { value, unit, source, verified }")
         if unknown := sorted(set(raw) - set(QUANTITY_KEYS)):
@@ -99,7 +102,8 @@ class Dimension:
 def is_line(text: str, most: int) -> bool:
     """Return whether a text is one printable line of at most `most` characters.
 
-    The joiners U+200C and U+200D, needed in Persian, in Indian scripts and in emoji, are allowed.
+    An empty text is such a line. The joiners U+200C and U+200D, needed in Persian, in Indian
+    scripts and in emoji, are allowed and count as characters.
     """
     return len(text) <= most and text.translate(JOINERS).isprintable()
 
@@ -111,7 +115,7 @@ class Words:
     most: int
 
     def read(self, raw: object) -> object:
-        """Return the file entry. Raises `ValueError` if it is not a printable line."""
+        """Return the file entry. Raises `ValueError` for a text that is not one printable line."""
         if isinstance(raw, str) and not is_line(raw, self.most):
             raise ValueError(f"must be one line of up to {self.most} printable characters")
         return raw
@@ -248,7 +252,7 @@ class BatBody(Spec):
         return self.profile.z[-1]
 
     def with_wall(self, factor: float) -> BatBody:
-        """Return the bat with all walls multiplied by `factor`. A solid bat does not change.
+        """Return the bat with all walls multiplied by `factor`. A solid bat is returned unchanged.
 
         The hoop mode changes with the wall thickness t like that of a thin ring that bends without
         stretching (Hoppe 1871; Rayleigh, The Theory of Sound, § 233): f = 6/√5 √(E/12ρ) t / 2πR².

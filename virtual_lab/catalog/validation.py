@@ -20,7 +20,11 @@ WORDS = {  # plain English for the validator's messages
 
 
 def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
-    """Return the specification in a parsed document. `InputError` names the key that is wrong."""
+    """Return a parsed document as a `spec`, with numbers in SI.
+
+    Raises `InputError`, which names the file `where`, the key and the value, for the first entry
+    that does not fit.
+    """
     from pydantic import ValidationError
 
     try:

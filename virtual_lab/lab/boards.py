@@ -19,15 +19,17 @@ from virtual_lab.streams import SEED_BITS, Streams
 def film_board(
     camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None
 ) -> Path:
-    """Write pictures of a board as PNG into a new folder; return the folder of the pictures.
+    """Write pictures of a board as PNG into a new folder. Return the path of ``folder/pictures``.
 
-    ``pictures/`` holds the pictures, ``truth/camera.json`` the true lens and the camera position
-    in axes of the rig. In the first picture the board lies in the ball's plane.
+    The folder ``pictures`` holds the pictures, and ``truth/camera.json`` the true lens and the
+    camera position in axes of the rig. In the first picture the board lies in the ball's plane.
 
     Parameters
     ----------
     camera
         Name in the catalog, or a .toml file.
+    board
+        The board to photograph.
     folder
         The new folder.
     views

@@ -20,17 +20,21 @@ CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above a
 
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
-    """Test a bat by a procedure in one laboratory. Raises `InputError` as `certify_block` does."""
+    """Return the test of a bat by a procedure in one laboratory, with its certification and truth.
+
+    Raises `InputError` as `certify_block` does.
+    """
     return certify_block(setup, progress).of(0)
 
 
 def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
-    """Test a bat by a procedure in all laboratories of a setup.
+    """Return the tests of a bat by a procedure, one in each laboratory of a setup.
 
-    If the procedure has a correction by a control bat, that bat is tested first, by the same
-    procedure, on the same rigs and with the same balls. The ratio of its measured to its known e is
-    the constant ``control.restitution_ratio`` of the main test. Calibration errors common to both
-    tests largely cancel in this ratio, but the budget counts them twice: u is slightly too large.
+    `progress` is called with a sentence before each stage. If the procedure has a correction by a
+    control bat, that bat is tested first, by the same procedure, on the same rigs and with the same
+    balls. The ratio of its measured to its known e is the constant ``control.restitution_ratio`` of
+    the main test. Calibration errors common to both tests largely cancel in this ratio, but the
+    budget counts them twice: u is slightly too large.
 
     Raises
     ------

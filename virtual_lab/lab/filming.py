@@ -47,6 +47,9 @@ def film_of(
 ) -> Callable[[Path], None]:
     """Return a function that films the first shot of a test into a folder.
 
+    The function takes the folder, which must exist, and writes the frames with their times and the
+    calibration file ``calibration.toml``.
+
     Parameters
     ----------
     station

@@ -17,7 +17,10 @@ from virtual_lab.units import INCH, OUNCE
 
 
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
-    """Return the range of impact positions on the nominal bat [m from the tip]."""
+    """Return the lowest and highest impact position of a test, distances from the barrel tip [m].
+
+    Both are the nominal bat's centre of percussion if the procedure has no scan.
+    """
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high
     beam = beam_of(bat.body)
@@ -27,7 +30,10 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
-    """Raise `InputError` for a rig without a record that the procedure needs."""
+    """Raise `InputError` for a rig that does not suit a procedure. Otherwise return None.
+
+    Such a rig lacks a record that the procedure needs, or swings a bat that must be at rest.
+    """
     if lacking := _lacking(rig, procedure):
         able = [
             name
@@ -50,7 +56,7 @@ def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
-    """Raise `InputError` for a motion model that the rig does not have."""
+    """Raise `InputError` for a motion model that the rig does not have. Otherwise return None."""
     able = rig.motions if isinstance(rig, MotionRig) else {MotionRung.CLOSED_FORM}
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
@@ -58,14 +64,14 @@ def require_motion(rig: Rig, motion: MotionRung) -> None:
 
 
 def require_camera(rig: Rig) -> None:
-    """Raise `InputError` for a film at a rig without a camera."""
+    """Raise `InputError` for a rig without a camera, which cannot film. Otherwise return None."""
     if "camera" not in rig.channels:
         able = [name for name, other in installed_rigs().items() if "camera" in other.channels]
         raise InputError("", "film", rig.name, f"has no camera; allowed: {', '.join(able)}")
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Raise `InputError` for a scan that leaves the bat or reaches its pivot."""
+    """Raise `InputError` for a scan beyond the tip or the pivot of a bat. Otherwise return None."""
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob
@@ -81,7 +87,10 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Raise `InputError` for windows that exclude the nominal ball, so that few shots count."""
+    """Raise `InputError` for windows of mass or e0 that exclude the nominal ball.
+
+    Few shots would count with such windows. Otherwise return None.
+    """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
     for name, value, unit, unit_si in (
@@ -99,7 +108,11 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
-    """Return the unverified numbers of the rigs in our catalog."""
+    """Return the numbers of unverified values in the sheets of some rigs and of their instruments.
+
+    The form is ``{"rigs/astm-pivot": "4 of 5", …}``, as for `catalog.count_unverified`. Rigs of
+    other packages are left out.
+    """
     counts: dict[str, str] = {}
     for rig in rigs:
         if rig in catalog.names("rigs"):
@@ -108,7 +121,11 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
 
 
 def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
-    """Yield the instruments of rigs in our catalog whose data sheets state an identity."""
+    """Yield the instruments of some rigs whose data sheets state an identity, each with its name.
+
+    Nothing is yielded for rigs of other packages. Raises `InputError` for an identity with a wrong
+    entry.
+    """
     instruments = catalog.names("instruments")
     for rig in rigs:
         if rig not in catalog.names("rigs"):

@@ -182,16 +182,18 @@ class Laboratory:
         )
 
     def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
-        """Carry out a plan, with the faults of this day."""
+        """Return the records and the truth of a plan carried out with the faults of this day."""
         station = self.stations[stage]
         return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
 
 
 @lru_cache(maxsize=32)
 def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | None = None) -> Ladder:
-    """Return the collision models for individuals of a bat in tests by a procedure.
+    """Return the collision models for individual bats of a design in tests by a procedure.
 
-    Tests of one setup share them, so the rung is chosen once.
+    `rung` names the model to use; None selects the fastest one that is accurate enough. The same
+    arguments return the same object, so the choice is made once. Raises `InputError` for an unknown
+    model.
     """
     speed = rules.ball_speed + (rules.bat_speed or 0.0)
     return Ladder(
@@ -204,14 +206,21 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return the name of a constant in a session. Rigs in one hall share air and gravity."""
+    """Return the name of a station's constant in a session, such as ``impact.gates.clock``.
+
+    It begins with the stage, except for air and gravity, which are common to the rigs in one hall:
+    ``hall.air.density``.
+    """
     if name.startswith("hall."):
         return name
     return f"hall.{name}" if name.startswith("air.") else f"{stage.value}.{name}"
 
 
 def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
-    """Return the constants of a lot that are known before the balls are measured."""
+    """Return the constants of a lot that are known before its balls are measured, by name [SI].
+
+    They are ``ball.radius`` and ``ball.restitution_slope``, the slope of e0 over speed [s/m].
+    """
     return {
         "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),
         "ball.restitution_slope": Estimate(

@@ -34,11 +34,12 @@ def measurands(
     weights: Array,
     control: float = 1.0,
 ) -> dict[str, Array]:
-    """Return the true ``metric`` and the true quantities by name, (laboratory,).
+    """Return the true ``metric`` and the true quantities of the tests by name, (laboratory,) [SI].
 
     The other quantities are those at the impact position on the certificate, so they are averaged
-    with the `weights` of its hits, (shot,). `control` is the error-free argument of
-    `TrueCurve.metric`. Values are NaN if a test gave no result.
+    with the `weights` of its hits, (shot,). A scan adds the metric and the width of the continuous
+    curve. `control` is the error-free argument of `TrueCurve.metric`. Values are NaN for a test
+    without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories
@@ -147,9 +148,10 @@ def true_curve(
     places: Array,
     owner: Owner = ...,
 ) -> TrueCurve:
-    """Return the true curve at `places` [m] at the procedure's nominal speeds.
+    """Return the true results at `places` at the procedure's nominal speeds, arrays (place,).
 
-    `owner` is the laboratory, in a block, whose balls are used at each position.
+    `places` are distances from the barrel tip [m]. `owner` is the laboratory, in a block, whose bat
+    and balls are used at each position, (place,).
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

@@ -22,7 +22,11 @@ ALONE = ()  # shape of a single laboratory; (n,) for a block
 
 
 def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotPlan:
-    """Return the plan to measure every ball of the lot."""
+    """Return the plan to weigh every ball of the lot once, for each laboratory in turn, (ball,).
+
+    `laboratories` is the shape of the block: (n,), or () for one laboratory. Speed and position of
+    the plan are NaN.
+    """
     owner, ball = in_turn(laboratories, rules.balls)
     nothing = np.full(ball.shape, np.nan)
     return ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
@@ -31,7 +35,12 @@ def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotP
 def wall_plan(
     rules: Procedure, detail: RecordDetail, laboratories: tuple[int, ...] = ALONE
 ) -> ShotPlan:
-    """Return the plan to fire every ball at the wall at each of the procedure's speeds."""
+    """Return the plan to fire every ball at the wall at each of the procedure's speeds, (shot,).
+
+    Each speed [m/s] is fired `rules.wall_hits` times per ball. The shots are sorted by laboratory
+    and ball, and all positions are 0. `laboratories` is the shape of the block: (n,), or () for one
+    laboratory.
+    """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)
     return ShotPlan(
@@ -54,7 +63,12 @@ class BeforeShots(NamedTuple):
 
 
 def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
-    """Return the plan to fire one ball at each requested position, with the balls in turn."""
+    """Return the plan to fire one ball at each requested position, (shot,), with the balls in turn.
+
+    Balls that were set aside are not used. The position is the requested one minus the known error
+    of the aim, rounded to the step in which it can be set; without rounding in an ideal laboratory
+    [m].
+    """
     owner = shots.owner
     turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
     slot = before.fired[owner] + shot_numbers(owner)
@@ -72,17 +86,26 @@ def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> Shot
 
 
 def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the number of each shot within its laboratory. `owner` is sorted."""
+    """Return the number of each shot within its laboratory, from 0, (shot,).
+
+    `owner` is the laboratory of each shot, (shot,), and must be sorted.
+    """
     return np.asarray(np.arange(owner.size) - np.searchsorted(owner, owner))
 
 
 def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
-    """Return the records of a stage, concatenated over its rounds."""
+    """Return the records of a stage by channel, with the shots of all rounds in a row.
+
+    Raises `IndexError` without a round.
+    """
     return {
         channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
     }
 
 
 def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
-    """Return the session with the records of a stage, concatenated over its rounds."""
+    """Return the session with the records of a stage added, or replaced if it has some.
+
+    The shots of all rounds are in a row.
+    """
     return replace(session, records={**session.records, stage.value: stage_records(rounds)})

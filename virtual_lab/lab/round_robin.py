@@ -75,7 +75,7 @@ class RoundRobin:
         return cls(setup=replace(setup, collision=collision))
 
     def laboratory(self, seed: int, number: int = 0) -> Laboratory:
-        """Return the laboratory `number` of a seed."""
+        """Return the laboratory `number` of a seed. `InputError` as `Laboratory.open`."""
         return Laboratory.open(replace(self.setup, seed=seed, number=number))
 
     @property
@@ -172,7 +172,7 @@ def _unpickle(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
-    """Return the range of a test's collisions: nominal values plus and minus six sigma.
+    """Return the range of the scenes of a test's collisions: nominal values ± six sigma [SI].
 
     It depends only on procedure, bat and lot, so a surrogate over it is always the same.
     """

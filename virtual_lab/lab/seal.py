@@ -35,7 +35,10 @@ class Alteration:
 
 
 def write_seal(folder: Path) -> None:
-    """Seal all files of a test in `folder`, including its truth."""
+    """Seal all files of a test in `folder`, including its truth: write ``truth/seal.json``.
+
+    An existing seal is replaced.
+    """
     files = (name for name, kind in contents(folder).items() if kind == "file" and name != SEAL)
     content = {name: _content(folder, name) for name in files}
     document = {"schema": 1, "digest": _digest(content), "content": content}
@@ -45,8 +48,9 @@ def write_seal(folder: Path) -> None:
 def alterations(folder: Path) -> list[Alteration]:
     """Return the files and keys altered, removed or added since `folder` was sealed.
 
-    Added files count only below ``records`` and ``truth``.
-    If the seal itself was altered, only this is reported. Raises `InputError` without a seal.
+    The list is empty if nothing was changed. Added files count only below ``records`` and
+    ``truth``. If the seal itself was altered, only this is reported. Raises `InputError` without a
+    seal.
     """
     path = folder / SEAL
     if path.is_symlink():

@@ -138,7 +138,7 @@ class TestSetup:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of what differs between the laboratories: (n,) in a block, () of one alone."""
+        """Shape of values that differ between laboratories: (n,) in a block, () for one."""
         return np.shape(self.number)
 
     @property
@@ -151,7 +151,7 @@ class TestSetup:
         return self.reality.draws(seed, *branch, laboratory=self.number)
 
     def lot_draws(self, seed: int) -> Draws:
-        """Return the random numbers that the properties of the lot of balls are drawn from."""
+        """Return the random numbers from which the properties of the lot of balls are drawn."""
         if self.lot is None and self.test is not None:
             return self.draws(seed, self.test)
         return self.draws(seed, LOT, self.lot) if self.lot else self.draws(seed)

@@ -146,7 +146,7 @@ class TestDay:
 
     @property
     def session(self) -> Session:
-        """Return all records of a single laboratory so far."""
+        """All records of a single laboratory so far."""
         return self.laboratory.session_of(self.collect_records(), {})
 
     def finish(self) -> BlockTest:
@@ -209,7 +209,11 @@ class TestDay:
 
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
-    """Measure bats and balls, then fire and judge until the procedure requires no more shots."""
+    """Return the finished tests of a laboratory or block, carried out as the procedure requires.
+
+    Bats and balls are measured first. Then balls are fired and judged in rounds until the procedure
+    requires no more shots. `progress` is called with a sentence before each stage and round.
+    """
     day = prepare_day(laboratory, progress)
     while (shots := day.next_shots()).owner.size:
         if progress is not quiet:
@@ -219,7 +223,10 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
 
 
 def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
-    """Return the day after bat and balls were measured, before the first shot."""
+    """Return the test day after bat and balls were measured and reduced, before the first shot.
+
+    `progress` is called with a sentence before each stage.
+    """
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")
     day = TestDay.begin(laboratory).weigh().swing()

@@ -41,7 +41,10 @@ class TrueCurve:
         }
 
     def metric(self, control: float = 1.0) -> Array:
-        """Return the metric. `control` is the ratio of e of the control bat to its known e."""
+        """Return the metric at each position, (place,) [SI].
+
+        `control` is the ratio of e of the control bat to its known e.
+        """
         procedure = self.procedure
         e, efficiency = self._with_standard_ball(control)
         match procedure.metric:
@@ -101,7 +104,7 @@ class TrueCurve:
 
 
 class Visits(NamedTuple):
-    """Impact positions of the tests of a block, arrays (shot,)."""
+    """Impact positions of the shots of a block, arrays (shot,)."""
 
     owner: NDArray[np.intp]  # laboratory of the shot
     place: Array  # set position [m]
@@ -111,10 +114,12 @@ class Visits(NamedTuple):
 def results_of_curves(
     procedure: Procedure, laboratories: int, visits: Visits, objective: Array, metric: Array
 ) -> Array:
-    """Return the result of the procedure in each laboratory, (laboratory,), from exact curves.
+    """Return the procedure's result in each laboratory from exact curves, (laboratory,).
 
-    `objective` and `metric` are values of the exact curves at the position of each shot, (shot,).
-    The result is NaN if no position has all its hits.
+    `objective` and `metric` are values of the exact curves at the position of each shot, (shot,);
+    the result has the unit of `metric`. Without a scan it is the mean over the valid hits. With a
+    scan it is the value at the best position, or at the maximum of a curve fitted near it. It is
+    NaN without a valid hit, or if no position of a scan has all its hits.
     """
     owner, place, valid = visits
     if procedure.scan is None:

@@ -76,7 +76,7 @@ CACHED = 80_000  # largest number of values of an array that stays in the proces
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certification:
-    """The outcome of one test; all values are measured."""
+    """Results, flags and verdict of one test. All values are measured."""
 
     session: Session
     block: SessionBlock  # the same records and calibration as arrays, a block of one
@@ -124,14 +124,18 @@ class Certification:
 
 
 def certify_session(session: Session) -> Certification:
-    """Reduce a session and evaluate it. `InputError` as `reduce_block`."""
+    """Return results, uncertainty, flags and verdict of the test that a session records.
+
+    A test with too few valid hits is no error: its verdict is INVALID and its metric None. Raises
+    `InputError` for a record, calibration or procedure that is missing or cannot be used.
+    """
     block = SessionBlock.of(session)
     return evaluate(block, *reduce_block(block)).row(0, lambda _: session)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certifications:
-    """The outcomes of the tests of a block; all values are measured."""
+    """Results, flags and verdicts of a block, one test per laboratory. All values are measured."""
 
     block: SessionBlock
     reduced: Reduction
@@ -229,9 +233,10 @@ class Certifications:
 
 
 def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) -> Certifications:
-    """Return results, uncertainties and verdicts of a block.
+    """Return results, uncertainties, flags and verdicts of a block, one test per laboratory.
 
-    `readings` are those of all the shots reduced, (shot,).
+    `readings` are those of all shots in `reduced`, (shot,). A laboratory without a result has NaN
+    as its metric and the verdict INVALID.
     """
     rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
     laboratories, used = block.laboratories, outcome.used

@@ -81,14 +81,14 @@ class Preparation(AlignedArrays):
 
     @property
     def percussion(self) -> Array:
-        """The place at which the procedure aims, for each measured bat, (laboratory,) [m]."""
+        """Centre of percussion of each measured bat, from the barrel tip, (laboratory,) [m]."""
         bat, pivot = self.bat, self.procedure.spec.pivot_from_knob
         place = centre_of_percussion(bat.z_cm, bat.inertia_cm, bat.mass, bat.length - pivot)
         return np.asarray(place).reshape(-1)
 
     @property
     def turn_rate(self) -> Array:
-        """The angular speed the procedure requires for each measured bat, (laboratory,) [rad/s]."""
+        """Angular speed that the procedure requires of each measured bat, (laboratory,) [rad/s]."""
         return self.procedure.spec.turn_rate(self.bat.length).reshape(-1)
 
     def first_shots(self) -> NextShots:
@@ -166,7 +166,10 @@ class Reduction(AlignedArrays):
         return NextShots(np.flatnonzero(asking)[following.owner], following.place)
 
     def judgement(self, readings: ImpactReadings, laboratory: int = 0) -> Judgement:
-        """Return why hits of one laboratory are rejected; `readings` are of all shots, (shot,)."""
+        """Return the reason of rejection of each shot of one laboratory, empty for a valid hit.
+
+        `readings` are those of the shots of all laboratories, (shot,).
+        """
         mask, preparation = self.owner == laboratory, self.preparation
         return self.acceptance(
             self.procedure,
@@ -177,9 +180,9 @@ class Reduction(AlignedArrays):
         )
 
     def judge_hits(self, acceptance: Acceptance, readings: ImpactReadings) -> Reduction:
-        """Return the shots, with the hits valid that `acceptance` accepts.
+        """Return the reduction with the hits that `acceptance` accepts as its valid ones.
 
-        `readings` are those of all shots, as fired, (shot,).
+        `readings` are those of the shots of all laboratories, as fired, (shot,).
         """
         chosen, valid = replace(self, acceptance=acceptance), np.empty_like(self.valid)
         for laboratory in range(self.preparation.laboratories):
@@ -230,7 +233,11 @@ class Reduction(AlignedArrays):
 
 @contextmanager
 def constants_known() -> Iterator[None]:
-    """Report a constant missing in the session's calibration as bad input."""
+    """Convert a `KeyError` within the context to an `InputError` for a missing constant.
+
+    The message names the constant, as part of the calibration in ``session.json``. The function
+    also serves as a decorator.
+    """
     try:
         yield
     except KeyError as fault:
@@ -255,7 +262,7 @@ def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
 
 @constants_known()
 def prepare(block: SessionBlock) -> Preparation:
-    """Return the results of bench and wall rig, which need no hits on the bats.
+    """Return the results of bench and wall rig for each laboratory, which need no hits on the bats.
 
     Raises
     ------
@@ -285,10 +292,10 @@ def prepare(block: SessionBlock) -> Preparation:
 
 @constants_known()
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
-    """Return the readings at the bat, (shot,), before any calibration is applied.
+    """Return the readings at the bat as fired, (shot,), before any calibration is applied.
 
-    Encoder readings are in counts, and None at a rig without an encoder.
-    Raises `InputError` for a record that is missing or cannot be used.
+    Encoder readings are in counts, and None at a rig without an encoder. Raises `InputError` for a
+    record that is missing or cannot be used.
     """
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)
@@ -298,9 +305,10 @@ def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReading
 def reduce_shots(
     block: SessionBlock, preparation: Preparation, readings: ImpactReadings
 ) -> Reduction:
-    """Reduce the shots in `readings`, each with the constants of its laboratory.
+    """Return the reduced and judged shots in `readings`, (shot,) [SI].
 
-    The owners in `block` are those of the same shots.
+    Each shot is reduced with the constants of its laboratory; `block.owner` is that of the same
+    shots. Raises `InputError` for a missing constant.
     """
     rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
     if not readings.flights.shows_height:

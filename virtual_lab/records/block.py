@@ -62,11 +62,11 @@ class SessionBlock:
 
     @property
     def counted(self) -> bool:
-        """Whether there are encoder counts, fitted together as all shots share their vibrations."""
+        """Whether the records contain encoder counts, which are fitted for all shots together."""
         return any(isinstance(each, EncoderRecord) for each in self.impact.values())
 
     def row(self, laboratory: int) -> SessionBlock:
-        """Return the block of one of its laboratories."""
+        """Return one laboratory of the block as a block of one."""
         if self.laboratories == 1:
             return self  # including arrays stored beside the tables
         mask = self.owner == laboratory
@@ -96,7 +96,7 @@ class SessionBlock:
         )
 
     def known_to(self, laboratory: int) -> Mapping[str, Estimate]:
-        """Return the calibration of one laboratory."""
+        """Return the calibration constants of one laboratory by name."""
         return _OfOne(self.calibration, laboratory)
 
 

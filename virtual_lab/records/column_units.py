@@ -45,7 +45,10 @@ PURE = ColumnUnit("1")
 
 
 def unit_of(name: str) -> ColumnUnit:
-    """Return the unit at the end of a column's name; without one, that of pure numbers."""
+    """Return the unit in which a column's name ends, as UCUM code and size in SI.
+
+    For example, ``speed_mph`` is in mph. A name that ends in no unit has that of pure numbers, "1".
+    """
     parts = name.split("_")
     endings = ("_".join(parts[at:]) for at in range(len(parts)))
     return next((UNITS[ending] for ending in endings if ending in UNITS), PURE)

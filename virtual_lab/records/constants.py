@@ -212,7 +212,7 @@ CONSTANTS = {  # key: "instrument.constant"
 
 
 def constant_of(key: str) -> Constant | None:
-    """Return the description of a constant ``stage.instrument.constant``, None if unknown.
+    """Return the description of a constant ``stage.instrument.constant``, None if it is unknown.
 
     A number at the end distinguishes constants of one kind: ``distance_0``, ``distance_1``.
     """
@@ -220,9 +220,12 @@ def constant_of(key: str) -> Constant | None:
 
 
 def require_plausible(key: str, constant: Estimate, where: str) -> None:
-    """Refuse a constant outside the range of its kind, or with a u wider than this range.
+    """Raise `InputError` for a constant, or a u, that is outside the range of its kind.
 
-    A budget shifts the constant by its u; far outside the range the model is meaningless.
+    The u may be as large as the width of the range. `key` is the name of the constant and `where`
+    that of its file. Otherwise return None. A constant of an unknown kind may have any value up to
+    `GREATEST`. A budget shifts the constant by its u; far outside the range the model is
+    meaningless.
     """
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)

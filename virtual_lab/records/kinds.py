@@ -100,10 +100,10 @@ class BallRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateRecord(BallRecord):
-    """Times at which beams broke and cleared, shape (shot, way, gate, edge), NaN: not seen.
+    """Times at which beams broke and cleared, shape (shot, way, gate, edge), NaN: not detected.
 
-    `way` 0 is the ball going in, 1 coming back; `edge` 0 broke, 1 cleared; gates count from
-    the cannon to the target.
+    `way` 0 is the incoming ball, 1 the returning ball; `edge` 0 is the break, 1 the clearing. Gates
+    are counted from the cannon to the target.
     """
 
     times: Array
@@ -146,8 +146,8 @@ class BoardRecord(BallRecord):
 class PassageRecord(BallRecord):
     """Record of gates that store passages instead of edges, (shot, way, gate).
 
-    It holds the time of passage of the ball's centre, and its height above the zero of the gates.
-    NaN: not seen, or not measured.
+    It holds the time of passage of the ball's centre [s], and its height above the zero of the
+    gates [m]. NaN: not detected, or not measured.
     """
 
     times: Array
@@ -296,9 +296,10 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
 
 @cache
 def record_types() -> Mapping[str, type[Record]]:
-    """Return the kinds of record by name: ours, and those of installed packages.
+    """Return the kinds of record, as classes by name: ours, and those of installed packages.
 
-    A package adds one by an entry point in the group ``virtual_lab.records``.
+    A package adds one by an entry point in the group ``virtual_lab.records``. It cannot replace one
+    of ours.
     """
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.records")}
     # our kinds come first, and a package cannot replace them
@@ -306,5 +307,8 @@ def record_types() -> Mapping[str, type[Record]]:
 
 
 def record_name(record: Record) -> str:
-    """Return the name of a record's kind."""
+    """Return the name of a record's kind, such as "gates".
+
+    Raises `StopIteration` for a kind that is not among `record_types`.
+    """
     return next(name for name, kind in record_types().items() if kind is type(record))

@@ -39,7 +39,9 @@ LOADING = re.compile(r"url\(\s*['\"]?(?!['\"#\s])|@|\\|expression|script|data:|/
 
 
 def logo_of(name: str, folder: Path, where: str) -> str:
-    """Return the picture in a file of a folder as a ``data:`` address, cleaned.
+    """Return the picture in a file of a folder as a ``data:`` address, without unsafe parts.
+
+    `where` is the name of the file that names the picture, for error messages.
 
     Raises
     ------
@@ -59,7 +61,11 @@ def logo_of(name: str, folder: Path, where: str) -> str:
 
 
 def picture_in(address: str) -> tuple[str, bytes]:
-    """Return kind (``png`` or ``svg``) and content of a logo; `ValueError` if it is no picture."""
+    """Return the kind (``png`` or ``svg``) and the bytes of the picture in a ``data:`` address.
+
+    Raises `ValueError` for a text that is no such address, and for a picture that is damaged, too
+    large, or contains scripts or references.
+    """
     head, _, text = address.partition(";base64,")
     kinds = {f"data:{kind}": suffix[1:] for suffix, kind in KINDS.items()}
     if head not in kinds:

@@ -11,7 +11,7 @@ from virtual_lab.catalog.specs import Real, Spec, Title
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RungTaken(Spec):
-    """A model that a simulation took, and why."""
+    """The model that a simulation used, with the reason."""
 
     rung: str
     """Name of the model."""
@@ -23,9 +23,9 @@ class RungTaken(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulated(Spec):
-    """A test simulated here: all that is said of its simulation follows from its setup.
+    """Origin of records simulated here.
 
-    But for the commitment, the SHA-256 of salt and seed.
+    All values follow from the setup of the test, except the commitment.
     """
 
     reality: str
@@ -40,7 +40,7 @@ class Simulated(Spec):
     """Models of the simulation, by its part; empty: the test is not finished."""
 
     def as_json(self) -> dict[str, Any]:
-        """Return the values of JSON, without what is not stated."""
+        """Return the values as JSON, without those that are not stated."""
         document = asdict(self)
         for rung in document["rungs"].values():
             if rung["error"] is None:
@@ -50,7 +50,7 @@ class Simulated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Supplied(Spec):
-    """Records that another laboratory supplied: nobody here verified them."""
+    """Origin of records that another laboratory supplied. They were not verified here."""
 
     laboratory: Title
     """Laboratory that supplied the records."""

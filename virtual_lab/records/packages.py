@@ -34,7 +34,11 @@ class TableColumn(NamedTuple):
 
 
 def record_tables(session: Session) -> Iterator[tuple[str, list[TableColumn]]]:
-    """Yield path and columns of every table among the records."""
+    """Yield the path and the columns of every table among the records of a session.
+
+    Paths are those in a result folder, such as ``records/impact/gates.csv``. Nothing is yielded
+    without records.
+    """
     for stage, records in session.records.items():
         for channel, record in records.items():
             yield f"records/{stage}/{channel}.csv", list(record_columns(type(record)))
@@ -43,7 +47,7 @@ def record_tables(session: Session) -> Iterator[tuple[str, list[TableColumn]]]:
 def record_columns(kind: type[Record]) -> Iterator[TableColumn]:
     """Yield the columns of a kind of record in the order of its file: index columns, then values.
 
-    An index column of another package's record that is not in `AXES` has no meaning.
+    An index column of another package's record that is not in `AXES` has an empty meaning.
     """
     for axis in kind.axes():
         yield TableColumn(axis, AXES.get(axis, ""), "integer")
@@ -54,9 +58,10 @@ def record_columns(kind: type[Record]) -> Iterator[TableColumn]:
 def data_package(
     title: str, description: str, tables: Mapping[str, Iterable[TableColumn]]
 ) -> dict[str, Any]:
-    """Return the descriptor (``datapackage.json``) of a folder's tables.
+    """Return the content of ``datapackage.json`` (Frictionless) for a folder's tables, as JSON.
 
-    `tables` has the columns of each table by its path in the folder.
+    `tables` has the columns of each table by its path in the folder. The unit of a number is that
+    in which the column's name ends.
     """
     return {
         "profile": "tabular-data-package",
@@ -92,7 +97,12 @@ def _field(column: TableColumn) -> dict[str, str]:
 def crate(
     title: str, description: str, day: str, version: str, files: Iterable[str]
 ) -> dict[str, Any]:
-    """Return the metadata of a folder's files; `day` may be empty."""
+    """Return the content of ``ro-crate-metadata.json`` (RO-Crate) for a folder's files, as JSON.
+
+    `files` are paths in the folder; those below ``records`` are inputs, the others results. `day`
+    is the date of publication, empty if there is none. Raises `KeyError` for a file whose ending is
+    not in `MEDIA`.
+    """
     parts = [{"@id": name} for name in files]
     results = [part for part in parts if not part["@id"].startswith("records/")]
     action = {

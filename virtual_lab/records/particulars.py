@@ -28,7 +28,7 @@ class Calendar:
     """Mark on a field: its file entry is a day, as a date or as text; empty: not stated."""
 
     def read(self, raw: object) -> object:
-        """Return the day as text; `ValueError` if unfit."""
+        """Return the day as text. Raises `ValueError` for a text that is no day."""
         if isinstance(raw, datetime.date):
             return raw.isoformat()
         if isinstance(raw, str) and raw:
@@ -51,7 +51,7 @@ Day = Annotated[str, Calendar()]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestingLaboratory(Spec):
-    """The laboratory; `place` is where it tested, if elsewhere."""
+    """The laboratory. `place` is the place of the test, if it is not the address."""
 
     name: Title = ""
     """Name of the laboratory."""
@@ -65,7 +65,7 @@ class TestingLaboratory(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Customer(Spec):
-    """For whom the bat was tested."""
+    """The customer for whom the bat was tested."""
 
     name: Title = ""
     """Name of the customer."""
@@ -75,7 +75,7 @@ class Customer(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestItem(Spec):
-    """The bat as it was handed in."""
+    """The tested bat, as it was received."""
 
     maker: Title = ""
     """Maker of the bat."""
@@ -91,7 +91,7 @@ class TestItem(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestCourse(Spec):
-    """When and by whom the test was carried out, and what was done otherwise."""
+    """Days and operator of the test, deviations, and notes."""
 
     begun: Day = ""
     """First day of the test."""
@@ -125,7 +125,7 @@ class Authoriser(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplacedReport(Spec):
-    """The report that this one replaces, and why (ISO/IEC 17025:2017, 7.8.8)."""
+    """The report that this one replaces, with the reason (ISO/IEC 17025:2017, 7.8.8)."""
 
     number: Title
     """Number of the replaced certificate."""
@@ -161,7 +161,7 @@ class InstrumentIdentity(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Particulars(Spec):
-    """All that is stated of a test beside its results; "" and None: not stated."""
+    """Statements of a report beside its results. Empty text and None: not stated."""
 
     laboratory: TestingLaboratory = TestingLaboratory()
     """The laboratory."""
@@ -184,9 +184,9 @@ class Particulars(Spec):
         return _without_empty(asdict(self))
 
     def list_statements(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
-        """Yield words and value of what is stated, in the order of a report.
+        """Yield the words and the value of each stated particular, in the order of a report.
 
-        Nobody authorises a simulated test, and the line says so.
+        Nobody authorises a simulated test, so its line is marked as simulated.
         """
         for row in PRINTED:
             if value := row.of(self):
@@ -204,13 +204,13 @@ NOTHING_STATED = Particulars()
 
 
 class Particular(NamedTuple):
-    """One line of a report: its key in the file, and its words in print."""
+    """One line of a report: its key in the file, and its printed words."""
 
     key: str
     words: str
 
     def of(self, particulars: Particulars) -> str:
-        """Return its value, "" where it is not stated."""
+        """Return the value of this line in `particulars` as text, "" if it is not stated."""
         value: Any = particulars
         for part in self.key.split("."):
             value = getattr(value, part)
@@ -248,8 +248,9 @@ IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in
 def read_particulars(
     path: Path | None, changes: Mapping[str, str], replaces: ReplacedReport | None = None
 ) -> Particulars:
-    """Return the particulars in a file, those of `changes` that are not empty in their place.
+    """Return the particulars in a file, replaced by those of `changes` that are not empty.
 
+    Keys of `changes` have the form ``laboratory.name``. Without a file only these are stated.
     `replaces` is the report that the one with these particulars replaces.
 
     Raises
@@ -271,10 +272,10 @@ def read_particulars(
 def particulars_of(
     document: Mapping[str, Any], where: str, *, folder: Path | None = None
 ) -> Particulars:
-    """Return the particulars of a parsed document; `InputError` as `read_particulars`.
+    """Return the particulars in a parsed document. Raises `InputError` as `read_particulars`.
 
-    With `folder`, the logo is the name of a file in it. Otherwise the document contains the
-    picture itself.
+    `where` is the name of the document for error messages. With `folder`, the logo is the name of a
+    file in it. Otherwise the document contains the picture itself.
     """
     table = document.get("laboratory")
     if folder is not None and isinstance(table, Mapping) and isinstance(table.get("logo"), str):
@@ -292,7 +293,10 @@ def particulars_of(
 
 
 def form() -> Iterator[str]:
-    """Yield the lines of a file with every key, to be filled in."""
+    """Yield the lines of an empty file of particulars with every key, to be filled in.
+
+    It is a TOML file with comments. Lines have no line ends.
+    """
     words = {row.key: row.words for row in PRINTED}
     words["laboratory.logo"] = "Name of a .png or .svg file in the same folder, up to 200 kB"
     yield "# Particulars of a test: laboratory, customer, bat, persons. Any line may stay empty or"

@@ -77,7 +77,11 @@ class Order:
 
 
 def rising(times: Array, axes: tuple[str, ...]) -> Order:
-    """Return the order of times that rise along the last of their axes."""
+    """Return the requirement that times increase strictly along their last axis; NaN is ignored.
+
+    `axes` are the names of the axes of `times`. The message of a violation names the column
+    ``time_s``.
+    """
     fault = f"must increase from {axes[-1]} to {axes[-1]}"
     return Order(
         column="time_s", values=times, axes=axes, along=axes[-1], fault=fault, strictly=True
@@ -111,7 +115,7 @@ class Record:
         return list(dict.fromkeys(axis for column in cls.columns.values() for axis in column.axes))
 
     def sizes(self) -> dict[str, int]:
-        """Return the length of every axis of the table; `ValueError` where two fields disagree."""
+        """Return the length of every axis of the table; `ValueError` if two fields disagree."""
         sizes: dict[str, int] = {}
         for name, column in self.columns.items():
             _count(name, getattr(self, name), column.axes, sizes)
@@ -126,7 +130,7 @@ class Record:
         return sizes
 
     def table(self) -> pd.DataFrame:
-        """Return the record in its file form: index columns, then value columns."""
+        """Return the record as the table of its file: index columns, then value columns."""
         import pandas as pd
 
         return pd.DataFrame(self.table_columns())
@@ -141,7 +145,7 @@ class Record:
         return data
 
     def select(self, rows: Any) -> Self:
-        """Return the record of some rows of its first axis; `rows` is a slice or a mask.
+        """Return the record of the `rows`, a slice or a mask, of its first axis.
 
         Arrays beside the table are left out.
         """
@@ -164,9 +168,9 @@ class Record:
     def from_table(
         cls, table: pd.DataFrame, where: str, first: Mapping[str, int] = MappingProxyType({})
     ) -> Self:
-        """Return the record in a file; `InputError` if columns, rows or times do not fit.
+        """Return the record in a table. Raises `InputError` if columns, rows or times do not fit.
 
-        `first` gives the first number of index columns, if not 0.
+        `first` holds the first number of index columns that do not start at 0.
         """
         axes = cls.axes()
         required = [*axes, *(column.name for column in cls.columns.values())]
@@ -247,7 +251,10 @@ def _check_index(values: Array, name: str, first: int, where: str) -> None:
 
 
 def require_numbers(table: pd.DataFrame, where: str) -> None:
-    """Raise `InputError` with the first cell of a table that is no number."""
+    """Raise `InputError` for the first cell of a table that is no number. Otherwise return None.
+
+    `where` is the name of the table for the message. Empty cells are allowed.
+    """
     import pandas as pd
 
     for name in table.columns:
@@ -273,7 +280,10 @@ def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[s
 
 
 def join(parts: list[Record]) -> Record:
-    """Return one record of several rounds: fields with a leading shot axis are concatenated."""
+    """Return one record from those of several rounds, in their order.
+
+    Fields with a leading shot axis are concatenated. The other fields are those of the first round.
+    """
     first = parts[0]
     arrays = {}
     for name, column in first.columns.items():

@@ -87,7 +87,10 @@ class PackedSession:
 
 
 def pack(session: Session) -> PackedSession:
-    """Return the files of a session."""
+    """Return the files of a session as bytes and arrays, by their paths in its folder.
+
+    ``session.json`` among them holds the SHA-256 of all others. Nothing is written.
+    """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)
     texts, arrays = dict[str, bytes](), dict[str, Array]()
@@ -127,12 +130,12 @@ def pack(session: Session) -> PackedSession:
 
 
 def save_session(session: Session, folder: Path) -> None:
-    """Write a session into `folder`, which must exist and be empty."""
+    """Write the files of a session into `folder`, which must exist and be empty."""
     pack(session).write(folder)
 
 
 def entry_of_origin(origin: Origin) -> dict[str, Any]:
-    """Return an origin as keys of JSON."""
+    """Return an origin as the keys and values that ``session.json`` has for it."""
     if isinstance(origin, Simulated):
         return {"origin": "simulated", "simulation": origin.as_json()}
     customer = {"customer": origin.customer} if origin.customer else {}
@@ -140,7 +143,10 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
 
 
 def digest_of_text(data: bytes, start: bytes = b"") -> str:
-    """Return the SHA-256 of a text after `start`. A copy may have changed the text's line ends."""
+    """Return the SHA-256 of `start` and a text, 64 hexadecimal digits.
+
+    Line ends CR LF of the text count as LF, because a copy may have changed them.
+    """
     return hashlib.sha256(start + data.replace(b"\r\n", b"\n")).hexdigest()
 
 
@@ -239,7 +245,11 @@ class SessionForm(Spec):
 
 
 def load_session(folder: Path) -> Session:
-    """Read a session. `InputError` names file, key and what is allowed."""
+    """Return the session in a folder, after a check of all files against their digests.
+
+    Raises `InputError`, which names file and key, for a missing, damaged, changed or unlisted file,
+    and for a value that is not allowed.
+    """
     where = folder / SESSION
     form = validate(read_json(where), str(where), SessionForm)
     _require_listed(folder, form, where)
@@ -305,7 +315,11 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
 
 
 def require_channel(stage: str, channel: str, where: Path) -> None:
-    """Raise `InputError` if the name of a stage or a channel could lead out of the folder."""
+    """Raise `InputError` for the name of a stage or channel that could lead out of the folder.
+
+    Letters, digits, - and _ are allowed. Otherwise return None. `where` is the file that contains
+    the names.
+    """
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
             allowed = "allowed in names: letters, digits, - and _"
@@ -317,7 +331,7 @@ def _entries(constants: Mapping[str, Estimate]) -> dict[str, Any]:
 
 
 def entry_of_constant(constant: Estimate) -> dict[str, Any]:
-    """Return a constant as a JSON object, without the keys that are not stated."""
+    """Return a constant as a JSON object: value and u [SI], dof if finite, source if stated."""
     entry: dict[str, Any] = {"value": constant.value, "u": constant.u}
     if constant.dof != inf:
         entry["dof"] = constant.dof

@@ -20,9 +20,10 @@ ZERO_CELSIUS = 273.15  # [K]
 def air_density(
     temperature: Array | float, humidity: Array | float, pressure: Array | float
 ) -> Array:
-    """Return the density of air [kg/m³].
+    """Return the density of moist air [kg/m³], in the common shape of the arguments.
 
-    The arguments broadcast: temperature [K], relative humidity from 0 to 1, pressure [Pa].
+    `temperature` is in K, `humidity` relative from 0 to 1, `pressure` in Pa. Values outside the
+    range of the formula are not refused.
     """
     kelvin, p = np.asarray(temperature, dtype=float), np.asarray(pressure, dtype=float)
     t = kelvin - ZERO_CELSIUS
@@ -49,9 +50,9 @@ def air_density(
 def air_pressure(
     temperature: Array | float, humidity: Array | float, density: Array | float
 ) -> Array:
-    """Return the pressure [Pa] of air with a density [kg/m³].
+    """Return the pressure [Pa] of moist air with a `density` [kg/m³], the inverse of `air_density`.
 
-    `temperature` is in K, `humidity` from 0 to 1.
+    `temperature` is in K, `humidity` relative from 0 to 1. The arguments broadcast.
     """
     over = np.asarray(temperature) / MASS_OVER_R
     pressure = density * over

@@ -21,7 +21,7 @@ SQUARE = (1e-3, 1.0)  # smallest and largest side of a square [m]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Board:
-    """A board, with lengths in metres. A marker of 0 is a plain chessboard."""
+    """A calibration board, with lengths in metres. A plain chessboard has `marker` = 0."""
 
     columns: int = 14
     rows: int = 9
@@ -36,7 +36,7 @@ class Board:
         return self.columns - 1, self.rows - 1
 
     def corners(self) -> Array:
-        """Return the inner corners row by row, (corner, 3) [m]."""
+        """Return the inner corners row by row from the board's centre, (corner, 3) [m]."""
         across, down = self.shape
         x, y = np.meshgrid(np.arange(across), np.arange(down))
         flat = np.stack([x - (across - 1) / 2, y - (down - 1) / 2], axis=-1)
@@ -51,7 +51,10 @@ class Board:
 
 
 def board_of(text: str) -> Board:
-    """Return the board described by a text like ``charuco:14x9:40mm:30mm``, counted in squares.
+    """Return the board described by a text like ``charuco:14x9:40mm:30mm``.
+
+    The parts are the numbers of squares in a row and in a column, the side of a square and that of
+    a marker. A chessboard has no marker: ``chessboard:14x9:40mm``.
 
     Raises
     ------
@@ -94,7 +97,11 @@ def board_of(text: str) -> Board:
 
 
 def length_of(text: str, key: str, low: float, high: float) -> float:
-    """Return a length [m] from a text like ``25mm``. Raises `InputError` beyond `low` to `high`."""
+    """Return the length [m] that a text like ``25mm`` states.
+
+    Raises `InputError`, which names `key`, for another form and for a length outside `low` to
+    `high` [m].
+    """
     match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text, re.ASCII)
     allowed = f"expected a length with its unit ({', '.join(LENGTHS)}), e.g. 25mm"
     if not match or match[2] not in LENGTHS:

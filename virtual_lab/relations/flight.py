@@ -21,24 +21,37 @@ SERIES = tuple(1 / factorial(n + 1) for n in reversed(range(8)))
 def drag_rate(
     air_density: ArrayLike, drag_coefficient: ArrayLike, radius: ArrayLike, mass: ArrayLike
 ) -> Array:
-    """Return κ = ρ C_d π R² / (2 m) [1/m]."""
+    """Return the drag rate κ = ρ C_d π R² / (2 m) [1/m], in the common shape of the arguments.
+
+    They are the density of the air [kg/m³], the drag coefficient, and radius [m] and mass [kg] of
+    the ball.
+    """
     area = np.pi * np.square(radius)
     return np.asarray(np.asarray(air_density) * drag_coefficient * area / (2 * np.asarray(mass)))
 
 
 def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the time of flight over `distance` [m] to a place passed at `speed` [m/s]."""
+    """Return the time of flight [s] over `distance` [m] to a place passed at `speed` [m/s].
+
+    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    """
     distance = np.asarray(distance)
     return np.asarray(distance * _exprel(-np.asarray(drag) * distance) / np.asarray(speed))
 
 
 def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the time of flight over `distance` [m] from a place left at `speed` [m/s]."""
+    """Return the time of flight [s] over `distance` [m] from a place left at `speed` [m/s].
+
+    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    """
     return time_before(distance, speed, -np.asarray(drag))
 
 
 def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the distance [m] flown in `time` [s] from a place left at `speed` [m/s]."""
+    """Return the distance [m] flown in `time` [s] from a place left at `speed` [m/s].
+
+    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    """
     way = np.asarray(np.asarray(speed) * time)
     lost = np.asarray(drag) * way
     # log1p(x) / x, with the limit 1 at 0
@@ -47,17 +60,18 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 
 
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the speed [m/s] of a ball a `time` [s] after it had the `speed` [m/s].
+    """Return the speed [m/s] of a ball at a `time` [s] after it had the `speed` [m/s].
 
-    `drag` is the drag rate κ [1/m].
+    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
     return np.asarray(speed / (1 + np.asarray(drag) * speed * np.asarray(time)))
 
 
 def slowest_within(distance: ArrayLike, drop: float) -> Array:
-    """Return the speed [m/s] at which a horizontal ball falls `drop` [m] over `distance` [m].
+    """Return the lowest speed [m/s] at which a ball falls at most `drop` [m] over `distance` [m].
 
-    This is x √(g / 2h), without air. A slower ball falls farther.
+    The ball starts horizontally and flies without air, so the speed is x √(g / 2h) with the
+    standard g. The result has the shape of `distance`.
     """
     return np.asarray(np.asarray(distance) * np.sqrt(STANDARD_GRAVITY / (2 * drop)))
 

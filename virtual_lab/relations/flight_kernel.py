@@ -22,8 +22,8 @@ FAST = {"nsz"}
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
     """Fill `out` with the time [s] over the distance `way` [m] from a point of known pace, (shot,).
 
-    `pace` is 1/speed at the point [s/m]. `way` is positive. `drag` is κ [1/m] if the ball flies the
-    distance after the point, and -κ if it flies it before the point.
+    All arrays are (shot,). `pace` is 1/speed at the point [s/m]. `way` is positive. `drag` is κ
+    [1/m] if the ball flies the distance after the point, and -κ if it flies it before the point.
     """
     long = 0
     for i in range(out.size):

@@ -17,7 +17,9 @@ class Peak(NamedTuple):
 
 
 def peak(places: Array, values: Array) -> Peak:
-    """Return the maximum of the cubic spline through a curve, including its ends.
+    """Return the maximum of the cubic spline through a curve, and its position.
+
+    Both are in the units of the arguments. The maximum can be at an end of the curve.
 
     Parameters
     ----------

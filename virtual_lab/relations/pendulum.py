@@ -12,19 +12,30 @@ from virtual_lab.units import Array
 
 
 def small_period(inertia: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
-    """Return T₀ = 2π √(I / (g M d)) [s], where `moment` is M d about the axis [kg m]."""
+    """Return the period T₀ = 2π √(I / (g M d)) [s] of small swings of a physical pendulum.
+
+    `inertia` is I about the axis [kg m²], `moment` is mass times distance of the centre of mass
+    from the axis, M d [kg m], and `gravity` is g [m/s²]. The arguments broadcast.
+    """
     stiffness = np.asarray(gravity, dtype=float) * np.asarray(moment, dtype=float)
     return np.asarray(2 * np.pi * np.sqrt(np.asarray(inertia, dtype=float) / stiffness))
 
 
 def inertia_from_period(period: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
-    """Return I = T₀² g M d / 4π² [kg m²] (as in ASTM F2398), the inverse of `small_period`."""
+    """Return the moment of inertia I = T₀² g M d / 4π² about the axis of a pendulum [kg m²].
+
+    This is the inverse of `small_period` (as in ASTM F2398). `period` is that of small swings [s],
+    `moment` is M d [kg m], and `gravity` is g [m/s²]. The arguments broadcast.
+    """
     turn = np.asarray(period, dtype=float) / (2 * np.pi)
     return np.asarray(turn**2 * np.asarray(gravity) * np.asarray(moment))
 
 
 def amplitude_factor(amplitude: ArrayLike) -> Array:
-    """Return T/T₀ = 1 + θ²/16 + 11 θ⁴/3072 for an amplitude θ [rad], to 1e-7 at 20°."""
+    """Return the period over that of small swings, 1 + θ²/16 + 11 θ⁴/3072, without unit.
+
+    `amplitude` is θ [rad], and the result has its shape. The error is 1e-7 at 20°.
+    """
     square = np.square(amplitude)
     return np.asarray(1 + square / 16 + 11 * np.square(square) / 3072)
 
@@ -32,8 +43,9 @@ def amplitude_factor(amplitude: ArrayLike) -> Array:
 def mean_amplitude_factor(first: ArrayLike, last: ArrayLike, swings: int) -> Array:
     """Return the mean of `amplitude_factor` over swings with a geometric decay of the amplitude.
 
-    `first` and `last` are the amplitudes [rad] at the two ends of `swings` whole periods. Each
-    swing counts with the amplitude at its middle.
+    `first` and `last` are the amplitudes [rad], both above 0, at the two ends of `swings` whole
+    periods. Each swing counts with the amplitude at its middle. The result has no unit and the
+    common shape of the amplitudes.
     """
     square, decay = np.square(first), np.log(np.asarray(last) / np.asarray(first)) / swings
     return np.asarray(

@@ -70,5 +70,9 @@ class EnergySwing:
 
 
 def bat_speed(angular_speed: Floats, length: float, z: Floats) -> Floats:
-    """Return the speed [m/s] at `z` [m] of a bat of `length` [m] that rotates near its knob."""
+    """Return the speed [m/s] of a bat at a distance `z` [m] from the barrel tip.
+
+    The bat of `length` [m] rotates at `angular_speed` [rad/s] about the swing point, 1 in from its
+    knob. Speed and angular speed broadcast with `z`.
+    """
     return angular_speed * (length - KNOB_OFFSET - z)

@@ -53,7 +53,8 @@ LABORATORIES = 2**32  # largest number of laboratories in one study
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
     """Return the value of each shot's laboratory, (shot, ...), from values (laboratory, ...).
 
-    Values of a single laboratory are numbers and remain numbers.
+    `owner` is the index of the laboratory of each shot, (shot,). With `...` as the owner the values
+    are those of a single laboratory and are returned unchanged; a number remains a number.
     """
     return np.asarray(values)[owner][()]
 
@@ -61,7 +62,9 @@ def of_owners(values: ArrayLike, owner: Owner) -> Any:
 def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
     """Return owner and slot of `count` consecutive readings in each laboratory of a block.
 
-    `laboratories` is the shape of the block: (n,), or () for a single laboratory.
+    Both are (n · count,): the index of the laboratory of each reading, and the slots 0 to `count` -
+    1, repeated for each laboratory. `laboratories` is the shape of the block: (n,), or () for a
+    single laboratory, whose owner is `...`.
     """
     slots = np.tile(np.arange(count), laboratories)
     return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots
@@ -89,7 +92,7 @@ class Draws(Protocol):
         ...
 
     def at(self, owner: Owner) -> Self:
-        """Return the draws of the laboratories that own shots, (shot,)."""
+        """Return the draws with one row per shot, from the laboratories that own the shots."""
         ...
 
 
@@ -146,7 +149,7 @@ class Streams:
 
 @dataclass(frozen=True, slots=True)
 class Quiet:
-    """Draws without randomness: each is the mean of its distribution."""
+    """Draws without randomness: every number is 0, the mean of its distribution."""
 
     laboratory: int | Slots = 0  # or (n,)
 
@@ -173,10 +176,11 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
 
 
 def salt_of(seed: int | None) -> bytes:
-    """Return the salt of a seed, 16 bytes: random if the seed is None, and so drawn and sealed.
+    """Return the salt for the commitment to a seed, 16 bytes.
 
-    A seed that the user chose is not secret, so that its salt follows from it and a test is
-    repeated to the byte.
+    It is random if the seed is None, that is if the program draws the seed and seals it. A seed
+    that the user chose is not secret, so its salt is computed from it, and a test is repeated to
+    the byte.
     """
     if seed is None:
         return secrets.token_bytes(16)
@@ -184,21 +188,25 @@ def salt_of(seed: int | None) -> bytes:
 
 
 def require_seed(seed: int) -> None:
-    """Raise `InputError` for a seed that is negative or longer than a random one."""
+    """Raise `InputError` for a seed outside 0 to 2^128 - 1. Otherwise return None."""
     if not 0 <= seed <= LARGEST_SEED:
         raise InputError("", "seed", seed, f"allowed: whole numbers from 0 to 2^{SEED_BITS} - 1")
 
 
 def commitment(salt: bytes, seed: int) -> str:
-    """Return SHA-256(salt‖seed) in hexadecimal, which commits to a seed without revealing it."""
+    """Return SHA-256(salt‖seed), 64 hexadecimal digits: it commits to a seed without showing it.
+
+    The seed enters as the text of its decimal number.
+    """
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
 
 
 def generator(seed: int, name: str, block: int) -> np.random.Generator:
-    """Return a numpy generator for one block of random numbers of a name.
+    """Return a numpy generator for the random numbers of one block, addressed by seed and name.
 
-    It serves distributions that numpy samples by rejection. The blocks are independent, and the
-    numbers within a block have a fixed order. Raises `InputError` for a seed outside 128 bits.
+    It serves distributions that numpy samples by rejection. The same arguments give the same
+    numbers, and generators with another seed, name or block are independent. Raises `InputError`
+    for a seed outside 0 to 2^128 - 1.
     """
     require_seed(seed)
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()

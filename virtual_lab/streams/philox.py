@@ -39,8 +39,8 @@ def fill(
 ) -> bool:
     """Fill `out` with `each` numbers per slot. Return whether all slots fit into 32 bits.
 
-    Number i of a slot is word i % 2 of the counter (i // 2, slot, laboratory, third word of the
-    key).
+    If a slot does not fit, the function stops and `out` is not complete. Number i of a slot is word
+    i % 2 of the counter (i // 2, slot, laboratory, third word of the key).
 
     Parameters
     ----------

@@ -104,7 +104,11 @@ class Components(AlignedArrays):
         return (*alone, *dict.fromkeys(pool for pool in self.pools if pool))
 
     def lines(self) -> tuple[Array, Array]:
-        """Return variance and degrees of freedom of each line, (laboratory, line), one per pool."""
+        """Return variance and degrees of freedom of each line of a budget, (laboratory, line).
+
+        The sources of a pool are one line; the others follow `line_names`. The variance is in the
+        squared unit of the result.
+        """
         from virtual_lab.uncertainty.budget_kernel import add_lines
 
         alone, pools = count(), dict.fromkeys(pool for pool in self.pools if pool)
@@ -119,7 +123,7 @@ class Components(AlignedArrays):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """Standard uncertainty of a result and its components, largest first."""
+    """Standard uncertainty of one result, and its components, largest first."""
 
     value: float
     u: float
@@ -177,7 +181,7 @@ class Variants(AlignedArrays):
 
     @classmethod
     def of(cls, constants: Mapping[str, Estimates]) -> Self:
-        """Return the variants; constants without uncertainty are not shifted."""
+        """Return the variants of a block's constants; certain constants are not shifted."""
         uncertain = tuple(name for name, constant in constants.items() if np.any(constant.u > 0))
         laboratories = next((len(constant.value) for constant in constants.values()), 1)
 
@@ -212,7 +216,7 @@ class Variants(AlignedArrays):
         return columns
 
     def components(self, values: Array) -> Components:
-        """Return the contribution of each constant to an output of shape (laboratory, k)."""
+        """Return the contribution of each constant to an output with `values` (laboratory, k)."""
         up, down = self._split_moves(values[..., None])
         estimates = [self.constants[name] for name in self.uncertain]
         return Components(
@@ -244,7 +248,12 @@ class Variants(AlignedArrays):
 
 
 def combine_components(value: Array, components: Components) -> Budgets:
-    """Return the budgets of results (laboratory,); the components of a pool become one line."""
+    """Return the combined uncertainties of results, with value, u and dof as arrays (laboratory,).
+
+    `value` is (laboratory,). Contributions add in quadrature, and the degrees of freedom are those
+    of Welch and Satterthwaite (GUM G.4.1), inf without uncertainty. The components of a pool share
+    their degrees of freedom and count as one term.
+    """
     from virtual_lab.uncertainty.budget_kernel import welch_satterthwaite
 
     square, freedom = components.lines()
@@ -261,7 +270,9 @@ def means_of_hits(
     effects: Array,
     earlier: HitVariance | None = None,
 ) -> Budgets:
-    """Return the budgets of weighted sums of hits: constants, then the remaining scatter.
+    """Return the budgets of weighted sums of hits, one per laboratory, in the unit of the hits.
+
+    The components are those of the constants, and then the remaining scatter of the hits.
 
     Parameters
     ----------
@@ -271,7 +282,8 @@ def means_of_hits(
         Weight of each hit in the result, its impact position, and the derivative of the result with
         respect to the hit, (laboratory, hit). Weight and effect are 0 for a missing hit.
     earlier
-        Variance of a hit in the laboratories' earlier tests, which is used as well.
+        Variance of a hit in the laboratories' earlier tests, which is pooled with today's.
+        `Budgets.scatter` is that of today's hits alone.
     """
     value = weighted_sums(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighted_sums(hits, effects))
@@ -282,7 +294,11 @@ def means_of_hits(
 
 
 def weighted_sums(hits: Array, weights: Array) -> Array:
-    """Return the weighted sums of hits (laboratory, k, hit), (laboratory, k)."""
+    """Return the weighted sum of the hits for each set of constants, (laboratory, k).
+
+    `hits` are (laboratory, k, hit), and `weights` (laboratory, hit). A hit of weight 0 is left out
+    even if it is NaN.
+    """
     from virtual_lab.uncertainty.budget_kernel import weigh
 
     out = np.empty(hits.shape[:2])
@@ -321,7 +337,10 @@ def _pool_lines(components: Sequence[Component]) -> list[Component]:
 
 
 def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
-    """Return the components of type A of a block, (laboratory,), in units of the result."""
+    """Return one source of type A as components, arrays (laboratory, 1).
+
+    `value` and `u` are (laboratory,), in the unit of the result, so the sensitivity is 1.
+    """
     column = (len(u), 1)
     return Components(
         names=(name,),
@@ -336,13 +355,19 @@ def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Comp
 
 
 def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
-    """Return the 95 % interval value ± t u, t of Student with `dof` degrees of freedom."""
+    """Return the ends of the 95 % interval, value ± t u, in the unit of the value.
+
+    The factor t is that of Student's distribution with `dof` degrees of freedom; inf is allowed.
+    """
     factor = float(coverage_factors(np.array(dof)))
     return value - factor * u, value + factor * u
 
 
 def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
-    """Return t of Student with `dof` degrees of freedom, of any shape, for a probability."""
+    """Return the coverage factor t of Student's distribution, without unit, in the shape of `dof`.
+
+    The interval ± t u contains `probability`; `dof` are the degrees of freedom of u, up to inf.
+    """
     from scipy.special import stdtrit  # takes half a second to load, too long for a page
 
     return np.asarray(stdtrit(np.minimum(dof, 1e9), (1 + probability) / 2))

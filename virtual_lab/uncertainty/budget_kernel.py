@@ -19,7 +19,10 @@ Whole = NDArray[np.int64]
 
 @njit(cache=True, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
-    """Fill `out` (laboratory, k) with weighted sums of `hits` (laboratory, k, hit)."""
+    """Fill `out` (laboratory, k) with the sums of `hits` (laboratory, k, hit) times `weights`.
+
+    The weights are (laboratory, hit). A hit of weight 0 is left out even if it is NaN.
+    """
     for laboratory in range(len(hits)):
         for k in range(hits.shape[1]):
             total = 0.0
@@ -36,7 +39,8 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
 
     The rows are: u and its degrees of freedom; the sum of squared weights; the mean variance of a
     hit with these weights; that variance minus the part explained by constants, which can be
-    negative; the degrees of freedom of the variance.
+    negative; the degrees of freedom of the variance. A hit of weight 0 is left out, and a
+    laboratory without hits has variances of NaN.
 
     Parameters
     ----------
@@ -135,10 +139,12 @@ def _add_variance(values: Array, used: Whole, begin: Whole, squares: Array, out:
 
 @njit(cache=True, error_model="numpy")
 def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Array) -> None:
-    """Fill in the variance of each line, (laboratory, line), and the ν of its first source.
+    """Add the variances of the lines of a budget to `square`, and fill `freedom`.
 
-    `effect` and `dof` are those of the sources, (laboratory, source); `line` is the line of each
-    source, (source,).
+    Both are (laboratory, line). The variance is the sum of the squared effects of the sources in a
+    line; `freedom` receives the degrees of freedom of its first source. `effect` and `dof` are
+    those of the sources, (laboratory, source); `line` is the index of the line of each source,
+    (source,). `square` is not reset to 0.
     """
     for laboratory in range(len(effect)):
         for source in range(line.size - 1, -1, -1):
@@ -152,7 +158,7 @@ def welch_satterthwaite(square: Array, freedom: Array, u: Array, dof: Array) -> 
     """Fill `u` and `dof`, (laboratory,), from the lines of a budget (GUM G.2b).
 
     `square` are squared contributions, `freedom` their degrees of freedom, (laboratory, line). The
-    degrees of freedom of a u of 0 are inf.
+    u is the root of the sum of the squares; a u of 0 has inf degrees of freedom.
     """
     for laboratory in range(len(square)):
         variance, fourth = 0.0, 0.0

@@ -37,7 +37,7 @@ class Tolerance:
 
     @classmethod
     def read(cls, lower: float | None, upper: float | None) -> Tolerance:
-        """Return the limits. Raises `InputError` without a limit or in the wrong order."""
+        """Return the limits. Raises `InputError` if both are None, or for a wrong order."""
         tolerance = cls(-inf if lower is None else lower, inf if upper is None else upper)
         if lower is None and upper is None:
             raise InputError("", "limits", None, "allowed: lower, upper, or both")
@@ -56,7 +56,11 @@ class Tolerance:
         return tolerance
 
     def chance(self, y: Array, u: float, dof: float) -> Array:
-        """Return the probability that a value with standard uncertainty u about y lies within."""
+        """Return the probability that a true value is within the limits, in the shape of `y`.
+
+        The true value is distributed about `y` with the standard uncertainty `u`, by Student's t
+        with `dof` degrees of freedom.
+        """
         from scipy.special import stdtr
 
         nu = min(dof, 1e12)
@@ -126,9 +130,10 @@ def global_risk(
     guard: Certain = 0.0,
     dof: Certain = inf,
 ) -> Risks:
-    """Return the risks of maker and customer for a process with the distribution `prior`.
+    """Return the risks of maker and customer for all items of a process (JCGM 106, 9).
 
-    See JCGM 106, clause 9.
+    The risks are probabilities. An item is accepted if its measured value is within the acceptance
+    limits.
 
     Parameters
     ----------
@@ -137,9 +142,15 @@ def global_risk(
     u, dof
         Standard uncertainty of a measured value, and its degrees of freedom.
     lower, upper
-        Tolerance limits, in the unit of the prior.
+        Tolerance limits, in the unit of the prior; at least one of them.
     guard
         Guard band w of each limit; a positive one moves the limit inward.
+
+    Raises
+    ------
+    InputError
+        A prior or u that is not allowed, no limit, limits in the wrong order, or a guard band that
+        leaves nothing between the limits.
     """
     _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
@@ -156,7 +167,9 @@ def guard_band(
     prior: Input | None = None,
     dof: Certain = inf,
 ) -> tuple[float, float, float]:
-    """Return guard band w and the acceptance limits (-inf or inf where there is none).
+    """Return the guard band w and the lower and upper acceptance limit, in the unit of `u`.
+
+    A positive w moves the limits inward. A missing limit is -inf or inf.
 
     Parameters
     ----------
@@ -171,6 +184,12 @@ def guard_band(
         one the specific risk of an item at the acceptance limit.
     prior
         As for `risk`.
+
+    Raises
+    ------
+    InputError
+        Both or neither of `r` and `target`, a target that no guard band reaches, a guard band that
+        leaves nothing between the limits, or an argument that `risk` refuses.
     """
     from scipy.optimize import brentq
 

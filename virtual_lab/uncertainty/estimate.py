@@ -55,9 +55,9 @@ class Estimates(AlignedArrays):
 
     @classmethod
     def stack(cls, estimates: Sequence[Estimate]) -> Self:
-        """Return the estimates of some laboratories as a block.
+        """Return the estimates of several laboratories as a block.
 
-        Raises `ValueError` where they are not of one evaluation, source and pool.
+        Raises `ValueError` if they differ in evaluation, source or pool.
         """
         kinds = {(each.evaluation, each.source, each.pool) for each in estimates}
         if len(kinds) != 1:
@@ -67,7 +67,7 @@ class Estimates(AlignedArrays):
         return cls(value=value, u=u, dof=dof, evaluation=evaluation, source=source, pool=pool)
 
     def row(self, laboratory: int) -> Estimate:
-        """Return the estimate of one laboratory of the block; `ValueError` where it has none."""
+        """Return the estimate of one laboratory. Raises `ValueError` if its value is not finite."""
         return Estimate(
             value=float(self.value[laboratory]),
             u=float(self.u[laboratory]),
@@ -81,7 +81,9 @@ class Estimates(AlignedArrays):
 def means_of_readings(
     readings: Array, *, used: Mask | None = None, least_u: Array | float = 0.0
 ) -> Estimates:
-    """Return the means of repeated readings with their type A standard uncertainties.
+    """Return the means of repeated readings with type A uncertainties, (laboratory,).
+
+    The degrees of freedom are n - 1, and inf where `least_u` exceeds the u from the scatter.
 
     Parameters
     ----------

@@ -107,10 +107,12 @@ def sobol_indices(
 
 
 def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:
-    """Return first and total indices, (2, input, output), and their standard errors.
+    """Return Sobol's first and total indices, and their standard errors, each (2, input, output).
 
-    Saltelli 2010, table 2 (b) and (f): means over the points, over the variance of the output. The
-    errors are of first order in both, from the scatter over the points.
+    Row 0 holds the first indices and row 1 the total ones, as shares of the variance, from 0 to 1
+    but for errors of sampling. Saltelli 2010, table 2 (b) and (f): means over the points, over the
+    variance of the output. The errors are of first order in both, from the scatter over the points.
+    Raises `InputError` for an output that does not vary.
 
     Parameters
     ----------

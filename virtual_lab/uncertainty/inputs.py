@@ -47,9 +47,9 @@ class Input:
     inexact
         Half width of either limit, at most half their distance.
     by
-        Labels (n,) of n observations: the error is one a label. Several rows of labels nest:
-        ``by=(days, balls)`` gives each ball of each day an error of its own. Groups that cross
-        are two inputs.
+        Labels (n,) of n observations: all observations with the same label have the same error.
+        Several rows of labels nest: ``by=(days, balls)`` gives each ball of each day an error of
+        its own. Groups that cross are two inputs.
     evaluation
         ``A`` if u comes from the scatter of readings, else ``B``: what a budget shows.
     """
@@ -97,7 +97,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """All sources of a model by name, and how its arguments are made of them."""
+    """All sources of a model by name, and the arguments that are made from them."""
 
     sources: Mapping[str, InputSource]
     joints: tuple[Joint, ...]
@@ -121,10 +121,12 @@ class Inputs:
 
 
 def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) -> Inputs:
-    """Return the sources behind inputs; `InputError` names the input that cannot be used.
+    """Return the sources of uncertainty behind the inputs of a model.
 
-    A value of the mapping is an `Input`, an `Estimate`, a number, or readings (n,), whose mean
-    and its scatter count (type A); readings (n, m) taken together have a tuple of m names.
+    A value of `entries` is an `Input`, an `Estimate`, a number without uncertainty, or readings
+    (n,). For readings, the mean and its scatter are used (type A). Readings (n, m) taken together
+    have a tuple of m names as their key. `correlations` are the coefficients of pairs of inputs,
+    others being 0. Raises `InputError`, which names the input that cannot be used.
     """
     if not isinstance(entries, Mapping) or not entries:
         raise InputError("", "inputs", entries, "allowed: names and inputs, {'d': vl.Input(…)}")
@@ -183,7 +185,11 @@ def _readings(name: str, readings: Array) -> tuple[float, float]:
 
 
 def source_of(name: str, entry: Input) -> InputSource:
-    """Return the source of an input; `InputError` for one that is certain or not an `Input`."""
+    """Return the value, u and distribution of an input.
+
+    Raises `InputError`, which names the input `name`, if it is no `Input`, is not valid, or has no
+    uncertainty.
+    """
     if not isinstance(entry, Input):
         raise InputError("", name, entry, "allowed: vl.Input(…)")
     source = _source(name, entry)

@@ -106,5 +106,9 @@ LAWS = {
 
 
 def inexactness(dof: float) -> float:
-    """Return the inexactness of limits, 0 to 1, for `dof` degrees of freedom (GUM G.4.2)."""
+    """Return the relative inexactness of limits with `dof` degrees of freedom, 1/√(2 ν).
+
+    It is half the range of a limit over half the distance of the limits (GUM G.4.2), without unit:
+    0 for infinite `dof`, and above 1, which limits cannot have, below 0.5.
+    """
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

@@ -24,7 +24,7 @@ Outputs = dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A function of named inputs that has been tried."""
+    """A function of named inputs that gave valid results for a few rows of inputs."""
 
     function: Callable[..., Any]
     inputs: Inputs

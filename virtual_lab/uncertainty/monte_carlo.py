@@ -51,7 +51,11 @@ class Drawing:
 
 
 def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
-    """Return one block of draws of every source, (65 536,) each."""
+    """Return block number `block` of the draws of every source, by name, each (65 536,).
+
+    The draws are in the unit of the source, about its value. The same seed, source and block always
+    give the same draws.
+    """
     draws = {}
     for name, source in inputs.sources.items():
         if name not in inputs.joined:
@@ -140,7 +144,10 @@ class Batches:
 
 
 def tolerance(u: float, digits: int) -> float:
-    """Return half a unit of the last of the `digits` digits of u (JCGM 101, 7.9.2)."""
+    """Return half a unit of the last significant digit of `u`, in its unit (JCGM 101, 7.9.2).
+
+    `digits` is the number of significant digits. The tolerance is inf for a `u` of 0 or inf.
+    """
     return float(0.5 * 10.0 ** (floor(log10(u)) - digits + 1)) if 0 < u < inf else inf
 
 
@@ -160,9 +167,11 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 def stein(batches: Batches, infinite: bool) -> Array:
     """Draw in two stages, the second as large as the scatter of the first requires.
 
-    This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia 47,
-    2010, 317). All numbers of all outputs meet their tolerances with a probability of 95 %
-    (Bonferroni). Return the tolerances.
+    Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
+    output. This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia
+    47, 2010, 317). All numbers of all outputs meet their tolerances with a probability of 95 %
+    (Bonferroni). With `infinite` u only the ends of the interval have a tolerance. Raises
+    `InputError` if too many draws are needed.
     """
     from scipy.special import stdtrit
 
@@ -180,7 +189,12 @@ def stein(batches: Batches, infinite: bool) -> Array:
 
 
 def standard_rule(batches: Batches, infinite: bool) -> Array:
-    """Draw batch by batch until two standard errors are within the tolerance (JCGM 101, 7.9.4)."""
+    """Draw batch by batch until two standard errors are within the tolerance (JCGM 101, 7.9.4).
+
+    Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
+    output. With `infinite` u only the ends of the interval have a tolerance. The draws end at
+    `MOST_DRAWS` even if the tolerances are not met.
+    """
     batches.draw_to(2)
     while len(batches) * BATCH < MOST_DRAWS:
         goals = _goals(batches, infinite)
@@ -194,7 +208,12 @@ RULES: dict[str, Callable[[Batches, bool], Array]] = {"stein": stein, "7.9": sta
 
 
 def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagated:
-    """Return the outputs by draws. `linear` is the first-order result to be validated."""
+    """Return value, u and intervals of the outputs of a model by draws (JCGM 101).
+
+    `linear` is the first-order result, which each outcome judges in `verdict`. If an input has at
+    most 2 degrees of freedom u is inf and the value is the median. Raises `InputError` for
+    correlated inputs of which no draws are possible, and if too many draws are needed.
+    """
     _require_drawable(model.inputs)
     few = min(_draw_dof(model.inputs), default=inf)
     infinite = few <= 2

@@ -147,12 +147,12 @@ class Propagated:
 
 
 def beyond_rounding(u: float, value: float) -> float:
-    """Return u, or 0 if it is only the rounding error of the value."""
+    """Return `u`, or 0 if it is at most 2^-44 of the value and thus only its rounding error."""
     return u if u > LAST_BITS * abs(value) else 0.0
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlations of a covariance, (n, n), with 1 on the diagonal.
+    """Return the correlation coefficients of a covariance matrix, (n, n), with 1 on the diagonal.
 
     An output without variance has the correlation 0 with all others.
     """

@@ -118,7 +118,12 @@ def propagate_inputs(
 
 
 def first_order(model: Model, probability: float) -> Propagated:
-    """Return the first order of a model, with the correlation of its outputs."""
+    """Return value, u, interval and components of each output by first order (GUM 5.1).
+
+    The correlation of the outputs is that caused by the inputs. `probability` is that of the
+    interval. An output with u = 0 has a note with the reason. Raises `InputError` for an answer of
+    the model that cannot be used.
+    """
     inputs = model.inputs
     variants = Variants.of(
         {name: Estimates.stack([each.estimate]) for name, each in inputs.sources.items()}
@@ -155,7 +160,8 @@ def first_order(model: Model, probability: float) -> Propagated:
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:
     """Return `linear`, the first-order result, with mean and u to second order.
 
-    The intervals are computed again. The degrees of freedom remain those of `linear`.
+    The intervals are computed again, the degrees of freedom remain those of `linear`, and the
+    correlation of the outputs is None. Raises `InputError` if the series does not converge.
     """
     points = SecondOrder.of(model.inputs)
     answers = model(points.columns)
@@ -176,7 +182,10 @@ METHODS: dict[str, Callable[[Model, Propagated, Drawing], Propagated]] = {
 
 
 def named_method(method: str, key: str = "uncertainty") -> Any:
-    """Return the name of a method; `InputError` for another."""
+    """Return `method` unchanged if it is the name of a method of propagation.
+
+    Raises `InputError`, which names the argument `key`, for another name.
+    """
     if method not in METHODS:
         allowed = f"{nearest(method, METHODS)}allowed: {', '.join(METHODS)}"
         raise InputError("", key, method, allowed)

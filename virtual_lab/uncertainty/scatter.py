@@ -58,7 +58,7 @@ class HitVariance(AlignedArrays):
         )
 
     def larger(self, earlier: HitVariance) -> Mask:
-        """Whether today's hits scatter more than those of earlier tests, beyond chance."""
+        """Return whether today's hits scatter more than those of earlier tests, beyond chance."""
         from scipy.special import fdtri
 
         freedoms = np.maximum(self.dof, 1.0), np.maximum(earlier.dof, 1.0)
@@ -121,6 +121,11 @@ class Scatter(AlignedArrays):
 
 
 def larger_today(today: Estimate, earlier: Estimate) -> bool:
-    """Whether the variance of one test is larger than that of earlier ones, beyond chance."""
+    """Return whether hits scatter more in one test than in earlier ones, beyond chance.
+
+    The value of each estimate is the variance of a hit, with its u and degrees of freedom. The test
+    is a one-sided F test with a significance of 1 %; it is False for an estimate with 0 degrees of
+    freedom.
+    """
     new, old = (HitVariance.of(Estimates.stack([each])) for each in (today, earlier))
     return bool(new.larger(old)[0])

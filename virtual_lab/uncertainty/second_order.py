@@ -21,7 +21,7 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """Independent errors shifted by one and by two u, and by one u in pairs."""
+    """Points of a model for its second order: independent errors of one and two u, and of pairs."""
 
     columns: dict[str, Array]  # values of each source, (1 + 4 n + 2 n (n - 1),), estimates first
     kurtosis: Array

@@ -61,7 +61,11 @@ class Sketch:
 
 
 def shortest_interval(below: Array, edges: Array, probability: float) -> tuple[float, float]:
-    """Return the shortest interval of a distribution function (JCGM 101, 7.7.4)."""
+    """Return the ends of the shortest interval with this probability (JCGM 101, 7.7.4).
+
+    The distribution is given by its function `below` at `edges`, both (n,) and ascending, as
+    `Sketch.distribution` returns them. The ends are in the unit of `edges`.
+    """
     starts = below <= 1 - probability
     lengths = np.interp(below[starts] + probability, below, edges) - edges[starts]
     best = int(np.argmin(lengths))

@@ -18,7 +18,7 @@ from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotRe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSupport:
-    """Results from the same collision efficiency with the other support's recoil factor."""
+    """Mean results of the valid hits, computed with r of the support that the rules do not name."""
 
     which: str
     recoil_factor: float
@@ -29,7 +29,12 @@ class OtherSupport:
 def other_support(
     procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
 ) -> OtherSupport:
-    """Return the results of the valid hits of one bat with the other support's recoil factor."""
+    """Return r, e and BPF of one bat for the support that the procedure does not name.
+
+    `OtherSupport.which` is "free" if the procedure names "pivoted", otherwise "pivoted". The
+    collision efficiency is the measured one. Each result is a number without unit, the mean over
+    the hits of `outcome` with its weights.
+    """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # the lot's mean ball, from the recoil factor with the support named by the rules
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor

@@ -36,17 +36,22 @@ def propagate_metric(
     linear: Budget,
     draws: int | None = None,
 ) -> Propagated:
-    """Return the metric of one test by a method of `propagate_inputs`.
+    """Return the metric of one test with u and interval by `method`, in the metric's SI unit.
 
-    `readings` and `outcome` are those of the reduction, `linear` is its budget of first order.
-    `draws` is the number of draws; None: as many as give two correct digits of u.
+    `readings` and `outcome` are those of the reduction of this test, and `linear` is its budget of
+    first order. `draws` is the number of draws of a Monte Carlo; None stands for as many as give
+    two correct digits of u.
     """
     model, inputs = model_of(reduced, readings, outcome, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)
 
 
 def too_wide(linear: Budget) -> Component | None:
-    """Return the source with the fewest degrees of freedom if these are too few for draws."""
+    """Return the source of a budget with the fewest degrees of freedom if these rule out draws.
+
+    That is the case below `LEAST_FREEDOM` degrees of freedom. Parts of a component count as
+    sources, and sources with u = 0 are ignored. Return None if draws of all sources are possible.
+    """
     parts = [part for line in linear.components for part in (line.parts or (line,)) if part.u]
     few = min(parts, key=lambda part: part.dof, default=None)
     return few if few and few.dof < LEAST_FREEDOM else None
@@ -55,7 +60,12 @@ def too_wide(linear: Budget) -> Component | None:
 def model_of(
     reduced: Reduction, readings: ImpactReadings, outcome: HitWeights, linear: Budget
 ) -> tuple[Callable[..., Array], dict[InputName, Any]]:
-    """Return the metric of a test as a function of rows of inputs, (k,), and these inputs."""
+    """Return the metric of one test as a function of its inputs, and the inputs by name.
+
+    The function takes one array (k,) per input, as keyword arguments, and returns the metric, (k,),
+    in its SI unit. The inputs are the constants of the reduction, and the further components of
+    `linear` as errors with the value 0.
+    """
     used = np.flatnonzero(outcome.used)
     model, effects = reduced.model(readings, used[None]), outcome.effects[used]
     inputs: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}

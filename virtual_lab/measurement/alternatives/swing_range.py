@@ -30,10 +30,12 @@ class SwingResult:
 
 
 def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResult, ...]:
-    """Return one test's metric for each of the game's `exponents`, () if the rules name none.
+    """Return the metric of one test for each exponent in `exponents` of the procedure's game.
 
-    The hits are those of the test. The scan is centred on the best place for the procedure's
-    exponent; for another exponent the maximum lies a few tenths of an inch away.
+    The results are in the order of the exponents. The tuple is empty if the procedure states no
+    exponents, or if the hits give no result for one of them. All results use the hits of the test.
+    Its scan is centred on the best position for the procedure's own exponent; for another exponent
+    the maximum lies a few tenths of an inch away.
     """
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:

@@ -35,7 +35,11 @@ DECAY_U = 0.4
 
 
 def sports(evidence: Evidence) -> Iterator[Raised]:
-    """Compare the sports of bat, balls and procedure, as far as known."""
+    """Yield one flag if bat, balls and procedure are not all of the same sport.
+
+    It is raised in all laboratories of the block. Nothing is yielded if the stated sports agree. An
+    unknown sport and a check standard are not compared.
+    """
     entries = {
         "the bat": evidence.block.bat_sport,
         "the ball": evidence.block.ball_sport,
@@ -52,7 +56,10 @@ def sports(evidence: Evidence) -> Iterator[Raised]:
 
 
 def check_standard(evidence: Evidence) -> Iterator[Raised]:
-    """Flag a check standard: its result describes the laboratory, not a bat."""
+    """Yield one flag, raised in all laboratories, if the tested object is a check standard.
+
+    Its result describes the laboratory and not a bat. Nothing is yielded for a bat.
+    """
     if evidence.block.bat_sport == CHECK_STANDARD:
         yield Raised(
             name="check-standard",
@@ -65,7 +72,12 @@ def check_standard(evidence: Evidence) -> Iterator[Raised]:
 
 
 def bat_shape(evidence: Evidence) -> Iterator[Raised]:
-    """Compare density, balance, mass and radius of gyration with limits valid for any bat."""
+    """Yield four flags, each raised in the laboratories whose bat is outside limits for any bat.
+
+    The flags are for mean density, balance point, radius of gyration and mass, in this order. In a
+    sound block each is raised nowhere. Only the flag for the density rules out a verdict. A value
+    of NaN raises the flag.
+    """
     bat = evidence.reduced.preparation.bat.select((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
     light, heavy = 100.0, 12000.0  # densities of solid balsa and solid lead [kg/m³]
@@ -105,7 +117,12 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
 
 
 def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the change of the pendulum period with the amplitudes that were read."""
+    """Yield one comparison of the pendulum's slowing with that expected from the read amplitudes.
+
+    The difference is the observed change of the period over the expected one, minus 1. Nothing is
+    yielded if the record has fewer than four swings. A laboratory whose amplitude does not decay is
+    not compared.
+    """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
     slowing = swing_slowing(record, evidence.laboratories)
@@ -134,10 +151,14 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
-    """Compare the mean swing of a release with the median: a lost passage doubles one of them.
+    """Yield comparisons of the mean with the median swing, and flags for odd swings.
 
-    The counted releases are judged together. The worst release is also compared with the others
-    alone, because an outlier inflates the scatter. Releases that are left out are named.
+    A lost passage doubles one swing, which changes the mean but not the median. Two comparisons are
+    yielded if at least one laboratory has `FEWEST_RELEASES` counted releases: the mean of all
+    counted releases, and the worst release against the others, because an outlier inflates the
+    scatter. Two flags are always yielded, even if raised nowhere: one for releases with an odd
+    swing that are left out, and one, which rules out a verdict, for odd releases that are used
+    because too few others remain.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -228,7 +249,10 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
 
 
 class Slowing(NamedTuple):
-    """Change of a pendulum's period over that from the amplitudes read, (laboratory,)."""
+    """Observed change of a pendulum's period over that expected from the amplitudes.
+
+    Arrays are (laboratory,).
+    """
 
     times: Array  # observed change over expected change; NaN if the swing did not decay
     u: Array
@@ -237,10 +261,11 @@ class Slowing(NamedTuple):
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
-    """Return the change of the period over that from the amplitudes read.
+    """Return the observed change of the pendulum's period over that expected from the amplitudes.
 
-    The period grows with the square of the amplitude, so it shortens as the swing decays; the
-    amount of this change shows the real amplitude. None for a swing that is too short.
+    The period grows with the square of the amplitude, so it shortens as the swing decays, and the
+    size of this change shows the real amplitude. The ratio is 1 for correct readings, and NaN if
+    the amplitude does not decay. Return None if a release has fewer than four swings.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
     counted = counted_releases(odd_swings(times))
@@ -277,7 +302,11 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
 
 
 def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the reference mass after bat and balls were weighed with that before."""
+    """Yield one comparison of the scale's reading of the reference mass, after minus before [kg].
+
+    Bat and balls are weighed in between. Nothing is yielded without a record of the reference mass.
+    Raises `InputError` for such a record of another size, see `reference_readings`.
+    """
     record = evidence.block.records["bench"].get(REFERENCE_MASS)
     if record is None:
         return
@@ -302,10 +331,10 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield the difference of the air density by the climate record from the calibration's.
+    """Yield one comparison of the air density, climate record minus calibration [kg/m³].
 
-    It is in standard uncertainties, (laboratory,). Nothing is yielded without such a record, or
-    if the calibration states no density.
+    The comparison has one difference per laboratory. Nothing is yielded without a climate record,
+    or if the calibration states no density.
     """
     stated = evidence.block.calibration.get(DENSITY)
     if stated is None or "climate" not in evidence.block.records["bench"]:
@@ -327,10 +356,12 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def store(evidence: Evidence) -> Iterator[Raised]:
-    """Compare the humidity of the balls' store with the conditioning that the procedure asks for.
+    """Yield one flag, raised where the humidity of the balls' store is outside the limits.
 
-    The result is not affected: it states what the balls were as found, or is normalized by their
-    e0. So no verdict is ruled out.
+    The mean relative humidity of each laboratory is compared with the limits of the procedure.
+    Nothing is yielded if the procedure states no conditioning, or without a record of the store.
+    The flag never rules out a verdict: the result is that of the balls as they were, or is
+    normalized by their e0.
     """
     asked, readings = evidence.procedure.conditioning, climate_readings(evidence.block, STORE)
     if asked is None or readings is None:
@@ -382,7 +413,11 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Look for a trend of e0 over the order in which the balls were measured."""
+    """Yield one comparison: the trend of the balls' e0 over the order in which they were measured.
+
+    The difference, which should be 0, is the change of e0 by a straight line from the first to the
+    last ball, one per laboratory. Nothing is yielded for fewer than four balls.
+    """
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:
         return

@@ -26,7 +26,13 @@ SCALE_U = 0.01  # harmless relative difference between the height scales of two 
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare each inner board with the flight through the first and the last, in and back."""
+    """Yield one comparison per inner gate and flight direction: its distance from the flight.
+
+    The difference is the surveyed position of the gate minus that from its time of passage, by the
+    flight through the first and the last gate [m], one mean per laboratory. Nothing is yielded with
+    fewer than three gates, or with another instrument than gates and boards. A laboratory with
+    fewer than `FEWEST_SHOTS` shots is not compared.
+    """
     constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
         return
@@ -108,7 +114,11 @@ class Heights:
         )
 
     def off_neighbours(self, board: int) -> Array:
-        """Return weights of the height of a board above the line through first and last."""
+        """Return weights of the boards for the deviation of one board's height.
+
+        They are (laboratory, board). The weighted sum of the heights is the height of `board` above
+        the line through the first and the last board.
+        """
         first, here, last = (self.distances[:, k] for k in (0, board, -1))
         weights = np.zeros(self.distances.shape)
         weights[:, board] = 1.0
@@ -118,7 +128,10 @@ class Heights:
 
     @property
     def at_target(self) -> Array:
-        """Weights of the height at the target of a line by least squares through all boards."""
+        """Weights of the boards, (laboratory, board), for the height at the target.
+
+        The weighted sum of the heights is that of a line by least squares through all boards.
+        """
         middle = self.distances.mean(axis=1, keepdims=True)
         off = self.distances - middle
         reach = middle / np.sum(off**2, axis=1, keepdims=True)
@@ -129,7 +142,10 @@ class Heights:
         return np.asarray(np.sum(weights[self.evidence.owner] * self.level, axis=1))
 
     def mean(self, weights: Array) -> tuple[Array, Components, Array]:
-        """Return means of weighted sums, their uncertainty, and numbers of shots."""
+        """Return the mean weighted sum of the shots [m], its uncertainty, and the number of shots.
+
+        `weights` are (laboratory, board). Mean and number are (laboratory,).
+        """
         evidence, of_shots = self.evidence, weights[self.evidence.owner]
         mean, u, number = evidence.mean_of(self.each(weights), self.used)
         square, _, _ = evidence.mean_of(np.sum((of_shots * self.level_u) ** 2, axis=1), self.used)
@@ -141,7 +157,10 @@ class Heights:
         return mean, survey + types_a("scatter", mean, u, number - 1), number
 
     def growth(self, values: Array) -> tuple[Array, Array, Array]:
-        """Return the slope of the shots' values over the height at the target, its u, and dof."""
+        """Return the slope of `values` (shot,) over the height at the target, its u, and its dof.
+
+        Each result is (laboratory,). The slope is in units of `values` per metre.
+        """
         evidence, at = self.evidence, self.each(self.at_target)
         mean, _, number = evidence.mean_of(at, self.used)
         centre, _, _ = evidence.mean_of(values, self.used)
@@ -155,7 +174,14 @@ class Heights:
 
 
 def heights(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare heights of balls on the way in: at the boards, and with marks on the aim paper."""
+    """Yield comparisons of the heights of incoming balls: between boards, and with the aim paper.
+
+    Two comparisons are yielded per inner board: the mean height above the line through the first
+    and last boards [m], and the relative error of the height scale. One is yielded for the mean
+    height at the bat minus the mean of the marks on the aim paper [m], unless the marks are missing
+    or too few. Nothing is yielded if the instrument does not measure heights. A laboratory with too
+    few shots is not compared.
+    """
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:
         return

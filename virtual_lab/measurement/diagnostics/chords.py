@@ -21,10 +21,13 @@ SIZE = 0.02  # relative tolerance of the diameter; the rules allow ±0.014 (9 to
 
 
 def chords(evidence: Evidence) -> Iterator[Raised]:
-    """Compare the diameter from the edges of each beam with the ball's diameter.
+    """Yield flags for ball diameters from the edges of the gates that differ from the nominal one.
 
-    No beam can show more than the diameter, and a single beam off the centre shows less. A thick
-    beam is broken for longer, by the time that the ball takes to cross its thickness.
+    Two flags are yielded for the gates at the wall, and two for those at the bat: one raised where
+    a diameter is more than 2 % too large, one where the large diameters (90 % quantile) are more
+    than 2 % too small. Both may be raised nowhere. Nothing is yielded for gates that recorded no
+    edges. No beam can show more than the diameter, and a single beam off the centre shows less. A
+    thick beam is broken for longer, by the time that the ball takes to cross its thickness.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))

@@ -22,7 +22,7 @@ FEWEST_SHOTS = 3  # smallest number of shots for a mean and its scatter
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Records, constants and results of a block; shots as fired, (shot,)."""
+    """Input of the checks: records, constants and results of a block; shots as fired, (shot,)."""
 
     block: SessionBlock
     reduced: Reduction

@@ -32,7 +32,7 @@ HARMLESS = 0.05  # shift of the result that is harmless [standard uncertainty of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flag:
-    """A contradiction in the records: name of the check, and a sentence with the numbers."""
+    """A contradiction in the records of one laboratory: name of the check, and a sentence."""
 
     name: str
     sentence: str
@@ -41,7 +41,7 @@ class Flag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Raised:
-    """A flag in the laboratories of a block in which it is raised."""
+    """Result of a check: the laboratories of a block in which a flag is raised, possibly none."""
 
     name: str  # name of the check
     where: Mask  # mask of the laboratories in which it is raised, (laboratory,)
@@ -54,7 +54,7 @@ class Raised:
         return self.where & self.invalidates
 
     def row(self, laboratory: int) -> Flag | None:
-        """Return the flag of one laboratory."""
+        """Return the flag of one laboratory, None if it is not raised there."""
         if not self.where[laboratory]:
             return None
         statement = self.sentence(laboratory)
@@ -63,7 +63,7 @@ class Raised:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Discrepancy:
-    """The difference of two measurements of one thing."""
+    """The difference of two measurements of one quantity in one laboratory."""
 
     name: str  # name of the check
     of: str  # name of the pair within the check
@@ -76,7 +76,7 @@ class Discrepancy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairs:
-    """The differences of two measurements of one thing in a block, arrays (laboratory,)."""
+    """Result of a check: differences of two measurements of one quantity, arrays (laboratory,)."""
 
     name: str
     which: str
@@ -88,16 +88,16 @@ class Pairs:
 
     @property
     def where(self) -> Mask:
-        """True where chance does not explain the difference."""
+        """True where chance does not explain the difference, so that a flag is raised."""
         return self.compared & (self.likely < REMARKED)
 
     @property
     def voids(self) -> Mask:
-        """True where there can be no verdict."""
+        """True where the difference rules out a verdict, (laboratory,)."""
         return self.where & (self.harmful < CONTRADICTS)
 
     def difference(self, laboratory: int) -> Discrepancy | None:
-        """Return the difference in one laboratory, None where there is none."""
+        """Return the difference in one laboratory, None if the laboratory is not compared."""
         if not self.compared[laboratory]:
             return None
         sigmas = float(self.sigmas[laboratory])
@@ -112,7 +112,7 @@ class Pairs:
         )
 
     def row(self, laboratory: int) -> Flag | None:
-        """Return the flag it raises in one laboratory."""
+        """Return the flag of one laboratory, None if it is not raised there."""
         if not self.where[laboratory]:
             return None
         difference = self.difference(laboratory)
@@ -136,14 +136,22 @@ def pairs(
     among: NDArray[Any] | int = 1,
     compared: Mask | None = None,
 ) -> Pairs:
-    """Return pairs whose differences `value`, (laboratory,), should be 0.
+    """Return a comparison of two measurements in each laboratory; their difference should be 0.
 
     Parameters
     ----------
+    name
+        Name of the check.
     statement
-        Gives the sentence of a laboratory, without the size in standard uncertainties.
+        Function that returns the sentence for a laboratory, without the size of the difference.
+    value
+        Difference of the two measurements, (laboratory,), in any unit.
     components
-        Components of the uncertainty of `value`. The combined uncertainty is at least `least`.
+        Components of the uncertainty of `value`.
+    of
+        Name of the comparison within the check.
+    least
+        Lower bound of the standard uncertainty of `value`.
     moves
         Largest shift of the result per unit of `value`, in the result's standard uncertainties.
     among
@@ -172,9 +180,10 @@ def pairs(
 
 
 def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
-    """Return the uncertainty of a `value` that should be 0, and the chance of a larger one.
+    """Return u of values that should be 0, and the chance of an equal or larger absolute value.
 
-    The arrays are (laboratory,). `least` is a lower bound of the standard uncertainty.
+    All arrays are (laboratory,). The chance is two-sided, by a t distribution. `least` is added in
+    quadrature to the uncertainty, so it is a lower bound of u.
     """
     floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
     budget = combine_components(value, components + floor)

@@ -72,7 +72,7 @@ OF_READINGS: Mapping[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """Findings of the checks of a block."""
+    """Results of all checks of a block."""
 
     answers: tuple[tuple[Answer, ...], ...]  # answers of each check, in the order of the test day
     left_out: tuple[str, ...]  # checks of readings that the records do not hold
@@ -110,7 +110,11 @@ class Checked:
 
 
 def check(evidence: Evidence) -> Checked:
-    """Return the findings of all checks in the sessions of a block."""
+    """Return the results of all checks for a block of sessions.
+
+    The result has one entry per check, in the order of the test day. An entry may be empty, and its
+    flags may be raised in no laboratory.
+    """
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     unweighed = REFERENCE_MASS not in evidence.block.records["bench"]
     return Checked(
@@ -125,9 +129,10 @@ def check(evidence: Evidence) -> Checked:
 
 
 def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
-    """Yield a flag for each instrument whose next calibration was due before the test.
+    """Yield a flag for each instrument whose next calibration was due before the day of the test.
 
-    `date` is the date of the test, used if the particulars state none.
+    Nothing is yielded for an instrument without a due date, or if no day is known. The day is that
+    in the particulars, or else `date`; both are in ISO form, such as 2026-05-31.
     """
     day = particulars.test.begun or date
     for name, each in particulars.instruments.items():

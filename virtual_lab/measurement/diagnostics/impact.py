@@ -24,7 +24,11 @@ RATE_ROUNDING = 1e-5  # relative accuracy of the extrapolation of a rate to cont
 
 
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
-    """Count balls that a gate did not see; faultless gates see all, at the wall in and back."""
+    """Yield two flags, raised where gates missed a ball: first at the wall, then at the bat.
+
+    At the wall a ball counts as missed if the gates did not detect it both incoming and returning,
+    at the bat if a gate did not detect it incoming. In a sound block both are raised nowhere.
+    """
     hits = evidence.reduced.preparation.balls.ball[:, 0]
     lost = np.sum(hits < 0, axis=1)
     yield Raised(
@@ -47,7 +51,11 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 
 
 def edges(evidence: Evidence) -> Iterator[Raised]:
-    """Count shots whose edges at the boards deviate from one flight."""
+    """Yield one flag, raised where more than a tenth of the shots do not fit a single flight.
+
+    These are shots whose edges at the boards deviate from one flight by more than the procedure
+    allows. In a sound block the flag is raised nowhere.
+    """
     off = evidence.per_laboratory(evidence.off_flight)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
@@ -61,7 +69,11 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
 
 
 def aim(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the mean of the marks on the aim paper with the aim, along and across the bat."""
+    """Yield two comparisons of the mean mark on the aim paper with the aim [m]: along, then across.
+
+    Along and across refer to the bat. Nothing is yielded without aim paper, or with fewer than
+    `FEWEST_SHOTS` marks per laboratory.
+    """
     marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks):
         return
@@ -100,9 +112,11 @@ def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Yield a flag for each encoder fit (recoil, swing) with a misfit beyond resolution and noise.
+    """Yield one flag per encoder, raised where a fit's misfit is beyond resolution and noise.
 
-    The flag's `where`, (laboratory,), is True if at least one shot has such a misfit.
+    The encoders are that of the recoil and that of the swing. The flag's `where`, (laboratory,), is
+    True if at least one shot has such a misfit, and may be False everywhere. Nothing is yielded for
+    an encoder that the rig does not have.
     """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
@@ -124,10 +138,12 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the rate by the half of a record nearest contact with that by the whole record.
+    """Yield two comparisons per encoder: the rate by half of the record with that by all of it.
 
-    There are two comparisons: the result by halves with the result, and the worst shot alone. Both
-    are in units of the result, which a shot moves by its weight.
+    The half is the one nearest contact. The first comparison is that of the mean result, the second
+    that of each laboratory's worst shot. Both differences are in the unit of the metric: a
+    difference of rates, times the effect of the rate on the result. Nothing is yielded for an
+    encoder that the rig does not have, that keeps no record, or on which no result depends.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)
@@ -234,10 +250,11 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 
 
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
-    """Compare the mean e_A from the bat's recoil with that from the ball's rebound.
+    """Yield one comparison: mean e_A from the bat's recoil minus that from the ball's rebound.
 
-    At least `FEWEST_SHOTS` shots with both values are needed; one is enough if the aim marks give
-    the scatter of the impact position.
+    The mean is over the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS` of
+    them; one is enough if the aim marks give the scatter of the impact position. Nothing is yielded
+    if no laboratory has enough.
     """
     apart = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     both = evidence.reduced.valid & np.isfinite(apart)

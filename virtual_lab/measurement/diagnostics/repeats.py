@@ -20,10 +20,12 @@ from virtual_lab.units import Array, Mask
 
 
 def records_repeated(evidence: Evidence) -> Iterator[Raised]:
-    """Look for shots with identical records of one instrument and different ones of another.
+    """Yield a flag for each channel that holds the same record for two shots.
 
-    The check is skipped if the pendulum's swings repeat to the last digit, because such instruments
-    have no noise that distinguishes two records.
+    Records of an instrument that are identical to the last digit although those of another
+    instrument differ were filed twice. The flag is raised in all laboratories and rules out a
+    verdict. Nothing is yielded without such a repeat, or if the swings of the pendulum repeat to
+    the last digit, because such instruments have no noise that distinguishes two records.
     """
     pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():

@@ -41,15 +41,14 @@ def shortfalls(
     valid: Mask,
     metric: Array,
 ) -> Shortfalls:
-    """Return mean and rms of the shortfall of the position that each scan chose, (laboratory,).
+    """Return the expected shortfall of the position that each scan chose: mean and rms.
 
-    The shortfall is the amount by which an adjacent position is truly better, in the unit of
-    the metric. The true difference is assumed to be normally distributed. Its mean is the
-    difference of the mean hits, and its standard deviation follows from the scatter of the hits
-    at each position. Negative differences count as 0. The two adjacent positions are added.
-
-    The shortfall is 0 if no position was chosen, if the hits do not scatter, or if the result
-    is not a mean at one position. The parameters are those of `outcomes_of`.
+    The arrays are (laboratory,), in the unit of the metric. The shortfall is the amount by which a
+    position next to the chosen one is truly better. The true difference is assumed to be normally
+    distributed. Its mean is the difference of the mean hits, and its standard deviation follows
+    from the scatter of the hits at each position. Negative differences count as 0. The two adjacent
+    positions are added. The shortfall is 0 if no position was chosen, if the hits do not scatter,
+    or if the result is not a mean at one position. The parameters are those of `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:
@@ -64,8 +63,8 @@ def shortfalls(
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     """Return the budgets of a block with the mean shortfalls added to their values.
 
-    The u of the shortfalls becomes the component `CHOICE`. Without shortfalls the budgets are
-    returned as they are.
+    The u of the shortfalls becomes the component `CHOICE` of each budget. If no laboratory has a
+    shortfall the budgets are returned unchanged.
     """
     if not (lost.rms > 0).any():
         return metric
@@ -78,7 +77,9 @@ def variances_within(
 ) -> Array:
     """Return the pooled variance of the hits about the mean of their position, (laboratory,).
 
-    `owner` is the laboratory of each hit. The variance is NaN if no position has several hits.
+    Its unit is the square of the metric's. `owner` is the laboratory of each hit, `place` its
+    position [m] and `metric` its value, all (hit,). The variance is NaN if no position of a
+    laboratory has two hits.
     """
     of, back = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
     many = np.bincount(back)

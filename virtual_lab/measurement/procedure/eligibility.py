@@ -25,19 +25,25 @@ class Finding:
 
 
 class BatRule(NamedTuple):
-    """A rule for bats, and which of a block meet it."""
+    """A rule for bats, with the bats of a block that meet it."""
 
     met: Mask  # (laboratory,)
     sentence: Callable[[int], str]  # sentence for a laboratory
 
 
 def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
-    """Return the findings of the eligibility rules for one measured bat."""
+    """Return one finding per eligibility rule of the procedure, met or not, for one measured bat.
+
+    The tuple is empty if the procedure states no such rules.
+    """
     return tuple(Finding(rule.sentence(0), bool(rule.met[0])) for rule in bat_rules(procedure, bat))
 
 
 def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
-    """Yield the eligibility rules, each with the bats that meet it."""
+    """Yield each eligibility rule of the procedure with the bats that meet it, (laboratory,).
+
+    Rules that all bats meet are yielded too. Nothing is yielded if the procedure states no rules.
+    """
     rules = procedure.eligibility
     if rules is None:
         return

@@ -54,9 +54,10 @@ def judge(
     percussion: float,
     turn_rate: float,
 ) -> Judgement:
-    """Accept or reject each shot by the windows.
+    """Return the reason of rejection of each shot, empty for a valid hit, as a `Judgement`.
 
-    `percussion` is the place [m] and `turn_rate` the angular speed [rad/s] that the procedure
+    Only the first violated window is named. `percussion` is the distance of the centre of
+    percussion from the barrel tip [m], and `turn_rate` the angular speed [rad/s] that the procedure
     requires for the measured bat.
     """
     criteria = _criteria(procedure, results, readings, percussion, turn_rate)
@@ -79,7 +80,7 @@ def accept_hits(
 
     `percussion` is the distance of the centre of percussion from the barrel tip [m], `turn_rate`
     the angular speed that the procedure requires of a swung bat [rad/s]. Both broadcast over the
-    shots.
+    shots. A shot with a needed value of NaN, such as a missed ball, is not accepted.
     """
     valid = np.ones(np.shape(results.speed), dtype=bool)
     for met, _, _ in _criteria(procedure, results, readings, percussion, turn_rate):
@@ -175,7 +176,10 @@ def _place(
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
-    """Return the larger rms distance of edges from the flights in and back, (..., shot) [m]."""
+    """Return the larger rms distance of the edges from one flight, in or back [m], (..., shot).
+
+    A direction without a known misfit counts as 0.
+    """
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds
     return np.asarray(np.where(np.isfinite(misfit), misfit, 0.0).max(axis=-1))

@@ -14,16 +14,16 @@ from virtual_lab.units import MPH, OUNCE, Array, Mask
 
 @dataclass(frozen=True, slots=True)
 class SetAside:
-    """A ball that is not used, and why."""
+    """A ball outside the windows of mass and e0: its number from 0, and the reason."""
 
     ball: int
     reason: str
 
 
 def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
-    """Return a mask of the balls that define the lot, (..., ball).
+    """Return a mask of the balls that define the lot, (..., ball): those with fit mass and e0.
 
-    If none is admissible, all define it, and every shot is then rejected.
+    If no ball of a lot is within the windows, all balls define it, and every shot is then rejected.
     """
     light, e0 = _misfits(procedure, balls)
     fit = ~(light | e0)
@@ -31,9 +31,10 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
 
 
 def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
-    """Return the balls of a lot, (ball,), outside the windows of mass and e0.
+    """Return the balls of one lot that are outside the windows of mass or e0, each with its reason.
 
-    e0 is that at the procedure's speed for it.
+    The tuple is empty if all balls fit. `balls` has arrays (ball,). The e0 is that at the speed to
+    which the procedure's window refers. A ball that violates both windows is named for its mass.
     """
     windows = procedure.windows
     of_mass, of_e0 = _misfits(procedure, balls)

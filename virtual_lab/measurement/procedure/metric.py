@@ -47,7 +47,10 @@ class Curve:
 def metric_of(
     procedure: Procedure, *, control: Array | float = 1.0
 ) -> Callable[[Curve, BatProperties], Array]:
-    """Return the procedure's metric as a function of a curve and the bat's properties.
+    """Return a function that computes the procedure's metric along a curve, given the bat.
+
+    The function returns an array in the shape of the curve's, in the metric's SI unit: a number
+    without unit, or m/s for v_f.
 
     Parameters
     ----------
@@ -75,7 +78,7 @@ def metric_of(
 
 @dataclass(frozen=True, slots=True)
 class Objective(AlignedArrays):
-    """The quantity that a scan maximises, and its derivative with respect to the metric."""
+    """The quantity that a scan maximises, and its derivative by the metric, arrays (..., shot)."""
 
     value: Array
     gain: Array
@@ -86,7 +89,11 @@ class Objective(AlignedArrays):
 def objective_of(
     procedure: Procedure, metric: Array, place: Array, bat: BatProperties
 ) -> Objective:
-    """Return the quantity that the scan maximises, for each shot, (..., shot); `place` [m]."""
+    """Return the quantity that the scan maximises, for each shot, (..., shot).
+
+    It is the metric itself, also if the procedure has no scan, or v_f [m/s] at the test's own
+    speeds; the metric is then BESR. `place` is the impact position from the barrel tip [m].
+    """
     if procedure.scan is None or procedure.scan.seeks == "metric":
         return Objective(metric, np.ones_like(metric))
     pitch, bat_speed = field_speeds(procedure, place, bat)
@@ -95,7 +102,11 @@ def objective_of(
 
 
 def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
-    """Return the speeds of pitch and bat [m/s] in Eq. (3), by default those of the test."""
+    """Return the speeds of pitch and bat in Eq. (3) [m/s]: a number, and an array like `place`.
+
+    `place` is the impact position from the barrel tip [m]. The speeds are those of the procedure's
+    game, or those of the test if it states none.
+    """
     game = procedure.game
     if game is None:
         lever = bat.length - procedure.pivot_from_knob - place

@@ -77,7 +77,10 @@ def outcomes_of(
     metric: Array,
     objective: Objective,
 ) -> HitWeights:
-    """Return the weights of the hits of a block.
+    """Return the weights of the hits and the impact position of the result, for each laboratory.
+
+    A laboratory without a result has NaN as weights and position, and a reason. An incomplete test
+    can have a result and nevertheless a reason, which makes it INVALID.
 
     Parameters
     ----------
@@ -242,9 +245,11 @@ def _turns(cubics: Array) -> Array:
 
 
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
-    """Return the curve of the metric over the impact position [m] that gives a scan's result.
+    """Return the polynomial of the metric over the impact position that gives a scan's result.
 
-    `used` is the mask of the shots in the result, (shot,). Return None if the result is a mean.
+    The position is the distance from the barrel tip [m]. `place` and `metric` are those of the
+    shots of one laboratory, and `used` is the mask of the shots in the result, all (shot,). Return
+    None if the result is not the maximum of a curve, or with fewer than two shots.
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None
@@ -261,10 +266,11 @@ class Reason(NamedTuple):
 
 
 def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Iterator[Reason]:
-    """Yield a reason to fail for each rule of the procedure.
+    """Yield a reason for FAIL for each rule of the procedure, with the laboratories that break it.
 
-    `bat` are the measured bats. `value` is the metric, (laboratory,), NaN if unknown; a value equal
-    to the limit meets the rule.
+    The rules are those for bats and the limit of the metric. A rule that no laboratory breaks is
+    yielded too, with a mask that is False everywhere. `bat` are the measured bats. `value` is the
+    metric, (laboratory,), NaN if unknown; NaN and a value equal to the limit do not break it.
     """
     for rule in bat_rules(procedure, bat):
         yield Reason(Verdict.FAIL, ~rule.met, rule.sentence)
@@ -283,7 +289,11 @@ def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Itera
 def verdicts_of(
     procedure: Procedure, reasons: Iterable[Reason], laboratories: int
 ) -> tuple[Verdict, ...]:
-    """Return the verdicts: INVALID or FAIL where there is a reason, INVALID before FAIL."""
+    """Return the verdict of each laboratory from the reasons against it.
+
+    INVALID takes precedence over FAIL. Without a reason the verdict is PASS, or MEASURED if the
+    procedure states no limit.
+    """
     sound = Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
     verdicts = np.full(laboratories, sound, dtype=object)
     for reason in sorted(reasons, key=lambda each: each.verdict is Verdict.INVALID):
@@ -292,7 +302,10 @@ def verdicts_of(
 
 
 def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -> tuple[str, ...]:
-    """Return the sentences on one laboratory that lead to its verdict."""
+    """Return the sentences of the reasons for one laboratory's verdict.
+
+    The tuple is empty for PASS and MEASURED.
+    """
     return tuple(
         each.sentence(laboratory)
         for each in reasons

@@ -23,7 +23,7 @@ from virtual_lab.units import Array, Mask
 
 
 class Span(NamedTuple):
-    """An interval around a maximum, and whether its ends are only the ends of the data."""
+    """An interval around a maximum, with marks for ends that are only the ends of the data."""
 
     low: float
     high: float
@@ -55,16 +55,18 @@ class Width:
 
 
 def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
-    """Return the width from the hits.
+    """Return the length of barrel on which the metric stays near its maximum [m], for one bat.
 
-    Return None if the procedure requires no width, or there are too few positions for the curve.
+    The allowed drop is the procedure's `width_drop`. Return None if the procedure states none, or
+    if the valid hits have fewer than seven different positions. If the curve does not drop so far
+    within the data, the width is a lower limit without u.
 
     Parameters
     ----------
     procedure
         Its scan.
     place, valid, metric
-        Of the shots, (shot,).
+        Impact position from the barrel tip [m], mask of the valid hits, and metric, (shot,).
     """
     if procedure.scan is None or procedure.scan.width_drop is None:
         return None

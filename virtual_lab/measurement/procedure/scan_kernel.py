@@ -38,22 +38,23 @@ class ScanRules(NamedTuple):
 
 @njit(cache=True)
 def most_asked(rules: ScanRules) -> int:
-    """Return the largest number of shots per round."""
+    """Return an upper limit for the number of shots that a scan requests in one round."""
     places = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
     return places * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
 
 
 @njit(cache=True)
 def is_at(place: float, at: float, reach: float) -> bool:
-    """Return whether a shot at `place` belongs to the position `at`."""
+    """Return whether a shot at `place` is less than `reach` away from the position `at` [m]."""
     return bool(abs(place - at) < reach + LEAST)
 
 
 @njit(cache=True)
 def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
-    """Fill in whether each hit counts for the scan: the first `valid_hits` valid ones per position.
+    """Fill `counted` with a mask of the hits of a scan: the first valid hits at each position.
 
-    Every value of `counted`, (shot,), is overwritten.
+    At most `rules.valid_hits` per position count. All arrays are (shot,), those of one laboratory
+    in the order fired, and every value of `counted` is overwritten.
     """
     for shot in range(place.size):
         counted[shot] = False
@@ -69,7 +70,11 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
 def mean_at(
     at: float, most: int, place: Array, valid: Mask, objective: Array, reach: float
 ) -> tuple[int, float]:
-    """Return the number of the first valid hits at `at`, up to `most`, and the mean objective."""
+    """Return the number of valid hits at a position, and the mean objective of these hits.
+
+    Only the first `most` valid hits less than `reach` [m] from `at` [m] count. The mean is 0 if
+    there are none. The arrays are (shot,).
+    """
     many, total = 0, 0.0
     for shot in range(place.size):
         if many < most and valid[shot] and is_at(place[shot], at, reach):
@@ -82,7 +87,11 @@ def mean_at(
 def best_of(
     among: Array, most: int, place: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
-    """Return the index of the position in `among` with the largest mean of its first hits."""
+    """Return the index of the position in `among` with the largest mean objective of its hits.
+
+    Only the first `most` valid hits per position count; a position without hits has the mean 0. The
+    index is 0 if `among` is empty.
+    """
     best, top = 0, -np.inf
     for k in range(among.size):
         _, mean = mean_at(among[k], most, place, valid, objective, rules.reach)
@@ -95,10 +104,10 @@ def best_of(
 def fresh_hits(
     best: float, place: Array, valid: Mask, rules: ScanRules, fresh: NDArray[np.int64]
 ) -> int:
-    """Fill `fresh` with the indices of the valid final hits at `best`. Return their number.
+    """Fill `fresh` with the indices of the valid final hits at `best` [m]. Return their number.
 
-    They follow the hits of the scan. If the procedure requires consecutive hits, an invalid shot at
-    the position restarts them.
+    Final hits are those that follow the `rules.valid_hits` hits of the scan at this position. If
+    the procedure requires consecutive hits, an invalid shot at the position restarts them.
     """
     many, of_scan = 0, 0
     for shot in range(place.size):
@@ -116,7 +125,11 @@ def fresh_hits(
 
 @njit(cache=True)
 def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
-    """Fill `out` with the positions of the next shots. Return their number, 0 if complete."""
+    """Fill `out` with the positions of the next shots [m]. Return their number.
+
+    The number is 0 if the scan of this laboratory is complete. Values of `out` beyond the number
+    are not overwritten; it needs room for `most_asked` shots.
+    """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
     lacking = _lacking(coarse, rules.coarse_hits, place, valid, rules.reach, out)
@@ -165,8 +178,8 @@ def next_hits_of_block(
     """Fill in the number of next shots of each laboratory of a block, and their positions [m].
 
     `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
-    (laboratory, attempts), and stays as it is beyond the number. `starts`, (laboratory + 1,), are
-    the limits of each laboratory's shots in `place`, `valid` and `objective`.
+    (laboratory, attempts), and is not overwritten beyond the number. `starts`, (laboratory + 1,),
+    are the limits of each laboratory's shots in `place`, `valid` and `objective`.
     """
     room = np.empty(most_asked(rules))
     for one in range(number.size):
@@ -179,7 +192,7 @@ def next_hits_of_block(
 
 
 class Scanned(NamedTuple):
-    """Results of the scans of a block, arrays (laboratory,) to be filled."""
+    """Results of the scans of a block, arrays (laboratory,) that `scans_of_block` fills."""
 
     complete: NDArray[np.int64]  # number of positions with all their hits
     best: Array  # best of these positions [m]
@@ -200,7 +213,10 @@ def scans_of_block(
 ) -> None:
     """Fill in the results of the scans of a block, and the mask of the hits in them, (shot,).
 
-    These hits are the last final hits at the best position, or the hits of the scan around it.
+    These hits are the last final hits at the best position, or, if the procedure has no final hits,
+    those of the scan within `rules.fit_half_width` of it. `starts`, (laboratory + 1,), are the
+    limits of each laboratory's shots. A laboratory without a complete position has NaN as its best
+    position and no hits.
     """
     for one in range(scans.best.size):
         rows = slice(starts[one], starts[one + 1])
@@ -236,7 +252,12 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill in mean and mean square of the shortfall of the position chosen by each scan."""
+    """Fill in mean and mean square of the shortfall of the position that each scan chose.
+
+    `mean`, in the unit of the metric, and `square`, in its square, are (laboratory,); both are 0
+    without a complete position or without scatter, see `choice.shortfalls`. `starts`, (laboratory +
+    1,), are the limits of each laboratory's shots.
+    """
     for one in range(mean.size):
         rows = slice(starts[one], starts[one + 1])
         at, good, read = place[rows], valid[rows], metric[rows]

@@ -21,16 +21,20 @@ if TYPE_CHECKING:
 
 
 def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
-    """Return the centre of percussion (Eq. 11) of the bat as measured [m].
+    """Return the distance of the centre of percussion from the barrel tip [m]. Eq. (11).
 
-    `bat` holds the measured mass, length, z_cm and inertia_cm [SI].
+    `bat` holds the measured `mass`, `length`, `z_cm` and `inertia_cm` [SI], and `pivot_from_knob`
+    is the distance of the pivot from the knob [m].
     """
     axis = bat["length"] - pivot_from_knob
     return float(centre_of_percussion(bat["z_cm"], bat["inertia_cm"], bat["mass"], axis))
 
 
 def to_set(places: Array, *, exact: bool) -> Array:
-    """Return positions as an operator can set them [m], in half millimetres unless `exact`."""
+    """Return positions as an operator can set them [m]: whole half millimetres.
+
+    With `exact` they are returned unchanged. The shape is that of `places`.
+    """
     return places if exact else np.round(places / SETTING_STEP) * SETTING_STEP
 
 
@@ -80,16 +84,17 @@ def next_shots(
 def in_turn_of(
     owner: NDArray[np.intp], laboratories: int
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """Return the indices of shots sorted by laboratory, (shot,), and the bounds of laboratories.
+    """Return the indices of the shots sorted by laboratory, and the limits of each laboratory.
 
-    Laboratory i has the sorted shots from bound i to bound i + 1; shape (laboratory + 1,).
+    The indices are (shot,), and shots of one laboratory keep their order. Laboratory i has the
+    sorted shots from limit i to limit i + 1; the limits are (laboratory + 1,).
     """
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
 
 
 def scan_rules(procedure: Procedure, scan: Scan) -> ScanRules:
-    """Return the rules of a scan for the compiled functions."""
+    """Return the rules of a scan [SI] as the named tuple that the compiled functions take."""
     from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
     return ScanRules(

@@ -25,7 +25,8 @@ ALLOWED = {  # ranges of the readings in which the formula is accurate enough [S
 def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateReadings | None:
     """Return the climate readings of the hall, or of the balls' store (`channel` "store").
 
-    Return None without such a record. Raises `InputError` for a reading outside the ranges
+    The readings are those of all laboratories in a row, (reading,). Return None without such a
+    record. Raises `InputError` for another kind of record, and for a reading outside the ranges
     `ALLOWED`, in which the formula of the air density holds.
     """
     record = block.records.get("bench", {}).get(channel)
@@ -43,10 +44,10 @@ def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateRe
 
 
 def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Array, Array]]:
-    """Return temperature [K], relative humidity and pressure [Pa], corrected, each with its u.
+    """Return corrected readings by name, each as a pair of values and standard uncertainties.
 
-    The values have the shape (laboratory, reading), and their u, common to the readings,
-    (laboratory, 1).
+    The names are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. The
+    values are (laboratory, reading); their u is common to the readings, (laboratory, 1).
     """
     values = {}
     for name in ALLOWED:
@@ -61,10 +62,10 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
 
 
 def measured_density(block: SessionBlock) -> Estimates | None:
-    """Return the mean density of the air in a test [kg/m³], None without readings of the climate.
+    """Return the mean density of the air during each test [kg/m³], with u, (laboratory,).
 
-    Its u contains that of the instruments, that of the formula, and the change between the
-    readings as a uniform distribution (GUM 4.3.7).
+    Return None without readings of the climate. The u contains that of the instruments, that of the
+    formula, and the change between the readings as a uniform distribution (GUM 4.3.7).
     """
     record = climate_readings(block)
     if record is None:

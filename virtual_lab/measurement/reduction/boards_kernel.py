@@ -16,7 +16,10 @@ FAST = {"reassoc", "contract", "nsz"}
 
 @njit(cache=True, error_model="numpy")
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
-    """Fill in the passages, the u of their heights, and their misfit, NaN if not detected.
+    """Fill in the passages, the u of their heights, and the misfit of the edges.
+
+    The results of a board that fewer than four beams detected are NaN, and so is a misfit without
+    any such board.
 
     Parameters
     ----------

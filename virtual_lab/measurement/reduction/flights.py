@@ -89,7 +89,7 @@ class FlightReadings(Protocol):
 
     @property
     def shows_height(self) -> bool:
-        """Whether `correct` gives the height at which each ball met the target."""
+        """Whether `correct` returns the height at which each ball met the target."""
         ...
 
     def correct(self, x: Constants, drag: Array) -> Flights:
@@ -114,9 +114,11 @@ class FlightReadings(Protocol):
 
 
 def number_shots(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
-    """Return the indices of the used shots of each laboratory, (laboratory, hit), in order.
+    """Return the indices of the used shots of each laboratory in order, (laboratory, hit).
 
-    Rows of laboratories with fewer shots are filled with -1.
+    The second axis has the length of the laboratory with most used shots, and at least 1. Rows of
+    laboratories with fewer are filled with -1. `owner`, the laboratory of each shot, and the mask
+    `used` are (shot,).
     """
     shots = np.flatnonzero(used)
     shots = shots[np.argsort(owner[shots], kind="stable")]

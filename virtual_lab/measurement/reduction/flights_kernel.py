@@ -26,16 +26,18 @@ def fit_speeds(
 ) -> None:
     """Fill `out` with the speeds at the target, in and out, (direction, row, shot) [m/s].
 
-    A row is a set of constants.
+    Speeds are positive in both directions, and NaN if fewer than two gates detected the ball. A row
+    is a set of constants.
 
     Parameters
     ----------
     times
         Times of the passages, (batch, direction, gate, shot) [s], NaN if not detected.
     batch
-        Batch of times of each row, (row,).
+        Index into the first axis of `times` for each row, (row,).
     distances, clock
-        Distances of the gates, (row, gate) [m], and rate of the clock, (row,).
+        Distances of the gates from the target, (row, gate) [m], and rate of the clock, recorded
+        over true time, (row,).
     drag
         Drag rate κ, (row, shot) [1/m].
     """
@@ -63,9 +65,11 @@ def fit_heights(
 ) -> None:
     """Fill `out` with the height at the target [m] and the slopes in and out, (3, row, shot).
 
-    Without gravity the heights are those of a straight line. `speeds` come from `fit_speeds`,
-    `zeros` are the zero heights of the gates, (row, gate) [m], and `gravity` is (row,) [m/s²]. The
-    other arguments are those of `fit_speeds`.
+    The height is that of the incoming ball. The slopes are heights per metre of distance from the
+    target, without the effect of gravity. A result is NaN if fewer than two gates detected the
+    ball. `heights` are (batch, direction, gate, shot) [m]. `speeds` come from `fit_speeds`, `zeros`
+    are the zero heights of the gates, (row, gate) [m], and `gravity` is (row,) [m/s²]. The other
+    arguments are those of `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
     reach, level, places = np.empty((3, gates, shots))

@@ -54,7 +54,10 @@ class Passages(AlignedArrays):
 def passages(
     record: GateRecord | BoardRecord | PassageRecord, *, lowest: float = 0.0, pitch: float = 1.0
 ) -> Passages:
-    """Return the passages a record holds.
+    """Return times [s] and heights [m] at which the balls of a record passed the gates or boards.
+
+    The arrays are (shot, direction, gate), with NaN for a passage that was not detected. Heights
+    are NaN for gates, which do not measure them.
 
     Parameters
     ----------
@@ -105,9 +108,11 @@ class GateReadings:
         calibration: Mapping[str, Estimate],
         stage: str,
     ) -> Self:
-        """Return the readings of a stage's gates. `InputError` where the calibration does not fit.
+        """Return the readings of the gates or boards of a stage ("balls" or "impact").
 
-        Raises `KeyError` for a constant that the calibration lacks.
+        Raises `InputError` if the number of gates differs from that in the calibration, or if the
+        gates are not in the order of decreasing distance, and `KeyError` for a constant that the
+        calibration lacks.
         """
         of_boards = (
             {name: calibration[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}
@@ -185,7 +190,7 @@ class GateReadings:
     def correct(self, x: Constants, drag: Array) -> Flights:
         """Return the flights by least squares over the gates, see `FlightReadings`.
 
-        `x` holds the distances of the gates, their heights where they measure them, the clock.
+        `x` holds the distances of the gates, the rate of their clock, and the heights of boards.
         """
         return flights(x, self.stage, self.passages, drag)
 
@@ -194,7 +199,7 @@ class GateReadings:
         return x[f"{self.stage}.gates.clock"]
 
     def part(self, chosen: Shots) -> Self:
-        """Return some of the shots."""
+        """Return the readings of the `chosen` shots."""
         return replace(self, passages=self.passages.select(chosen))
 
 
@@ -203,20 +208,25 @@ def _distance(stage: str, gate: int) -> str:
 
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
-    """Return the number of gates in a stage's calibration."""
+    """Return the number of gates in a stage's calibration, 0 if it has none."""
     return next(gate for gate in count() if f"{stage}.gates.distance_{gate}" not in x)
 
 
 def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flights:
-    """Return the flights of a stage's balls.
+    """Return the flights of a stage's balls: speeds [m/s], height [m] and slopes at the target.
+
+    The arrays are (..., shot). Speeds are NaN if fewer than two gates detected the ball, and height
+    and slopes also if the gates do not measure heights.
 
     Parameters
     ----------
     x
-        Constants, numbers or columns (..., 1): distances of the gates, their heights where they
-        measure them, the clock.
+        Constants, numbers or columns (..., 1): distances of the gates, the rate of their clock, and
+        the heights of boards with the acceleration of gravity.
+    stage
+        First part of the constants' names, "balls" or "impact".
     passages
-        Passages, (..., shot, way, gate).
+        Passages, (..., shot, direction, gate).
     drag
         κ of each ball, (..., shot) [1/m].
     """
@@ -257,10 +267,11 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
 
 
 def heights_moved(readings: GateReadings) -> FlightModel:
-    """Return the flights of one set of constants, (3, shot), with heights shifted by their u.
+    """Return a function that computes flights with heights shifted by one standard uncertainty.
 
-    Each row shifts one of three quantities with independent errors: the height midway between the
-    gates on the way in, the slope in, the slope out.
+    The function takes one set of constants and the drag rate of the balls [1/m], and returns arrays
+    (3, shot). Each row shifts one of three quantities with independent errors: the height midway
+    between the gates on the way in, the slope in, the slope out. The speeds are not shifted.
     """
     stage, passages = readings.stage, readings.passages
 

@@ -38,7 +38,7 @@ DETAILS = (
 
 
 class EnergyFractions(NamedTuple):
-    """Shares of the collision energy (bat rest frame); the three add to 1."""
+    """Shares of the collision energy after the collision, bat initially at rest. Their sum is 1."""
 
     ball: Floats
     bat: Floats
@@ -46,78 +46,99 @@ class EnergyFractions(NamedTuple):
 
 
 def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
-    """Return e_A from ball, bat and batted-ball speeds [m/s] at the impact. Eq. (2)."""
+    """Return e_A = (v_f - v_bat) / (v_ball + v_bat), a number without unit. Eq. (2).
+
+    The speeds [m/s] are those at the impact: the ball toward the bat, the bat toward the ball, and
+    the batted ball away from the bat, each positive. The arguments broadcast, and NaN gives NaN.
+    """
     return (v_f - v_bat) / (v_ball + v_bat)
 
 
 def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
-    """Return the batted-ball speed [m/s]. Eq. (3)."""
+    """Return the batted-ball speed e_A v_ball + (1 + e_A) v_bat [m/s]. Eq. (3)."""
     return e_A * v_ball + (1 + e_A) * v_bat
 
 
 def besr(e_A: Floats) -> Floats:
-    """Return the ball exit speed ratio, which is e_A + 1/2. Eq. (4)."""
+    """Return the ball exit speed ratio e_A + 1/2, a number without unit. Eq. (4)."""
     return e_A + 0.5
 
 
 def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
-    """Return the bat performance factor e / e0. Eq. (5)."""
+    """Return the bat performance factor e / e0, a number without unit. Eq. (5)."""
     return e / e0
 
 
 def restitution_from_efficiency(e_A: Floats, r: Floats) -> Floats:
-    """Return e from collision efficiency and recoil factor. Eq. (6)."""
+    """Return e = e_A (1 + r) + r, without unit, from e_A and recoil factor. Eq. (6)."""
     return e_A * (1 + r) + r
 
 
 def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
-    """Return e_A from restitution and recoil factor. Eq. (6)."""
+    """Return e_A = (e - r) / (1 + r), without unit, from e and recoil factor. Eq. (6)."""
     return (e - r) / (1 + r)
 
 
 def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
-    """Return r from the mass of the ball and 1/M_eff of the bat. Eq. (7)."""
+    """Return r, without unit: mass of the ball [kg] times 1/M_eff of the bat [1/kg]. Eq. (7)."""
     return m * inverse_M_eff
 
 
 def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
-    """Return 1/M_eff [1/kg] of a free bat struck `d` [m] from its centre of mass. Eq. (8)."""
+    """Return 1/M_eff = 1/M + d²/I_cm [1/kg] of a free bat. Eq. (8).
+
+    `d` is the distance of the impact from the centre of mass [m], `M` the mass of the bat [kg], and
+    `I_cm` its moment of inertia about the centre of mass [kg m²].
+    """
     return 1 / M + d**2 / I_cm
 
 
 def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
-    """Return 1/M_eff [1/kg] of a pivoted bat struck at a distance `b` [m] from it. Eq. (9)."""
+    """Return 1/M_eff = b²/I_p [1/kg] of a pivoted bat. Eq. (9).
+
+    `b` is the distance of the impact from the pivot [m], and `I_p` the moment of inertia about the
+    pivot [kg m²].
+    """
     return b**2 / I_p
 
 
 def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
-    """Return r of a free bat struck `d` [m] from its centre of mass. Eqs. (7), (8)."""
+    """Return the recoil factor r of a free bat, without unit. Eqs. (7), (8).
+
+    `m` and `M` are the masses of ball and bat [kg], `I_cm` is the bat's moment of inertia about its
+    centre of mass [kg m²], and `d` the distance of the impact from there [m].
+    """
     return recoil_factor(m, inverse_mass_free(M, I_cm, d))
 
 
 def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
-    """Return r of a pivoted bat struck at a distance `b` [m] from the pivot. Eqs. (7), (9)."""
+    """Return the recoil factor r of a pivoted bat, without unit. Eqs. (7), (9).
+
+    `m` is the mass of the ball [kg], `I_p` the bat's moment of inertia about the pivot [kg m²], and
+    `b` the distance of the impact from the pivot [m].
+    """
     return recoil_factor(m, inverse_mass_pivoted(I_p, b))
 
 
 def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
-    """Return the moment of inertia [kg m^2] about an axis `d` [m] from the centre of mass."""
+    """Return the inertia I_cm + M d² [kg m²] about an axis `d` [m] from the centre of mass."""
     return I_cm + M * d**2
 
 
 def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
-    """Return the position [m] at which an impact exerts no force on a pivot at `z_pivot` [m].
+    """Return the position at which an impact exerts no force on a pivot at `z_pivot` [m]. Eq. (11).
 
-    Eq. (11). It tends to infinity as the pivot approaches the centre of mass.
+    All positions are distances from the barrel tip; `I_cm` [kg m²] and `M` [kg] are those of the
+    bat. The position tends to infinity as the pivot approaches the centre of mass.
     """
     return z_cm - I_cm / (M * (z_pivot - z_cm))
 
 
 def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
-    """Return the shares of ball, rigid bat and losses in the collision energy. Eqs. (10).
+    """Return the shares of ball, rigid bat and losses in the energy after a collision. Eqs. (10).
 
-    It is the kinetic energy of the ball before the collision, where the bat is at rest. The
-    three shares are those after the collision and add to 1.
+    The energy is the kinetic energy of the ball before the collision, with the bat at rest. The
+    shares have no unit, and their sum is 1.
     """
     return EnergyFractions(
         ball=((e - r) / (1 + r)) ** 2,
@@ -127,59 +148,74 @@ def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
 
 
 def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
-    """Return the change of batted-ball speed [m/s] for a change of e. Eq. (12)."""
+    """Return the change of the batted-ball speed [m/s] for a change `gain_e` of e. Eq. (12).
+
+    `v_rel` is the relative speed of ball and bat [m/s], and `r` the recoil factor.
+    """
     return v_rel * gain_e / (1 + r)
 
 
 def rebound_speed_from_recoil(
     I_p: Floats, omega: Floats, m: Floats, b: Floats, v_ball: Floats
 ) -> Floats:
-    """Return the rebound speed [m/s] of a ball from the recoil rate `omega` of a bat at rest.
+    """Return the rebound speed [m/s] of a ball from the recoil rate of a pivoted bat at rest.
 
-    Angular momentum about the pivot: ``I_p omega = m b (v_ball + v_f)``.
+    Angular momentum about the pivot: ``I_p omega = m b (v_ball + v_f)``. `I_p` is the bat's moment
+    of inertia about the pivot [kg m²], `omega` its angular rate after contact [rad/s], `m` the mass
+    of the ball [kg], `b` the distance of the impact from the pivot [m], and `v_ball` the incoming
+    speed [m/s].
     """
     return I_p * omega / (m * b) - v_ball
 
 
 def struck_place(aimed: Floats, aim: Floats, along: Floats) -> Floats:
-    """Return the position [m] at which a ball met the bat, from the tip.
+    """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    `aim` is the distance of the line of fire from its nominal line along the bat [m], and `along`
-    the recorded deviation of the ball from the line of fire [m].
+    It is `aimed` + `aim` - `along`: the aimed position, the distance of the line of fire from its
+    nominal line along the bat, and the part of it that `aimed` already contains, all in metres.
     """
     return aimed + aim - along
 
 
 def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
-    """Return the speed [m/s] at right angles to a bat that is not square to the line of fire.
+    """Return the rebound speed of a ball at right angles to a bat that is not square to it [m/s].
 
     A smooth ball keeps its velocity along the bat and rebounds at right angles to it. `v_in` and
-    `v_out` are the speeds along the line of fire.
+    `v_out` are the speeds along the line of fire [m/s], and `cosine` is that of the bat's angle
+    from square to this line.
     """
     return (v_out + v_in * (1 - cosine**2)) / cosine
 
 
 def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
-    """Return e_A of a head-on hit from that of a hit off the bat's axis, which is always lower."""
+    """Return e_A of a head-on hit from e_A of a hit off the bat's axis, which is always lower.
+
+    `sine_square` is sin² of the contact angle. All numbers are without unit.
+    """
     return (e_A + sine_square) / (1 - sine_square)
 
 
 def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) -> Floats:
-    """Return e_A at the aimed position from e_A at a distance `off` [m] from it."""
+    """Return e_A at the aimed position from e_A at a distance `off` from it toward the knob [m].
+
+    `slope` is that of e_A along the barrel [1/m], and `error` a further error of e_A, which is
+    subtracted.
+    """
     return e_A - (slope * off + error)
 
 
 def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
-    """Return e0 of a ball at a speed that is `faster` [m/s] than the one to which `e0` refers."""
+    """Return e0 of a ball at a speed `faster` [m/s] above that of `e0`; `slope` is in s/m."""
     return e0 + slope * faster
 
 
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
     """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
-    An elastic shell and a lossy ball share the energy in the ratio R = shell/ball of their
-    stiffnesses: ``e^2 = (e0^2 R + 1)/(R + 1)``, so R follows from e and e0. If e is not above e0
-    the shell has no measurable elasticity, and e is in proportion to e0 as for a rigid shell.
+    All are numbers without unit, and NaN gives NaN. An elastic shell and a lossy ball share the
+    energy in the ratio R = shell/ball of their stiffnesses: ``e^2 = (e0^2 R + 1)/(R + 1)``, so R
+    follows from e and e0. If e is not above e0 the shell has no measurable elasticity, and e is in
+    proportion to e0 as for a rigid shell.
     """
     e, e0 = np.asarray(e), np.asarray(e0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -191,7 +227,12 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
 def inverse_effective_mass(
     free: bool, M: Floats, I_cm: Floats, z_cm: Floats, axis: Floats, z: Floats
 ) -> Floats:
-    """Return 1/M_eff [1/kg] of a bat struck at `z` [m], free or on its axis. Eqs. (8), (9)."""
+    """Return 1/M_eff [1/kg] of a bat, free or pivoted at `axis`. Eqs. (8), (9).
+
+    `z_cm`, `axis` and `z` are the distances of centre of mass, pivot and impact from the barrel tip
+    [m], `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the centre of mass
+    [kg m²]. For a free bat `axis` has no effect.
+    """
     if free:
         return inverse_mass_free(M, I_cm, z - z_cm)
     return inverse_mass_pivoted(parallel_axis(I_cm, M, axis - z_cm), axis - z)
@@ -200,7 +241,9 @@ def inverse_effective_mass(
 def reduce_shot(
     settings: Any, constants: Any, ball: Any, shot: Any
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    """Return the `RESULTS` and the `DETAILS` of a shot, from numbers or arrays that broadcast.
+    """Return the values of the `RESULTS` and of the `DETAILS` of a shot, as two tuples [SI].
+
+    The arguments are tuples of numbers, or of arrays that broadcast.
 
     Parameters
     ----------
@@ -311,7 +354,10 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
 
 @cache
 def compiled_reduction() -> Any:
-    """Return `reduce_sets`, compiled with all functions of this module."""
+    """Return `reduce_sets`, compiled with all functions of this module by numba.
+
+    It is compiled at the first call, or read from numba's cache.
+    """
     from numba import njit, typeof
     from numba.extending import register_jitable
 

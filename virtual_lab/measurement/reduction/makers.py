@@ -19,10 +19,11 @@ Maker = Callable[[Any, Mapping[str, Estimate], str], FlightReadings]  # (record,
 
 @cache
 def makers() -> Mapping[type[Record], Maker]:
-    """Return, for each type of record, the function that makes readings of flights from it.
+    """Return, by type of record, the function that makes flight readings from such a record.
 
-    A package adds one by an entry point in the group ``virtual_lab.flights``, with the name of its
-    record in the group ``virtual_lab.records``.
+    The function takes the record, the calibration constants by name, and the stage. A package adds
+    one by an entry point in the group ``virtual_lab.flights``, with the name of its record in the
+    group ``virtual_lab.records``.
     """
     built_in = dict.fromkeys(("gates", "boards", "passages"), GateReadings.of)
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.flights")}
@@ -31,9 +32,10 @@ def makers() -> Mapping[type[Record], Maker]:
 
 
 def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
-    """Return the readings of the balls of a stage, sorted by laboratory or as fired, (shot,).
+    """Return the flight readings of all balls of a stage, in the order of its record, (shot,).
 
-    The surveyed positions of the gates are the same in all laboratories of a block.
+    The stage is "balls" (at the wall) or "impact". The surveyed positions of the gates are taken
+    from the first laboratory, because they are the same in all laboratories of a block.
 
     Raises
     ------

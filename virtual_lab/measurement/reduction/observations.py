@@ -91,10 +91,13 @@ class ImpactReadings(AlignedArrays):
 
 
 def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
-    """Return the bat's readings as constants ``bat.…`` with type A uncertainties [SI].
+    """Return the bat's readings as constants ``bat.…`` with type A u, (laboratory,) [SI].
 
-    The period is that of small swings: each release is corrected for its amplitudes, and those
-    with an odd swing are left out, see `counted_releases`.
+    The constants are mass, length, barrel radius, balance (distance of the centre of mass from the
+    tip), period, first and last amplitude, and number of swings. The period is that of small
+    swings: each release is corrected for its amplitudes, and those with an odd swing are left out,
+    see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,
+    or has a reading that is not positive.
     """
     pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
     times = _by_laboratory(block, pendulum.times)
@@ -130,10 +133,10 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
 
 
 def odd_swings(times: Array) -> Mask:
-    """Return the swings far from the median of a laboratory, (laboratory, release, swing).
+    """Return a mask of the swings far from the laboratory's median, (laboratory, release, swing).
 
     A passage that was lost doubles a swing, one that was counted twice leaves a short one. `times`
-    are (laboratory, release, passage) [s].
+    are the passages, (laboratory, release, passage) [s], so there is one swing fewer than passages.
     """
     swings = np.diff(times, axis=2)
     usual = np.median(swings, axis=(1, 2), keepdims=True)
@@ -141,10 +144,11 @@ def odd_swings(times: Array) -> Mask:
 
 
 def counted_releases(odd: Mask) -> Mask:
-    """Return the releases without an odd swing, (laboratory, release).
+    """Return a mask of the releases without an odd swing, (laboratory, release).
 
-    If these are fewer than two or than half of all, no release is left out, because the records do
-    not show which are right.
+    `odd` is a mask of swings, (laboratory, release, swing). If the releases without one are fewer
+    than two, or than half of all, the mask is True for all releases of the laboratory, because the
+    records do not show which are right.
     """
     even = ~odd.any(axis=2)
     few = even.sum(axis=1) < max(2, even.shape[1] / 2)
@@ -170,7 +174,12 @@ def reference_readings(block: SessionBlock) -> Array:
 
 
 def observe_balls(block: SessionBlock) -> BallReadings:
-    """Return the ball readings from scale and wall, arrays (laboratory, 1, ...)."""
+    """Return the readings of the balls from scale and wall, arrays (laboratory, 1, ...) [SI].
+
+    A hit in which the gates missed the ball in one direction has a negative ball and does not
+    count. Raises `InputError` for a record that is missing or unusable, and for a ball with fewer
+    than two hits that count.
+    """
     log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)
     raw = flights.raw
@@ -192,7 +201,11 @@ def observe_balls(block: SessionBlock) -> BallReadings:
 
 
 def observe_impact(block: SessionBlock) -> ImpactReadings:
-    """Return the readings of the ball and of the encoders for the shots, (shot,) as fired."""
+    """Return the readings of the ball and of the encoders for the shots as fired, (shot,).
+
+    The encoder readings are in counts, and None at a rig without such an encoder. Raises
+    `InputError` for a record that is missing or unusable.
+    """
     log, flights = _log_and_flights(block, "impact")
     raw, along = flights.raw, _along(block)
     recoil = _rates(block, "encoder", raw.contact, fit_recoil)
@@ -284,14 +297,15 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
 
 
 def restitution_names(balls: int) -> list[str]:
-    """Return the names of the constants for the error of each ball's mean e0."""
+    """Return the constants' names for the error of each ball's e0, ``balls.restitution_0``, …."""
     return [f"balls.restitution_{ball}" for ball in range(balls)]
 
 
 def across_constant(block: SessionBlock) -> Estimates:
-    """Return the mean square of the offsets across the bat [m²] from the marks before the test.
+    """Return the mean square of the offsets across the bat [m²] from the aim marks, (laboratory,).
 
-    Its relative standard uncertainty is that of a mean square of n normal offsets, √(2/n).
+    Its standard uncertainty is that of a mean square of n normal offsets, √(2/n) times the value.
+    Raises `InputError` if the marks are missing or of another kind.
     """
     marks = block.impact.get("aim")
     if marks is None:

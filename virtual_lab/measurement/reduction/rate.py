@@ -76,7 +76,11 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
 
 
 def counting_noise(counts: Array) -> float:
-    """Return the rms error of an encoder's counts, which may go in steps of several [counts]."""
+    """Return the rms error caused by the resolution of an encoder's counts [counts].
+
+    It is s/√12, where s is the largest step of which all changes are multiples, at least 1. Counts
+    that are not whole numbers have s = 1.
+    """
     steps = np.diff(counts)
     if not np.array_equal(steps, np.rint(steps)):
         return 1 / sqrt(12)
@@ -106,7 +110,11 @@ def empty_rates(shots: int) -> RateFit:
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates that the encoder's recorder computed; fields about its fit are NaN."""
+    """Return the rates that the encoder's own recorder computed [counts/s], (shot,).
+
+    The fields about the record and its fit, which the recorder does not keep, are NaN, and there
+    are no rings.
+    """
     return replace(
         empty_rates(len(record.rate)),
         rate=record.rate,

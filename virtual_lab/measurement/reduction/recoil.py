@@ -48,7 +48,7 @@ RECOIL = RecoilFit()
 
 
 def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
-    """Fit rotation and vibration of the shots at one bat together.
+    """Return the rates of recoil of the shots at one bat, by a joint fit of rotation and vibration.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     Returns
     -------
     RateFit
-        Rates in counts per second, by the encoder's clock, before its calibration is applied.
+        Rates at the end of contact, (shot,), in counts per second by the encoder's clock, before
+        its calibration is applied. A shot without a contact has NaN.
 
     Raises
     ------
@@ -234,7 +235,12 @@ def _shares(coefficients: Array) -> Array:
 
 
 def turn_and_rings(clock: Array, rings: Array) -> Array:
-    """Return the basis of the fit: powers of time, and decaying cosine and sine per vibration."""
+    """Return the basis of the fit, (sample, column): powers of time, two columns per vibration.
+
+    The powers are 0 to `RECOIL.polynomial_order`. The columns of a vibration are a decaying cosine
+    and sine. `clock` is the time, (sample,), and `rings` has frequency and decay of each vibration,
+    (ring, 2), all in units of the length of the record.
+    """
     columns = [clock**power for power in range(RECOIL.polynomial_order + 1)]
     for frequency, decay in rings:
         envelope = np.exp(-decay * clock)
@@ -244,7 +250,10 @@ def turn_and_rings(clock: Array, rings: Array) -> Array:
 
 
 def project(basis: Array, data: Array) -> tuple[Array, Array]:
-    """Return least-squares coefficients and the residual."""
+    """Return the least-squares coefficients, (column, shot), and the residual, (sample, shot).
+
+    `basis` is (sample, column) with independent columns, and `data` (sample, shot).
+    """
     orthogonal, triangle = np.linalg.qr(basis)
     projection = orthogonal.T @ data
     return np.linalg.solve(triangle, projection), data - orthogonal @ projection

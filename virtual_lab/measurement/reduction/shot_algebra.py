@@ -124,7 +124,11 @@ class ReductionSettings:
 
 
 def bat_properties(x: Constants) -> BatProperties:
-    """Return mass, balance and inertia from the bench's readings and calibrations."""
+    """Return mass, length, balance, inertia and barrel radius from readings and calibrations [SI].
+
+    `z_cm` is the distance of the centre of mass from the tip, and `inertia_cm` refers to the centre
+    of mass. The values have the shape of the constants: numbers, or columns (..., k, 1).
+    """
     mass = (x["bat.mass"] - x["bench.scale.zero"]) / x["bench.scale.span"]
     length = x["bat.length"] - x["bench.rule.offset"]
     z_cm = x["bat.balance"] - x["bench.stand.offset"]
@@ -155,15 +159,16 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 
 
 def ball_masses(x: Constants, readings: BallReadings) -> Array:
-    """Return the masses of the balls [kg]."""
+    """Return the masses of the balls [kg], (..., ball), corrected by the scale's calibration."""
     return (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
 
 
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
-    """Return the balls' masses and their mean e0 over the wall hits, at the hits' mean speed.
+    """Return mass [kg] and mean e0 of each ball, (..., ball), with the slope of e0 over speed.
 
-    Most sets differ only in constants that a hit at the wall does not depend on, so the hits are
-    reduced only for the sets that differ in one that matters.
+    The e0 is that at the mean nominal speed of the hits at the wall. Most sets of constants differ
+    only in constants that these hits do not depend on, so the hits are reduced only for the sets
+    that differ in one that matters.
     """
     from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets
 
@@ -215,7 +220,7 @@ class Sets(NamedTuple):
 
 
 def is_certain(values: Array) -> bool:
-    """Return whether a constant is certain: its `values` (..., k, 1) are one number in memory."""
+    """Return whether a constant, `values` (..., k, 1), is one number in memory for all k sets."""
     return values.strides[-2] == 0
 
 
@@ -244,7 +249,10 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
 
 
 def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
-    """Return the value of the ball of each shot, (..., shot), from those of balls (..., ball)."""
+    """Return the value of the ball of each shot, (..., shot), from values per ball, (..., ball).
+
+    `ball` holds the number of each shot's ball, (shot,) or (..., shot).
+    """
     if ball.ndim == 1:
         return values[..., ball]
     wide = np.broadcast_to(ball, (*values.shape[:-1], ball.shape[-1]))
@@ -261,12 +269,15 @@ def shot_results(
     flown: FlightModel | None = None,
     used: Mask | None = None,
 ) -> R:
-    """Return the results of the shots by the equations of `kinematics.reduce_shot`.
+    """Return the results of the shots by the equations of `kinematics.reduce_shot`, (..., shot).
+
+    All values are in SI.
 
     Parameters
     ----------
     kind
-        `ShotResults`, or `SetResults` for those needed for many sets of constants.
+        Type of the results: `ShotResults`, or `SetResults` for those needed for many sets of
+        constants.
     x, bat, balls
         Constants, and the bat and the balls measured with them.
     readings, settings
@@ -361,7 +372,7 @@ def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Fl
 
 
 def drag_of(x: Constants, mass: Array) -> Array:
-    """Return κ [1/m] of balls of `mass` [kg] in the hall's air."""
+    """Return the drag rate κ [1/m] of balls of `mass` [kg] in the hall's air, shape of `mass`."""
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 
 

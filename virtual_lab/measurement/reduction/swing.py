@@ -18,25 +18,26 @@ DEGREE = 3
 
 
 def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
-    """Return the rate and the angle of a swung bat at contact, for a batch of shots.
+    """Return rate [counts/s] and angle [counts] of a swung bat at contact for each shot, (shot,).
 
-    A shot that the gates did not detect, or that came too early for a fit, has a rate of NaN.
+    A shot that the gates did not detect, or that came too early for a fit, has NaN.
 
     Parameters
     ----------
     record
         Counts (shot, sample) at common times; 0 where the bat is square to the ball.
     contact
-        Uncorrected time at which the ball reaches the plane of a square bat, from the gates,
-        shape (shot,) [s].
+        Uncorrected time at which the ball reaches the plane of a square bat, from the gates, shape
+        (shot,) [s].
     reach
-        Time of the ball over the distance that the struck point moves per encoder count,
-        shape (shot,) [s].
+        Time of the ball over the distance that the struck point moves per encoder count, shape
+        (shot,) [s].
 
     Raises
     ------
     ValueError
-        The record before contact is too short for a fit.
+        The gates detected no ball, or the record before contact is too short for a fit in all
+        shots.
     """
     if not np.isfinite(contact).any():
         raise ValueError("the gates saw no incoming ball")

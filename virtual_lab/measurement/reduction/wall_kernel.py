@@ -31,13 +31,17 @@ def balls_of_sets(
     speed: Any,
     slope: Any,
 ) -> None:
-    """Fill in mean e0 and excess speed of each ball, the mean nominal speed, and the slope of e0.
+    """Return mean e0 and excess speed of each ball, the mean nominal speed, and the slope of e0.
 
-    The excess speed is the mean measured speed of a ball's hits minus the mean nominal speed of all
+    As a generalized ufunc it takes the first five arguments and returns the others. `masses` is
+    (..., ball) and only gives the number of balls; the other arguments are (..., hit), with the
+    ball of each hit and speeds in m/s. The first two results are (..., ball), the others (...). The
+    excess speed is the mean measured speed of a ball's hits minus the mean nominal speed of all
     hits [m/s]. The slope of e0 over speed [s/m] is the one within each ball. Its instrumental
     variable is the nominal speed, because the error of a measured speed is in e0, too: the slope is
     the rise of e0 with the nominal speed, divided by that of the measured speed. A hit with a
-    negative ball is ignored.
+    negative ball is ignored. A ball without hits has NaN, and so has the slope with one nominal
+    speed.
     """
     many, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0

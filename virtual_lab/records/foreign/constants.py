@@ -15,7 +15,12 @@ KEYS = ("value", "unit", "u", "dof", "source")
 
 
 def read_constants(entries: Mapping[str, Any], where: str) -> dict[str, Estimate]:
-    """Return the constants of a form in SI; `InputError` names the first that cannot be used."""
+    """Return the constants of another laboratory's form by name, in SI.
+
+    An entry has the keys value, unit and u, and possibly dof (inf if missing) and source. Raises
+    `InputError`, which names the file `where` and the key, for the first entry that cannot be used
+    or is not plausible.
+    """
     constants = {key: _constant(key, entry, where) for key, entry in entries.items()}
     for key, constant in constants.items():
         require_plausible(key, constant, where)

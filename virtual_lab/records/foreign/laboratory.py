@@ -43,7 +43,7 @@ class LaboratoryForm(Spec):
 
 
 def load_laboratory(folder: Path) -> Session:
-    """Return the session from a laboratory's form and tables.
+    """Return the session that another laboratory's form and tables in `folder` describe, in SI.
 
     Raises
     ------
@@ -89,7 +89,11 @@ def _read_form(path: Path) -> LaboratoryForm:
 
 
 def procedure_name(folder: Path) -> str:
-    """Return the procedure of a laboratory's form: a name in the catalog, or a file's path."""
+    """Return the procedure that a laboratory's form names: a catalog name, or a file's path.
+
+    A path includes `folder`. Raises `InputError` for an incomplete form, and for a file outside the
+    folder.
+    """
     return _procedure(_read_form(folder / FORM).procedure, folder)
 
 

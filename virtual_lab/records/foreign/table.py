@@ -53,9 +53,10 @@ class _Meaning:
 
 
 def column_names(column: str) -> dict[str, float]:
-    """Return the allowed names of a column, one per unit, and their factors to SI.
+    """Return the allowed names of a column, one per unit, and the factor of each to SI.
 
-    ``mass_kg`` may be ``mass_oz``; a column of counts or indices has one name.
+    ``mass_kg`` gives ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. A column of counts or indices has
+    only its own name, with the factor 1.
     """
     fitting = [
         (dimension, ending)
@@ -74,7 +75,7 @@ def column_names(column: str) -> dict[str, float]:
 
 
 def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where: str) -> Record:
-    """Return the record in a channel's file.
+    """Return the record in the file of one channel, with values in SI and indices from 0.
 
     Parameters
     ----------
@@ -83,7 +84,7 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     folder
         Folder to which the file's name is relative.
     index_from
-        First index, if not given in `form`.
+        First index, 0 or 1, if not given in `form`.
     where
         Name of the form, for error messages.
 
