@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 
 def plot_hits(certification: Certification, statement: str) -> Figure:
-    """Return a figure of the metric of each shot against its number, counted from 0.
+    """Return a figure of the metric of each shot, in its printed unit, against its number from 0.
 
     For a scan the horizontal axis is the impact position [in from the tip], and the fitted curve is
     drawn. Hits of the result are filled circles, other valid hits are open circles, and rejected
-    shots are crosses. The `statement` of the certificate is printed below the figure.
+    shots are crosses. Value, 95 % interval and limit are lines; without a result only the limit is
+    drawn. The `statement` of the certificate is printed below the figure.
     """
     from matplotlib import style
     from matplotlib.figure import Figure

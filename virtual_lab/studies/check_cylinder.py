@@ -39,11 +39,11 @@ def check_cylinder(
     Parameters
     ----------
     days, hits
-        Number of days, and number of hits per day.
+        Number of days, and number of hits per day, each at least 1.
     seed
         Seed of the laboratory. The hits of different days have different random errors.
     faults, since
-        Faults of the impact rig, and their first day, counted from 1. With a fault the
+        Names of faults of the impact rig, and their first day, counted from 1. With a fault the
         instruments write every edge and count, which takes thirty times as long.
 
     Raises

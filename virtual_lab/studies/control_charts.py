@@ -50,7 +50,7 @@ RULES: Mapping[int, Run] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """Centre and standard deviation of a check standard in control."""
+    """Centre and standard deviation of a check standard in control, in the unit of its values."""
 
     centre: float
     sigma: float
@@ -82,7 +82,9 @@ class Baseline:
 def breaks(x: Array, rule: int) -> Mask:
     """Return a mask of the days that complete a pattern of Western Electric rule 1, 2, 3 or 4.
 
-    `x` are deviations from the mean in standard deviations, (…, day).
+    `x` are deviations from the centre in standard deviations, (…, day), and the mask has their
+    shape. A pattern is on one side of the centre, above or below. Days before the first do not
+    count. Raises `KeyError` for another rule.
     """
     run = RULES[rule]
     pattern_days = np.zeros(x.shape, dtype=bool)
@@ -97,19 +99,27 @@ def breaks(x: Array, rule: int) -> Mask:
 
 
 def moving_range(x: Array) -> Array:
-    """Return the absolute difference of each day from the day before; the first day is NaN."""
+    """Return the absolute difference of each day from the day before; the first day is NaN.
+
+    The last axis of `x` is the day. The result has the shape and the unit of `x`.
+    """
     return np.abs(np.diff(x, axis=-1, prepend=np.nan))
 
 
 def ewma(x: Array) -> Array:
-    """Return the exponentially weighted moving average, (…, day), started at the centre line 0."""
+    """Return the exponentially weighted moving average of each day, (…, day), as `x`.
+
+    `x` are deviations from the centre in standard deviations, and so is the average. The newest day
+    has the weight 0.2, and the average starts at 0 before the first day.
+    """
     return np.asarray(lfilter([WEIGHT], [1.0, WEIGHT - 1.0], x, axis=-1))
 
 
 def cusum(x: Array) -> tuple[Array, Array]:
     """Return the cumulative sums of the deviations above and below the centre, both ≥ 0.
 
-    Deviations up to CUSUM_SLACK do not count. A sum restarts at 0 when it would become negative.
+    `x` are deviations in standard deviations, (…, day), and each sum has their shape. Deviations up
+    to 0.5 do not count. A sum restarts at 0 when it would become negative.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down
@@ -137,9 +147,18 @@ class DayCharts:
 def control_chart(
     values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)
 ) -> DayCharts:
-    """Return the charts of daily values, shape (day,), with limits from the first `baseline_days`.
+    """Return the charts of daily values with limits from the first `baseline_days` values.
 
-    Rules, average and sums start at the centre on the day after the baseline.
+    The charts begin on the day after the baseline: rules, average and sums start at the centre.
+
+    Parameters
+    ----------
+    values
+        One value per day, in any unit, shape (day,).
+    baseline_days
+        Number of days of the baseline, at least 2.
+    rules
+        Western Electric rules to apply, 1 to 4. The other three charts are always made.
 
     Raises
     ------

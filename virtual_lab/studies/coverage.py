@@ -123,14 +123,14 @@ class CoverageTable(Rows[Coverage]):
 
 
 def plot_tenths(axes: Axes, shares: Mapping[str, Sequence[float | None]]) -> None:
-    """Plot the coverage [%] of ten groups of laboratories against their number.
+    """Plot the coverage [%] of ten groups of laboratories against the number of the group, 1 to 10.
 
     Parameters
     ----------
     axes
         Panel to plot into.
     shares
-        Coverage of each tenth by label of the line; None: a tenth without laboratories.
+        Coverage of each tenth, 0 to 1, by label of the line; None for a tenth without laboratories.
     """
     axes.axhline(95, color="0.5", linewidth=0.6)
     for (label, tenths), dash in zip(shares.items(), TENTH_DASHES, strict=False):
@@ -209,10 +209,10 @@ def each_laboratory(
     workers: int,
     progress: Progress,
 ) -> Iterator[Taken]:
-    """Yield the result of `take` for each block of laboratories.
+    """Yield the result of `take` for each block of laboratories, in the order of the laboratories.
 
-    `take` must be a function of a module, because processes pickle it. Raises `InputError` for
-    fewer than two laboratories.
+    `take` must be a function of a module, because processes pickle it. `progress` is called after
+    each block. Raises `InputError` for fewer than two laboratories or `workers` below 1.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")
@@ -229,7 +229,11 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
 
 
 def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> CoverageTable:
-    """Return the table of the study from the samples of all blocks of laboratories."""
+    """Return the table of the study from the samples of all blocks of laboratories.
+
+    It has one row per quantity, the metric first. `seed` is that of the study. Laboratories with an
+    INVALID test are only counted. Raises `ValueError` if no laboratory has a result.
+    """
     names = ("metric", *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
     rows_of_quantity: dict[str, list[Array]] = {name: [] for name in names}
@@ -309,10 +313,11 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return the results of a block that the study uses, arrays (laboratory,) in SI.
+    """Return the results of a block that the study uses, arrays (laboratory,) in SI units.
 
-    These are counts of shots, impact position, scatter, and by name of each quantity the
-    result with its standard uncertainty, degrees of freedom and true value.
+    These are numbers of shots, impact position [m from the tip], scatter, and for each quantity by
+    name the result with its standard uncertainty, degrees of freedom and true value. Laboratories
+    with an INVALID test have a row, which `sound` excludes.
     """
     certified, reduced = tested.certified, tested.certified.reduced
     owner, metric = reduced.owner, reduced.shot_metric

@@ -309,12 +309,17 @@ def critique(
 def misranking(field: float, differences: Array) -> Ranking:
     """Return the ranking of two bats by a procedure, with the probability that it is wrong.
 
+    The verdict is ``no result`` if fewer than two differences are finite, and ``tie`` if the bats
+    differ by less than 0.1 mph in the field; a tie has no probability. A probability of at least 95
+    % gives ``opposite order``, one of at most 5 % ``same order``, and any other ``by chance``.
+
     Parameters
     ----------
     field
-        Difference of the peak v_f of the two bats in the field [mph].
+        Difference of the peak v_f of the two bats in the field [mph], first minus second bat.
     differences
-        Differences of the metrics, shape (laboratory,); NaN if a test has no result.
+        Differences of the metrics in any unit, first minus second bat, shape (laboratory,); NaN if
+        a test has no result.
     """
     finite = differences[np.isfinite(differences)]
     if finite.size < 2:

@@ -60,7 +60,7 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     pairs
         One row per pair of bats, exponent and procedure: the table of `Critique`.
     path
-        PNG file to write.
+        File to write: .png, .svg or .pdf.
     """
     from matplotlib import style
     from matplotlib.figure import Figure

@@ -28,6 +28,9 @@ FIRST = "#d55e00"
 def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path) -> None:
     """Draw four panels: daily values, moving range, moving average, and cumulative sums.
 
+    The values are in their unit, the other charts in standard deviations. Days with an alarm are
+    marked.
+
     Parameters
     ----------
     values
@@ -37,7 +40,7 @@ def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path
     label
         Axis label of the values.
     path
-        PNG file to write.
+        File to write: .png, .svg or .pdf.
     """
     from matplotlib import style
     from matplotlib.figure import Figure

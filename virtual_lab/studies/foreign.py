@@ -19,7 +19,7 @@ from virtual_lab.simulation.stations.rig import Reality
 
 
 def our_session(procedure: str) -> Session:
-    """Return a simulated session by a procedure, as a model for the forms of a laboratory.
+    """Return the session of a simulated test by a procedure, from which the forms are made.
 
     To save time it has no noise and a rigid bat. Raises `InputError` for an unknown procedure.
     """
@@ -35,7 +35,7 @@ def our_session(procedure: str) -> Session:
 
 
 def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:
-    """Reduce and evaluate the form and the tables of a laboratory.
+    """Return the certification of one test from the form and the tables of a laboratory.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
     Raises
     ------
     InputError
-        The form or a table is not valid, a constant is missing or unknown, or the session cannot
-        be reduced.
+        The form or a table is not valid, a constant is missing or unknown, a ``session.json`` is in
+        the folder, too, or the session cannot be reduced.
     """
     form = folder / FORM
     if (folder / "session.json").exists():

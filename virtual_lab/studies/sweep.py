@@ -38,6 +38,9 @@ def sweep_tests(
 ) -> pd.DataFrame:
     """Return a table with one row per test, in the columns that `virtual_lab.sweep` describes.
 
+    The rows are sorted by bat, procedure and number of the laboratory. A test without a result has
+    a row, too.
+
     Parameters
     ----------
     bats, procedures

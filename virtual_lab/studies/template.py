@@ -76,7 +76,10 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
 
 
 def particulars_form(path: Path) -> Path:
-    """Write an empty file of a test's particulars, and return its path."""
+    """Write an empty form for the particulars of a test into a new file, and return its path.
+
+    Raises `InputError` if the file exists or cannot be written.
+    """
     with new_files(path.parent) as draft:
         (draft / path.name).write_text("\n".join(form()) + "\n", encoding="utf-8")
     return path

@@ -54,7 +54,7 @@ MEASURED = ("length", "inertia_axis", *GOALS)  # fields with an uncertainty
 
 
 class Goal(NamedTuple):
-    """A measured value and its standard uncertainty; 0 for a value to be met closely."""
+    """A measured value [SI] and its standard uncertainty; 0 for a value to be met closely."""
 
     value: float
     u: float
@@ -149,7 +149,7 @@ class BatMeasurements(Spec):
 
 
 class Parameter(NamedTuple):
-    """A parameter of a template: typical value, typical spread, and limits."""
+    """A parameter of a template [SI]: typical value, typical spread, and limits."""
 
     name: str
     usual: float
@@ -251,10 +251,19 @@ def fit(
 def compute_quantities(
     body: BatBody, axis: float, *, frequencies: int, nodes: int
 ) -> dict[str, float]:
-    """Return computed quantities of a bat [SI], by the names of `BatMeasurements.goals`.
+    """Return computed quantities of a bat in SI units, by the names of `BatMeasurements.goals`.
 
-    `axis` is the axis of the moment of inertia [m from the tip]; `frequencies` and `nodes` are
-    numbers of modes.
+    These are mass, z_cm (balance point from the tip), inertia about `axis`, bending frequencies f1,
+    f2, … [Hz] of the free bat, and barrel nodes node1, node2 [m from the tip].
+
+    Parameters
+    ----------
+    body
+        The bat.
+    axis
+        Axis of the moment of inertia [m from the tip].
+    frequencies, nodes
+        Numbers of frequencies and of nodes to compute, from 0.
     """
     beam = beam_of(body, Free(), **COARSE)  # type: ignore[arg-type]  # elements as for the modes
     values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
@@ -269,16 +278,20 @@ def compute_quantities(
 
 
 def hoop_quantities(body: BatBody) -> dict[str, float]:
-    """Return frequency [Hz] and modal mass [kg] of the hoop mode, by the names of the goals."""
+    """Return frequency [Hz] and modal mass [kg] of the hoop mode, by the names of the goals.
+
+    The result is empty for a bat without a hoop mode.
+    """
     if body.hoop is None:
         return {}
     return {"hoop frequency": body.hoop.frequency, "hoop modal mass": body.hoop.modal_mass}
 
 
 def require_plausible_hoop(measured: BatMeasurements) -> None:
-    """Raise `InputError` if a measured modal mass is far from that of the bat's shell.
+    """Raise `InputError` if a measured modal mass is below half or above twice that of a shell.
 
-    The shell is that of the bat that fits all other measurements.
+    The shell has outline and wall of the bat that fits all other measurements. Nothing is raised if
+    no modal mass was measured.
     """
     mass = measured.hoop_modal_mass
     if mass is None:

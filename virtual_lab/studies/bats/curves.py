@@ -21,6 +21,8 @@ PLACE = "impact position from the barrel tip $z$, in"
 def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
     """Draw e, r and e_A in the upper panel; e_A, v_bat and v_f in the lower (the paper's Fig. 2).
 
+    The positions are 1 to 12 in from the tip, the speeds are in mph.
+
     Parameters
     ----------
     table
@@ -28,7 +30,7 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
     title
         Title of the figure.
     path
-        PNG file to write.
+        File to write: .png, .svg or .pdf.
     """
     from matplotlib import style
     from matplotlib.figure import Figure
@@ -42,7 +44,10 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
 
 
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
-    """Plot e, r and e_A into `above`, and e_A, v_bat and v_f into `below`, as `draw_profile`."""
+    """Plot e, r and e_A into `above`, and e_A, v_bat and v_f into `below`, as `draw_profile`.
+
+    `table` has the columns of `draw_profile`. Only positions 1 to 12 in from the tip are plotted.
+    """
     rows = table[table["z_in"].between(*SHOWN_IN)]
     z = rows["z_in"]
     for column, label, dash in (("e", "$e$", "-"), ("r", "$r$", ":"), ("e_A", "$e_A$", "--")):
@@ -64,15 +69,16 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
-    BPF and e_A are drawn for the first exponent n. They do not depend on n if the restitution of
-    the ball does not depend on speed, as for the standard ball.
+    The positions are 1 to 12 in from the tip, v_f is in mph. BPF and e_A are drawn for the first
+    exponent n. They do not depend on n if the restitution of the ball does not depend on speed, as
+    for the standard ball.
 
     Parameters
     ----------
     curves
-        Columns bat, n, z_in, BPF, e_A, v_f_mph.
+        Columns bat, n, z_in, BPF, e_A, v_f_mph; n is None for the law of constant energy.
     path
-        PNG file to write.
+        File to write: .png, .svg or .pdf.
     """
     from matplotlib import style
     from matplotlib.figure import Figure

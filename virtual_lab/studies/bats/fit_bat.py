@@ -256,7 +256,11 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 
 
 def remark_on(quantity: str, *values: float) -> str:
-    """Return a remark if the peak of one of the bats is at an end of the impact positions."""
+    """Return a remark on a peak position at an end of the range, otherwise an empty text.
+
+    `values` are the values of the `quantity` for several bats; for the peak position they are in
+    inches from the tip, and the range is 2 to 10 in. Other quantities have no remark.
+    """
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):
         return f"at the end of the range {low:g} to {high:g} in: the true peak may lie beyond it"

@@ -26,7 +26,7 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
     bat
         Name of the bat, for the title.
     path
-        PNG file to write.
+        File to write: .png, .svg or .pdf.
     """
     from matplotlib import style
     from matplotlib.figure import Figure

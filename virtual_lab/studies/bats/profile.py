@@ -230,7 +230,8 @@ def curves_of(
 ) -> dict[str, Array]:
     """Return the curves of a bat in the field by name, each of shape (position,).
 
-    A name ends with its unit (``z_in``, ``v_f_mph``); ratios have none.
+    The names are z_in (impact position [in from the tip]), e, r, e_A and BPF (dimensionless), and
+    v_bat_mph and v_f_mph [mph].
 
     Parameters
     ----------
@@ -253,10 +254,11 @@ def curves_of(
 
 
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
-    """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position [in].
+    """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position.
 
-    Further from the tip a heavy ball may touch the bat twice, and e_A is then larger than anywhere
-    on the barrel.
+    The keys are e, BPF, e_A and v_f_mph. A position is in inches from the tip, and the barrel ends
+    at 12 in: farther from the tip a heavy ball may touch the bat twice, and e_A is then larger than
+    anywhere on the barrel.
     """
     barrel = curves["z_in"] <= BARREL_END
     return {name: peak(curves["z_in"][barrel], curves[name][barrel]) for name in PEAKS}
@@ -264,17 +266,18 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
 
 @lru_cache(maxsize=16)
 def free_model(body: BatBody) -> ModalModel:
-    """Return the modal model of a free bat. Models are cached."""
+    """Return the modal model of a free bat; the last 16 models are cached."""
     return ModalModel.of(body, Free())
 
 
 def swing_exponents(
     law: str, swings: Sequence[float], usual: Sequence[float]
 ) -> tuple[float | None, ...]:
-    """Return the exponents of the swing law, without repetitions; None for constant energy.
+    """Return the exponents n of the swing law without repetitions, or (None,) for constant energy.
 
-    `usual` are the defaults of the law ``power``. Raises `InputError` for a law other than
-    ``power`` or ``energy``, and for an exponent of ``energy``, which has none.
+    `usual` is returned for the law ``power`` if `swings` is empty. The exponents are not checked.
+    Raises `InputError` for a law other than ``power`` or ``energy``, and for any exponent with
+    ``energy``.
     """
     if law == "power":
         return tuple(dict.fromkeys(swings or usual))

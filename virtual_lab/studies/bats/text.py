@@ -31,7 +31,7 @@ CURVE = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peaks:
-    """Largest values on a barrel, each with its position [in]: `e` at `e_at_in`, and so on."""
+    """Largest values on a barrel: `e`, its position [in from the tip] `e_at_in`, and so on."""
 
     bat: str
     n: float | None  # exponent of the swing law; None: constant energy
@@ -40,7 +40,7 @@ class Peaks:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """Differences of the peaks of a bat from those of another bat."""
+    """Differences of the peaks of a bat from those of another bat: relative [%], for v_f in mph."""
 
     bat: str
     against: str
@@ -65,7 +65,10 @@ class LawRow:
 
 
 def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
-    """Return largest values and their positions by key: `e`, `e_at_in`, and so on."""
+    """Return largest values and their positions by key: `e`, `e_at_in`, and so on.
+
+    The units are those of `peaks`: positions in inches from the tip, v_f in mph.
+    """
     return {
         key: number
         for name, (value, place) in peaks.items()
@@ -78,7 +81,17 @@ def profile_text(
     curve: Sequence[Mapping[Hashable, float]],
     published: PublishedBat | None,
 ) -> str:
-    """Return the properties of a bat beside published ones, if any, and its curves, as text."""
+    """Return the properties of a bat and its curves along the barrel as a text of two tables.
+
+    Parameters
+    ----------
+    document
+        Document of the `BatProfile`.
+    curve
+        Rows of its table, one per impact position.
+    published
+        Published properties, which are printed beside the computed ones; None if there are none.
+    """
     computed = _properties(
         [document[key] for key in INERTIAL],
         document["modal_frequencies_hz"][:4],
@@ -130,12 +143,15 @@ def _properties(
 
 
 def swing_text(exponent: float | None) -> str:
-    """Return the name of the swing law as printed."""
+    """Return the swing law as printed: ``n = 0.3``, or ``constant energy`` for None."""
     return "constant energy" if exponent is None else f"n = {exponent:g}"
 
 
 def balls_text(balls: Mapping[str, str]) -> str:
-    """Return a text on the ball that hits each bat."""
+    """Return a text on the ball that hits each bat; `balls` are names of balls by name of the bat.
+
+    If all balls are the same, the ball is named once.
+    """
     if len(set(balls.values())) == 1:
         return f"struck by {next(iter(balls.values()))}"
     return "; ".join(f"{bat} struck by {ball}" for bat, ball in balls.items())
@@ -144,7 +160,10 @@ def balls_text(balls: Mapping[str, str]) -> str:
 def comparison_text(
     peaks: Sequence[Peaks], differences: Sequence[Difference], balls: Mapping[str, str]
 ) -> str:
-    """Return the peaks of several bats and their differences from the first bat, as text."""
+    """Return two tables as text: peaks of several bats, and differences from the first bat.
+
+    `balls` are names of balls by name of the bat. `differences` must not be empty.
+    """
     swung = {"n": Column("swing", form=lambda row: swing_text(row.n))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
     pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}
@@ -156,7 +175,10 @@ def comparison_text(
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:
-    """Return a text on the spread (largest minus smallest) of the peaks over the force laws."""
+    """Return a text on the spread of each peak value and its position [in] over the force laws.
+
+    The spread is the largest minus the smallest value.
+    """
     spreads = (
         f"{name.removesuffix('_mph')} {_spread(rows, name):{form}}{f' {unit}' if unit else ''} "
         f"({_spread(rows, f'{name}_at_in'):.2f} in)"

@@ -100,12 +100,12 @@ class Row:
 
 
 def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
-    """Yield the claims of a CSV table.
+    """Yield the claims of a CSV table, in the order of its rows.
 
-    The column `find` holds the name of one of the `finders` and its arguments. A printed number has
-    the symmetric tolerance `within`. Other claims have the limits `low` and `high`, of which an
-    empty one does not apply. The column `lost` holds the reason of a known disagreement. Raises
-    `KeyError` for an unknown finder.
+    The column `find` holds the name of one of the `finders` and its arguments; no result is
+    computed yet. A printed number has the symmetric tolerance `within`. Other claims have the
+    limits `low` and `high`, of which an empty one is infinite. The column `lost` holds the reason
+    of a known disagreement. Raises `KeyError` for an unknown finder or a missing column.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):

@@ -41,39 +41,49 @@ Z = np.arange(3.0, 8.01, 0.25)  # impact positions from the tip [in]
 
 @lru_cache
 def game() -> GameConditions:
-    """Return the conditions of the paper's game: pitch speed, swing and its reference inertia."""
+    """Return the paper's game in SI units: pitch and angular speed, reference inertia, balls."""
     return catalog.load("conditions", CONDITIONS, GameConditions).spec
 
 
 @lru_cache
 def paper_ball(name: str = GAME_BALL) -> BallSpec:
-    """Return the data sheet of a ball of the paper."""
+    """Return the data sheet of a ball of the catalog, in SI units.
+
+    Raises `InputError` for an unknown ball.
+    """
     return catalog.load("balls", name, BallSpec).spec
 
 
 @lru_cache
 def rules(procedure: str) -> Procedure:
-    """Return a test procedure of the catalog."""
+    """Return a procedure of the catalog in SI units, by name. Raises `InputError` if unknown."""
     return catalog.load("procedures", procedure, Procedure).spec
 
 
 @lru_cache
 def body(bat: str) -> BatBody:
-    """Return the body of a bat of the catalog."""
+    """Return drawing and hoop mode of a bat in SI units, by its catalog name.
+
+    Raises `InputError` for an unknown bat.
+    """
     return catalog.load_bat(bat).spec.body
 
 
 @lru_cache
 def beam(bat: str) -> Beam:
-    """Return length, mass, balance and inertia of a bat of the catalog."""
+    """Return length, mass, balance point and inertia of a bat of the catalog, in SI units.
+
+    Positions are distances from the tip. Raises `InputError` for an unknown bat.
+    """
     return beam_of(body(bat))
 
 
 @lru_cache
 def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
-    """Return the profiles of a bat in the standard game, by exponent n.
+    """Return the profiles of a bat in the standard game, by exponent n of the swing law.
 
-    I0 of both loaded bats is that of the barrel-loaded bat, as in the paper.
+    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. I0 of both
+    loaded bats is that of the barrel-loaded bat, as in the paper.
     """
     reference = BARREL if bat in (BARREL, KNOB) else None
     bat_profiles = profiles(bat, swings=SWINGS, reference_inertia=reference)
@@ -82,32 +92,50 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
 
 @lru_cache
 def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
-    """Return the peak of `curve` (e, BPF, e_A or v_f_mph) in the standard game, position in in."""
+    """Return the largest value of a curve of a bat in the standard game, and its position [in].
+
+    `curve` is e, BPF, e_A (all dimensionless) or v_f_mph [mph]. The position is the distance from
+    the tip, at most 12 in. `swing` is the exponent n, 0 to 0.5 in steps of 0.1; None stands for the
+    law of constant energy. Raises `KeyError` for another curve or exponent.
+    """
     return profiles_by_swing(bat)[swing].peaks[curve]
 
 
 def peak_value(bat: str, curve: str) -> float:
-    """Return the maximum of `curve` in the standard game, see `top`."""
+    """Return the largest value of a curve of a bat in the standard game, for swing exponent 0.
+
+    `curve` is e, BPF, e_A (all dimensionless) or v_f_mph [mph], as in `top`.
+    """
     return top(bat, curve).value
 
 
 def peak_place(bat: str, curve: str) -> float:
-    """Return the position of the maximum of `curve` [in from the tip], see `top`."""
+    """Return the position of the largest value of a curve [in from the tip], for swing exponent 0.
+
+    `curve` is e, BPF, e_A or v_f_mph, as in `top`.
+    """
     return top(bat, curve).place
 
 
 def ball_restitution(name: str, speed: float) -> float:
-    """Return e0 of a ball at a speed [mph]."""
+    """Return e0 of a ball of the catalog on a rigid wall, at a speed [mph]."""
     return float(paper_ball(name).restitution.at(speed * MPH))
 
 
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
-    """Return the peak v_f of the first bat minus that of the second [mph]."""
+    """Return the peak v_f of the first bat minus that of the second [mph]; negative if it is lower.
+
+    `swing` is the exponent n of the swing law, as in `top`.
+    """
     return top(first, "v_f_mph", swing).value - top(second, "v_f_mph", swing).value
 
 
 def support(name: str) -> Support:
-    """Return a support by name: free, pivoted as in tests, clamped, or held by a spring."""
+    """Return the support of a bat by name: free, pivoted, clamped or held.
+
+    Positions are distances from the tip: the pivot is at 28 in, the clamp at 33 in, and the hand of
+    ``held`` is a pivot with a spring of 1e6 N/m at 31 in. Raises `KeyError` for another name.
+    """
     supports: dict[str, Support] = {
         "free": Free(),
         "pivoted": Pinned(28 * INCH),
@@ -119,7 +147,10 @@ def support(name: str) -> Support:
 
 @lru_cache
 def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> ModalModel:
-    """Return the modal model of a bat held by a `support`, with the given number of modes."""
+    """Return the modal model of a bat of the catalog, with a number of bending modes.
+
+    `support_name` is free, pivoted, clamped or held, as in `support`.
+    """
     if support_name == "free" and modes == BENDING_MODES:
         return free_model(body(bat))
     return ModalModel.of(body(bat), support(support_name), modes)
@@ -133,7 +164,21 @@ def peak_of(
     speed: ArrayLike = 160.0,
     with_ball: str = GAME_BALL,
 ) -> Collisions:
-    """Return collisions at positions `z` [in] and relative speeds [mph], shape (position,)."""
+    """Return the collisions of a ball with a bat at rest, one per position, in SI units.
+
+    Parameters
+    ----------
+    bat
+        Name in the catalog, or a modal model.
+    z
+        Impact positions [in from the tip], one number or shape (position,).
+    support_name
+        Support of a bat given by name: free, pivoted, clamped or held. A model has its own.
+    speed
+        Relative speed of ball and bat [mph], for all positions or for each.
+    with_ball
+        Name of the ball in the catalog.
+    """
     places = np.atleast_1d(np.asarray(z, dtype=float))
     scenes = Scenes.with_ball(
         paper_ball(with_ball),
@@ -144,14 +189,18 @@ def peak_of(
 
 
 def energy_loss(collisions: Collisions) -> Array:
-    """Return the share of the energy lost in bending, hoop and ball, shape (position,)."""
+    """Return the share of the ball's initial energy lost in bending, hoop and ball, (position,)."""
     return np.asarray(
         collisions.energy.bending + collisions.energy.hoop + collisions.energy.hysteresis
     )
 
 
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
-    """Return r of a free, pivoted or clamped bat at positions `z` [in], shape (position,)."""
+    """Return r of a bat at positions `z` [in from the tip], shape of `z`, for the game's ball.
+
+    `support_name` is free, pivoted (6 in from the knob) or clamped, where r is 0. Any other name
+    counts as free.
+    """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
         return np.zeros_like(place)
@@ -170,7 +219,11 @@ def restitution(
     speed: float = 160.0,
     with_ball: str = GAME_BALL,
 ) -> Array:
-    """Return e by Eq. (6) at impact positions `z` [in] and `speed` [mph], shape (position,)."""
+    """Return e by Eq. (6) at positions `z` [in from the tip], shape (position,).
+
+    `support_name` is free, pivoted or clamped, and `speed` the relative speed of ball and bat
+    [mph].
+    """
     efficiency = peak_of(
         bat, z, support_name=support_name, speed=speed, with_ball=with_ball
     ).collision_efficiency
@@ -178,7 +231,7 @@ def restitution(
 
 
 def centre_of_percussion_in(bat: str) -> float:
-    """Return the centre of percussion [in from the tip], for a pivot 6 in from the knob."""
+    """Return the centre of percussion of a bat [in from the tip]; pivot 6 in from the knob."""
     bat_beam = beam(bat)
     pivot = bat_beam.length - 6 * INCH
     return (
@@ -187,12 +240,21 @@ def centre_of_percussion_in(bat: str) -> float:
 
 
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
-    """Return the peak of v_f [mph] by Eq. (3), with its position [in]; speeds in mph."""
+    """Return the largest v_f by Eq. (3) [mph] and its position [in from the tip].
+
+    `z` are positions [in from the tip], shape (position,), at least four. The speeds of pitch and
+    bat are in mph; that of the bat may differ between positions. Between positions v_f follows a
+    spline.
+    """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
 
 
 def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
-    """Return the bat speed in the standard game [mph] at positions `z` [in]."""
+    """Return the bat speed in the standard game [mph] at positions `z`, with their shape.
+
+    `z` are distances from the tip [in]. The speed is interpolated from 0.5 to 16 in; beyond them it
+    has the value at the end. `swing` is the exponent n, as in `top`.
+    """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(np.interp(np.asarray(z, dtype=float), table["z_in"], table["v_bat_mph"]))

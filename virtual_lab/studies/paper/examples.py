@@ -44,7 +44,10 @@ from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 
 def table_one() -> Iterator[Claim]:
-    """Yield the claims of Table I, from the data sheets of the bats."""
+    """Yield the claims of Table I, nine for each of the four bats, with tolerances of 0.5 %.
+
+    The printed numbers are those on the data sheets of the bats.
+    """
     for bat in BATS:
         published = catalog.load_bat(bat).spec.published
         assert published is not None
@@ -76,7 +79,12 @@ def table_one() -> Iterator[Claim]:
 
 
 def of_drawing(bat: str, name: str) -> float:
-    """Return an entry of Table I as computed from the drawing, in the unit of the table."""
+    """Return an entry of Table I computed from the drawing of a bat, in the unit of the table.
+
+    `name` is length, z_cm, node 1 or node 2 [in], mass [oz], I_cm or I_knob [oz in^2], f_1 or f_2
+    [Hz]. Positions are distances from the tip; I_knob is about an axis 33 in from it. Raises
+    `KeyError` for another name.
+    """
     bat_beam, profile = beam(bat), profiles_by_swing(bat)[0.0]
     return {
         "length": bat_beam.length / INCH,
@@ -92,33 +100,49 @@ def of_drawing(bat: str, name: str) -> float:
 
 
 def added_weight(bat: str) -> float:
-    """Return the mass of the last weight that was added to a bat [oz]."""
+    """Return the mass of the last weight that was added to a bat [oz].
+
+    Raises `IndexError` for a bat without an added weight.
+    """
     return body(bat).lumps[-1].mass / OUNCE
 
 
 def percent(curve: str, first: str, second: str) -> float:
-    """Return the relative difference of the peaks of a curve, first over second bat [%]."""
+    """Return the peak of a curve of the first bat relative to that of the second, minus 1 [%].
+
+    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0. The result is negative if the first bat
+    has the lower peak.
+    """
     return 100 * (top(first, curve).value / top(second, curve).value - 1)
 
 
 def farther(curve: str) -> float:
-    """Return the peak position of a curve on EA70 minus that on R161, from the tip [in]."""
+    """Return the peak position of a curve on EA70 minus that on R161, both from the tip [in].
+
+    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0.
+    """
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
 def slower_there(curve: str) -> float:
-    """Return the bat speed of R161 minus that of EA70, each at its own peak of `curve` [mph]."""
+    """Return the bat speed of R161 minus that of EA70, each at its peak of `curve` [mph].
+
+    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0.
+    """
     speeds = [float(nominal(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
 
 
 def mass_share(light: str, heavy: str) -> float:
-    """Return the ratio of the effective masses of two bats, 6 in from the tip."""
+    """Return the effective mass of the light bat over that of the heavy one, 6 in from the tip."""
     return float(recoil(heavy, 6.0) / recoil(light, 6.0))
 
 
 def thinner_is_livelier() -> float:
-    """Return the increase of peak BPF of EA70 with the thin wall of the loaded bats."""
+    """Return the increase of peak BPF of EA70 if its wall is as thin as that of the loaded bats.
+
+    The bat is free, hit at 3 to 8 in from the tip and 160 mph by the game's ball.
+    """
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, Z * INCH - bat_beam.z_cm)
@@ -128,7 +152,7 @@ def thinner_is_livelier() -> float:
 
 
 def thinner() -> float:
-    """Return the reduction of wall thickness of the loaded bats from that of EA70 [%]."""
+    """Return the reduction of the wall thickness of the loaded bats, relative to EA70 [%]."""
     return 100 * (1 - _thickness())
 
 
@@ -161,17 +185,23 @@ def centre_farther() -> float:
 
 
 def least_lead(first: str, second: str, *swings: float) -> float:
-    """Return the least lead of the first bat in v_f over several swing exponents [mph]."""
+    """Return the smallest lead of the first bat in peak v_f over the exponents `swings` [mph].
+
+    The lead is negative if the first bat has the lower v_f.
+    """
     return min(lead(first, second, n) for n in swings)
 
 
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
-    """Return the loss of the first bat's lead in v_f from exponent `n` to `n_second` [mph]."""
+    """Return the lead of the first bat in peak v_f [mph], at exponent `n` less at `n_second`."""
     return lead(first, second, n) - lead(first, second, n_second)
 
 
 def by_restitution_alone() -> float:
-    """Return the error of v_f of R161 at 6 in if computed with the r of EA70 [mph]."""
+    """Return the absolute error of v_f of R161 at 6 in if computed with the r of EA70 [mph].
+
+    The pitch has 90 mph and the bat 70 mph.
+    """
     e = restitution(WOOD, [6.0])
     speeds = [
         float(np.asarray(batted_speed(efficiency_from_restitution(e, recoil(bat, 6.0)), 90, 70))[0])
@@ -181,7 +211,10 @@ def by_restitution_alone() -> float:
 
 
 def contradictions(curve: str) -> float:
-    """Return the number of pairs of the four bats that `curve` and v_f rank differently."""
+    """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
+
+    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0. A tie does not count.
+    """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0
         for first, second in combinations(BATS, 2)
@@ -189,13 +222,16 @@ def contradictions(curve: str) -> float:
 
 
 def with_speed() -> float:
-    """Return the decrease of peak e of R161 from 60 to 160 mph."""
+    """Return the peak e of free R161 at 60 mph minus that at 160 mph, with a real baseball."""
     slow, fast = (restitution(WOOD, Z, speed=v, with_ball=BALL).max() for v in (60.0, 160.0))
     return float(slow - fast)
 
 
 def with_ball() -> float:
-    """Return the change of peak e of R161 over the e0 window of the NCAA, at 60 mph."""
+    """Return the increase of peak e of R161 at 60 mph if e0 of the ball rises from 0.525 to 0.555.
+
+    These are the limits of the NCAA for e0.
+    """
 
     def peak_e(e0: float) -> float:
         scenes = Scenes.with_ball(

@@ -48,7 +48,11 @@ def _worst(values: Array) -> float:
 
 
 def frames() -> float:
-    """Return the largest difference of e_A by Eq. (2) between the frames of field and bat."""
+    """Return the largest absolute difference of e_A by Eq. (2) between the frames of field and bat.
+
+    R161 is hit at 160 mph at 3 to 8 in from the tip, and moves at eight speeds. The result is a
+    rounding error.
+    """
     e_A = peak_of(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
     v_f = e_A * FAST + v_bat  # the bat's frame moves at v_bat
@@ -56,14 +60,20 @@ def frames() -> float:
 
 
 def round_trip() -> float:
-    """Return the largest error of e_A recovered by Eq. (2) from v_f by Eq. (3)."""
+    """Return the largest absolute error of e_A by Eq. (2) from v_f by Eq. (3): a rounding error.
+
+    e_A is -0.2 to 0.6, the pitch has 90 mph and the bat 70 mph.
+    """
     e_A = np.linspace(-0.2, 0.6, 9)
     v_f = batted_speed(e_A, 90.0, 70.0)
     return _worst(np.asarray(collision_efficiency(90.0, 70.0, v_f)) - e_A)
 
 
 def symmetrical() -> float:
-    """Return the largest difference between v_f from BESR and from e_A [mph]."""
+    """Return the largest absolute difference between v_f from BESR and v_f from e_A [mph].
+
+    e_A is -0.2 to 0.6, the pitch has 90 mph and the bat 70 mph. The result is a rounding error.
+    """
     e_A = np.linspace(-0.2, 0.6, 9)
     factor = np.asarray(besr(e_A))
     direct = np.asarray(batted_speed(e_A, 90.0, 70.0))
@@ -71,7 +81,11 @@ def symmetrical() -> float:
 
 
 def speed_slope(bat: str) -> float:
-    """Return the absolute slope of peak e_A with relative speed at 150 mph [1/mph]."""
+    """Return the absolute slope of peak e_A with relative speed at 150 mph [1/mph].
+
+    The bat is free. The slope is the difference between 160 and 140 mph, with a ball whose e0 falls
+    with speed.
+    """
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
 
@@ -81,20 +95,32 @@ def _peak_at(bat: str, speed: float) -> float:
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the explicit factor in Eq. (3) in the slope of v_f with a speed."""
+    """Return the share of the factor written in Eq. (3) in the slope of v_f with a speed, 0 to 1.
+
+    The rest comes from the change of e_A with the relative speed. The factor is e_A if `v` is
+    ``ball``, the speed of the ball, and otherwise 1 + e_A, the factor of the bat speed. The bat is
+    R161.
+    """
     e_A = top(WOOD, "e_A").value
     factor = e_A if v == "ball" else 1 + e_A
     return factor / (factor + abs(160 * speed_slope(WOOD)))
 
 
 def drop(bat: str, curve: str, side: float) -> float:
-    """Return the decrease of a curve from its peak to the distance `side` [in] from it."""
+    """Return the decrease of a curve from its peak to the distance `side` [in] from the peak.
+
+    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0; the result has its unit. A positive
+    `side` is toward the handle.
+    """
     summit, table = top(bat, curve), profiles_by_swing(bat)[0.0].table
     return summit.value - float(np.interp(summit.place + side, table["z_in"], table[curve]))
 
 
 def node_gap() -> float:
-    """Return the largest distance of the peak of e_A from the closest node, of four bats [in]."""
+    """Return the largest distance of a peak of e_A from its closest barrel node [in].
+
+    It is the largest of the four bats, for swing exponent 0.
+    """
     return max(
         min(abs(top(bat, "e_A").place - node / INCH) for node in profiles_by_swing(bat)[0.0].nodes)
         for bat in BATS
@@ -102,7 +128,11 @@ def node_gap() -> float:
 
 
 def effect_of_support(bat: str, support_name: str) -> float:
-    """Return the largest change of e_A of a bat by a support, against a free bat."""
+    """Return the largest absolute change of e_A of a bat if a support holds it.
+
+    The bat is hit at 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted, clamped or
+    held, as in `support`.
+    """
     gap = (
         peak_of(bat, Z, support_name=support_name).collision_efficiency
         - peak_of(bat, Z).collision_efficiency
@@ -111,13 +141,20 @@ def effect_of_support(bat: str, support_name: str) -> float:
 
 
 def firmness() -> float:
-    """Return v_f of a bat held by a stiff spring minus that of a clamped bat [mph]."""
+    """Return the largest absolute difference of v_f of R161, held by a spring or clamped [mph].
+
+    The bat is at rest, hit at 3 to 8 in from the tip, at 160 mph.
+    """
     on_spring = peak_of(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(on_spring - peak_of(WOOD, Z, support_name="clamped").collision_efficiency)
 
 
 def lost_in_cm_frame() -> float:
-    """Return the deviation of the loss of energy in the centre-of-mass frame from 1 - e²."""
+    """Return the largest absolute deviation of the lost share of energy from 1 - e².
+
+    The energy is that in the centre-of-mass frame of ball and free R161, hit at 2 to 10 in from the
+    tip.
+    """
     z = np.linspace(2, 10, 9)
     collisions, r = peak_of(WOOD, z), recoil(WOOD, z)
     e = np.asarray(restitution_from_efficiency(collisions.collision_efficiency, r))
@@ -125,7 +162,11 @@ def lost_in_cm_frame() -> float:
 
 
 def fractions(name: str) -> float:
-    """Return the largest deviation of the energies of the model from Eqs. (10)."""
+    """Return the largest absolute deviation of a share of energy in the model from Eqs. (10).
+
+    `name` is ``ball``, ``bat`` or ``dissipated``. Both R161 and EA70 are hit at 2 to 10 in from the
+    tip. Raises `KeyError` for another name.
+    """
     z = np.linspace(2, 10, 9)
     gaps = []
     for bat in (WOOD, ALUMINIUM):
@@ -143,14 +184,21 @@ def fractions(name: str) -> float:
 
 
 def sum_of_shares() -> float:
-    """Return the sum of Eqs. (10) with the largest deviation from 1, over all e and r."""
+    """Return the sum of the three shares of Eqs. (10) that is farthest from 1, over e and r.
+
+    e is 0 to 1 and r 0 to 0.5.
+    """
     shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
     return float(total[np.abs(total - 1).argmax()])
 
 
 def inverse_mass(support_name: str) -> float:
-    """Return the relative deviation of Eq. (8) or (9) from the rigid modes of finite elements."""
+    """Return the largest relative deviation of r by Eq. (8) or (9) from r by finite elements.
+
+    Finite elements give the rigid modes of the four bats, at 0.5 to 20 in from the tip.
+    `support_name` is free or pivoted.
+    """
     z, gaps = np.linspace(0.5, 20, 40), []
     for bat in BATS:
         modes = modes_of(body(bat), support(support_name), 0)
@@ -161,7 +209,10 @@ def inverse_mass(support_name: str) -> float:
 
 
 def parallel_axes() -> float:
-    """Return the relative error of the inertia about the axis, by the parallel-axis theorem."""
+    """Return the relative error of the inertia of R161 by the parallel-axis theorem, with its sign.
+
+    The axis is 6 in from the knob; the reference is the integral over the finite elements.
+    """
     bat_beam = beam(WOOD)
     pivot = bat_beam.length - 6 * INCH
     moved = parallel_axis(bat_beam.inertia_cm, bat_beam.mass, pivot - bat_beam.z_cm)
@@ -181,40 +232,49 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest decrease of e_A per step of r, over all e."""
+    """Return the smallest decrease of e_A if r increases by 0.05, over e of 0 to 1."""
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 
 
 def below_restitution() -> float:
-    """Return the largest e_A - e along the four bats, for swing exponent 0."""
+    """Return the largest e_A - e along the four bats; negative if e_A is less than e everywhere."""
     curves = [profiles_by_swing(bat)[0.0].table for bat in BATS]
     return max(float((curve["e_A"] - curve["e"]).max()) for curve in curves)
 
 
 def efficiency(e: float, r: float) -> float:
-    """Return e_A from e and r by Eq. (6)."""
+    """Return e_A from e and r by Eq. (6); it is negative for e < r."""
     return float(efficiency_from_restitution(e, r))
 
 
 def overestimate(speed: float) -> float:
-    """Return the change of v_f [mph] if e is measured at `speed`, not at 160 mph; r = 0.25."""
+    """Return the change of v_f [mph] at 160 mph if e is measured at `speed` [mph]; r = 0.25.
+
+    e falls from 0.55 at 60 mph to 0.45 at 160 mph.
+    """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
 
 def overestimate_of_model(speed: float) -> float:
-    """Return the change of v_f of R161 [mph] if e_A is measured at `speed` [mph], not at 160."""
+    """Return the change of v_f of R161 [mph] at 160 mph, if e_A is measured at `speed` [mph]."""
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 
 def speed_gain(v_rel: float) -> float:
-    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55; r = 0.25."""
+    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55; r = 0.25.
+
+    `v_rel` is the relative speed of ball and bat [mph].
+    """
     return float(batted_speed_gain(v_rel, 0.05, 0.25))
 
 
 def gain_by_equations() -> float:
-    """Return the deviation of `speed_gain` from Eqs. (3) and (6), at 80 and 160 mph [mph]."""
+    """Return the largest absolute deviation of `speed_gain` from Eqs. (3) and (6) [mph].
+
+    The relative speeds are 80 and 160 mph. The result is a rounding error.
+    """
 
     def deviation(v_rel: float) -> float:
         v_ball = 90 / 160 * v_rel
@@ -226,7 +286,11 @@ def gain_by_equations() -> float:
 
 
 def energy_with_vibration(support_name: str) -> float:
-    """Return the largest difference of bat energy and losses between a held and a free bat."""
+    """Return the largest absolute difference of the share of energy in the bat, held minus free.
+
+    The share is that of rigid motion, vibration and losses in the ball's initial energy. R161 is
+    hit at 3 to 8 in from the tip. `support_name` is pivoted, clamped or held.
+    """
 
     def total(name: str) -> Array:
         collisions = peak_of(WOOD, Z, support_name=name)
@@ -236,20 +300,27 @@ def energy_with_vibration(support_name: str) -> float:
 
 
 def least_energy_gap(support_name: str) -> float:
-    """Return the smallest difference of rigid-body energy between a free and a held bat."""
+    """Return the smallest absolute difference of the energy of rigid motion, held minus free bat.
+
+    It is a share of the ball's initial energy. R161 is hit at 3 to 4.75 in from the tip.
+    `support_name` is pivoted, clamped or held.
+    """
     gap = peak_of(WOOD, Z, support_name=support_name).energy.rigid - peak_of(WOOD, Z).energy.rigid
     return float(np.abs(gap[Z < 5]).min())
 
 
 def at_percussion(bat: str) -> float:
-    """Return the effect of a pivot on e for a hit at the centre of percussion."""
+    """Return the absolute change of e at the centre of percussion by a pivot, at 60 mph."""
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
     return _worst(gap)
 
 
 def recoils_at_percussion() -> float:
-    """Return the largest relative effect of a pivot on r at the centre of percussion."""
+    """Return the largest absolute relative change of r by a pivot, at the centre of percussion.
+
+    It is the largest of the four bats, with the pivot 6 in from the knob.
+    """
     return max(
         _worst(
             recoil(bat, centre_of_percussion_in(bat), "pivoted")
@@ -276,12 +347,12 @@ def pivot_speed() -> float:
 
 
 def without_hoop() -> float:
-    """Return the peak BPF of EA70 minus that with a rigid shell."""
+    """Return the peak BPF of EA70 minus that of EA70 with a rigid shell."""
     return top(ALUMINIUM, "BPF").value - dead_shell_factor()
 
 
 def dead_shell_factor() -> float:
-    """Return the peak BPF of EA70 with a rigid shell."""
+    """Return the peak BPF of free EA70 with a rigid shell, at 160 mph, 3 to 8 in from the tip."""
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
     e_A = peak_of(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
@@ -289,7 +360,7 @@ def dead_shell_factor() -> float:
 
 
 def softball_factor() -> float:
-    """Return the peak BPF of a free slow-pitch softball bat at 60 mph with its ball."""
+    """Return the peak BPF of a free softball bat at 60 mph, 4 to 8.75 in from the tip."""
     z, slow = np.arange(4, 9, 0.25), "softball-slowpitch"
     bat_beam, struck_ball = beam("softball-34"), paper_ball(slow)
     e_A = peak_of("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
@@ -300,7 +371,7 @@ def softball_factor() -> float:
 
 
 def besr_less_efficiency(e_A: float) -> float:
-    """Return BESR minus e_A."""
+    """Return BESR minus e_A, which is 0.5 for every e_A."""
     return float(besr(e_A)) - e_A
 
 
@@ -310,30 +381,39 @@ def besr_of(e: float, r: float) -> float:
 
 
 def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
-    """Return v_f from e_A and the speeds of ball and bat, in their unit, by Eq. (3)."""
+    """Return v_f by Eq. (3) from e_A and the speeds of ball and bat, in the unit of the speeds."""
     return float(batted_speed(e_A, v_ball, v_bat))
 
 
 def energy_fraction(name: str, e: float, r: float) -> float:
-    """Return a share of the collision energy by Eqs. (10): ``ball``, ``bat`` or ``dissipated``."""
+    """Return a share of the collision energy by Eqs. (10), from e and r.
+
+    `name` is ``ball``, ``bat`` or ``dissipated``. Raises `AttributeError` for another name.
+    """
     return float(getattr(energy_fractions(e, r), name))
 
 
 def sweet_spot_restitution() -> float:
-    """Return the mean e of R161 from 4 to 6 in from the tip."""
+    """Return the mean e of free R161 from 4 to 6 in from the tip, at 160 mph."""
     return float(restitution(WOOD, np.linspace(4, 6, 9)).mean())
 
 
 def restitution_by_support() -> float:
-    """Return the difference of e between a pivoted and a free R161, 4 in from the tip."""
+    """Return the absolute difference of e between pivoted and free R161.
+
+    The hit is 4 in from the tip, at 160 mph.
+    """
     return _worst(restitution(WOOD, [4.0], "pivoted") - restitution(WOOD, [4.0]))
 
 
 def restitution_lost_clamped() -> float:
-    """Return the smallest loss of e along the barrel if the handle of R161 is clamped."""
+    """Return the smallest loss of e of R161 if its handle is clamped, 3 to 8 in from the tip.
+
+    The loss is that against the free bat at 160 mph; a negative result is a gain.
+    """
     return float((restitution(WOOD, Z) - restitution(WOOD, Z, "clamped")).min())
 
 
 def recoil_at_peak(bat: str) -> float:
-    """Return r of a bat where its e_A is greatest."""
+    """Return r of a free bat at the position of its peak e_A."""
     return float(recoil(bat, top(bat, "e_A").place))

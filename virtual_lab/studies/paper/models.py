@@ -35,7 +35,7 @@ INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of bats in the measur
 
 
 def compression_free_restitution() -> float:
-    """Return e0 from the force law of the ball: square root of work returned over work done."""
+    """Return e0 of the game's ball by its force law: square root of work returned over done."""
     ball = paper_ball()
     e0 = float(ball.restitution.at(160 * MPH))
     a, b = ball.exponent, (ball.exponent + 1) / e0**2 - 1
@@ -44,25 +44,32 @@ def compression_free_restitution() -> float:
 
 
 def wall_time() -> float:
-    """Return the contact time of the paper's ball on a wall at 160 mph [ms]."""
+    """Return the contact time of the game's ball on a rigid wall at 160 mph [ms]."""
     ball = paper_ball()
     arguments = (ball.mass, 160 * MPH, ball.stiffness, ball.exponent, 0.5)
     return float(wall_contact(*(np.array(number) for number in arguments)).time) * 1e3
 
 
 def modes_left_out(count: int) -> float:
-    """Return peak e_A of R161 with `count` modes minus that with all modes used here."""
+    """Return the peak e_A of free R161 with `count` bending modes minus that with all modes.
+
+    All modes are those that this program uses by default. The speed is 160 mph.
+    """
     few = peak_of(model(WOOD, "free", count), Z).collision_efficiency.max()
     return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
 
 def highest_of(count: int) -> float:
-    """Return the frequency of bending mode number `count` of free R161 [kHz]."""
+    """Return the frequency of bending mode number `count` of free R161 [kHz]; the lowest is 1."""
     return float(model(WOOD).modes.bending_frequencies[count - 1]) / 1e3
 
 
 def less_lost() -> float:
-    """Return the smallest share of lost energy along EA70 minus that along R161."""
+    """Return the smallest share of energy lost along EA70 minus the smallest along R161.
+
+    The share is that of the ball's initial energy, 3 to 8 in from the tip; it is negative if EA70
+    loses less.
+    """
     aluminium, wood = (float(energy_loss(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
 
@@ -75,24 +82,35 @@ def shell_frequency() -> float:
 
 
 def shell_turns() -> float:
-    """Return the contact time of EA70 in periods of its shell."""
+    """Return the contact time of EA70 in periods of its hoop mode, 6 in from the tip at 160 mph."""
     return 1e3 * shell_frequency() * float(peak_of(ALUMINIUM, [6.0]).contact_time[0])
 
 
 def same_speed() -> float:
-    """Return the relative range of the angular speed over `INERTIAS`, for n = 0."""
+    """Return the range of the angular speed over the measured swings, relative to its mean.
+
+    The swing exponent is 0, so that the result is 0.
+    """
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
 
 
 def variation_of_power(power: float, exponent: float) -> float:
-    """Return the relative range of I omega^power over `INERTIAS`, by Eq. (13)."""
+    """Return the range of I omega^power over the measured swings, relative to its mean.
+
+    Eq. (13) gives the angular speed omega for the swing exponent `exponent`; I is 15000 to 20000 oz
+    in^2.
+    """
     quantity = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
     return float(np.ptp(quantity) / quantity.mean())
 
 
 def best_mass(exponent: float) -> float:
-    """Return the mass [oz] with the largest v_f, for the shape of R161, e = 0.5, at 6 in."""
+    """Return the mass of a bat with the largest v_f [oz], from 8 to 124 oz in steps of 0.5 oz.
+
+    The bat has the shape of R161 and e = 0.5, and is hit 6 in from the tip. `exponent` is that of
+    the swing law.
+    """
     mass = np.arange(8.0, 124.1, 0.5)
     r = float(recoil(WOOD, 6.0)) * 31.0 / mass
     inertia = beam(WOOD).inertia(33 * INCH) * mass / 31.0
@@ -103,32 +121,48 @@ def best_mass(exponent: float) -> float:
 
 
 def energy_speeds() -> np.ndarray:
-    """Return the angular speed by constant energy [rad/s] at `INERTIAS`, for the shape of R161."""
+    """Return the angular speed for a swing of constant energy [rad/s], shape (11,).
+
+    The bats have the shape of R161 and the moments of inertia `INERTIAS`.
+    """
     law, bat_beam = game().swing(None), beam(WOOD)
     about_body = bat_beam.inertia(bat_beam.length + law.axis_beyond_knob)
     return np.asarray(law.angular_speed(INERTIAS / bat_beam.inertia(33 * INCH) * about_body))
 
 
 def energy_exponent() -> float:
-    """Return the exponent n of the power law closest to a swing of constant energy."""
+    """Return the exponent n of the power law that is closest to a swing of constant energy.
+
+    It is fitted to the angular speeds at moments of inertia of 15000 to 20000 oz in^2.
+    """
     return -float(np.polyfit(np.log(INERTIAS), np.log(energy_speeds()), 1)[0])
 
 
 def laws_apart() -> float:
-    """Return the largest difference between both swing laws over `INERTIAS`, for n = 0.3 [%]."""
+    """Return the largest absolute difference between the two swing laws [%], for n = 0.3.
+
+    The laws are those of constant energy and of the power n, scaled to the same mean, at moments of
+    inertia of 15000 to 20000 oz in^2.
+    """
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
     return 100 * float(np.abs(ratio / ratio.mean() - 1).max())
 
 
 def without_inertia() -> float:
-    """Return the angular speed of a bat without inertia over that of the game."""
+    """Return the angular speed of a bat without inertia over that of the game.
+
+    The swing has constant energy.
+    """
     law = game().swing(None)
     return float(law.angular_speed(0.0)) / game().angular_speed
 
 
 def follows() -> float:
-    """Return the correlation of e_A and e of R161, each at the same distances from its own peak."""
+    """Return the correlation coefficient of e_A and e of R161, within 3 in of their peaks.
+
+    Each curve is read at the same distances from its peak, for swing exponent 0.
+    """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
         np.interp(top(WOOD, curve).place + distances, table["z_in"], table[curve])
@@ -138,14 +172,17 @@ def follows() -> float:
 
 
 def flat_swing() -> float:
-    """Return peak position of v_f minus that of e_A [in], at equal bat speed everywhere."""
+    """Return the peak position of v_f minus that of e_A on R161 [in], without rotation.
+
+    The pitch has 90 mph and every point of the bat 70 mph. A positive result is toward the handle.
+    """
     table = profiles_by_swing(WOOD)[0.0].table
     highest = top_of(table["z_in"], table["e_A"], 90.0, 70.0)
     return highest.place - top(WOOD, "e_A").place
 
 
 def least_recoil() -> float:
-    """Return the position of the least r of R161 [in from the tip]."""
+    """Return the position of the smallest r of free R161 [in from the tip], 6 to 18 in."""
     z = np.arange(6, 18, 0.25)
     return peak(z, -recoil(WOOD, z)).place
 
@@ -156,32 +193,36 @@ def contact_time(bat: str) -> float:
 
 
 def gain_with_bat_speed() -> float:
-    """Return the change of v_f per unit of bat speed, for e_A = 0.2."""
+    """Return the change of v_f per unit of bat speed, for e_A = 0.2; it is 1 + e_A."""
     return float(batted_speed(0.2, 90.0, 71.0)) - float(batted_speed(0.2, 90.0, 70.0))
 
 
 def swing_axis() -> float:
-    """Return the distance of the swing's axis from the knob [in]."""
+    """Return the distance of the swing's axis from the knob end, on the bat [in]."""
     return KNOB_OFFSET / INCH
 
 
 def constant_power_exponent() -> float:
-    """Return the difference between n of constant power and the 0.3 of measured swings."""
+    """Return 1/3, the exponent n of a swing of constant power, minus the 0.3 of measured swings."""
     return 1 / 3 - 0.3
 
 
 def speed_of_swing() -> float:
-    """Return v_bat 27 in from the axis at 45 rad/s [mph]."""
+    """Return the bat speed 27 in from the axis at 45 rad/s [mph]."""
     return 45 * 27 * INCH / MPH
 
 
 def peaks_apart(farther: str, nearer: str) -> float:
-    """Return the distance between the peaks of two curves of R161 [in]."""
+    """Return the peak position of the curve `farther` on R161 minus that of `nearer` [in].
+
+    The curves are e, BPF, e_A or v_f_mph, for swing exponent 0. A positive result is toward the
+    handle.
+    """
     return top(WOOD, farther).place - top(WOOD, nearer).place
 
 
 def speed_lost_inward() -> float:
-    """Return v_bat of R161 at 3 in from the tip minus that at 9 in [mph]."""
+    """Return the bat speed of R161 at 3 in from the tip minus that at 9 in [mph], for n = 0."""
     return float(nominal(WOOD, 3) - nominal(WOOD, 9))
 
 
@@ -191,10 +232,10 @@ def pitch_speed() -> float:
 
 
 def angular_speed() -> float:
-    """Return the angular speed of the game's swing [rad/s]."""
+    """Return the angular speed of the game's swing for the reference inertia [rad/s]."""
     return game().angular_speed
 
 
 def reference_inertia() -> float:
-    """Return the moment of inertia that has the game's angular speed [oz in^2]."""
+    """Return the moment of inertia of a bat that has the game's angular speed [oz in^2]."""
     return game().reference_inertia / OZ_IN2

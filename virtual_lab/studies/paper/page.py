@@ -50,7 +50,10 @@ def draw_page() -> Figure:
 
 
 def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
-    """Write the figure and the table of claims as one self-contained HTML page."""
+    """Write the figure and the table of claims into `path` as one self-contained HTML page.
+
+    An existing file is overwritten.
+    """
     table = [row.cells | {"reason": row.claim.lost or row.claim.why} for row in rows]
     title = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"
     words = (

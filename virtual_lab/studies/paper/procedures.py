@@ -35,14 +35,22 @@ PITCH, LIMIT = 70.0, 0.228  # pitch speed [mph], and limit of e_A
 
 
 def rest_prediction_error(bat: str, n: float) -> float:
-    """Return the peak v_f predicted from e_A of a bat at rest, minus the true peak v_f [mph]."""
+    """Return the peak v_f predicted from e_A of a bat at rest, minus the true peak v_f [mph].
+
+    e_A is that of the free bat at 160 mph, 3 to 9 in from the tip. `n` is the swing exponent, 0 to
+    0.5 in steps of 0.1.
+    """
     e_A = peak_of(bat, PLACES, speed=160.0).collision_efficiency
     highest = top_of(PLACES, e_A, 90.0, nominal(bat, PLACES, n))
     return highest.value - top(bat, "v_f_mph", n).value
 
 
 def ends() -> float:
-    """Return the smallest distance of a peak of v_f from an end of the scanned range [in]."""
+    """Return the smallest distance of a peak of v_f from an end of the scanned range [in].
+
+    The range is 3 to 9 in from the tip. The peaks are those of the four bats for the swing
+    exponents 0 and 0.5.
+    """
     places = [top(bat, "v_f_mph", n).place for bat in BATS for n in (0.0, 0.5)]
     return min(min(place - float(PLACES[0]), float(PLACES[-1]) - place) for place in places)
 
@@ -58,7 +66,10 @@ def _factor(bat: str) -> float:
 
 
 def by_recoil() -> float:
-    """Return the deviation of e_A by the recoil of a pivoted bat from e_A by the ball."""
+    """Return the absolute difference of e_A by the recoil of pivoted R161 and e_A by the ball.
+
+    The bat is hit at its centre of percussion, at 60 mph.
+    """
     bat = model(WOOD, "pivoted")
     z, bat_beam = centre_of_percussion_in(WOOD), beam(WOOD)
     collision = peak_of(bat, [z], speed=60.0, with_ball=BALL)
@@ -72,9 +83,10 @@ def by_recoil() -> float:
 
 
 def reaction(distance: float) -> float:
-    """Return the ratio of the impulses on pivot and barrel for a rigid R161.
+    """Return the absolute ratio of the impulse on the pivot to that on the barrel, for rigid R161.
 
-    The impact is at `distance` [in] from the centre of percussion.
+    The impact is at `distance` [in] from the centre of percussion, positive toward the handle. The
+    pivot is 6 in from the knob.
     """
     bat_beam, z = beam(WOOD), centre_of_percussion_in(WOOD) + distance
     axis = bat_beam.length - 6 * INCH
@@ -83,7 +95,11 @@ def reaction(distance: float) -> float:
 
 
 def ncaa_bat_speed(place: float | Array, length: float) -> Array:
-    """Return the bat speed at `place` [in] in the NCAA rig, for a bat of `length` [m], in mph."""
+    """Return the bat speed in the NCAA rig [mph], with the shape of `place`.
+
+    It is 66 mph at 6 in from the tip. `place` is a position [in from the tip], and `length` the
+    length of the bat [m].
+    """
     pivot = (length - rules("ncaa-modified").pivot_from_knob) / INCH
     return np.asarray(66.0 * (pivot - np.asarray(place)) / (pivot - 6.0))
 
@@ -96,64 +112,95 @@ def _ncaa(bat: str) -> float:
 
 
 def exponent_of_mass() -> float:
-    """Return the exponent of asa's bat speed over the mass; NaN if it is over the inertia."""
+    """Return the exponent of the bat's mass in the bat speed of procedure asa.
+
+    The result is NaN if the procedure uses the moment of inertia or has no swing law.
+    """
     field = rules("asa").game
     return field.exponent if field and field.scales_with == "mass" else np.nan
 
 
 def at_limit(place: float) -> float:
-    """Return v_f [mph] of a bat with e_A = 0.228 at impact position `place` [in]."""
+    """Return v_f in the NCAA rig [mph] of a bat with e_A = 0.228, hit at `place` [in from the tip].
+
+    The pitch has 70 mph; the bat has the length of R161.
+    """
     return float(batted_speed(LIMIT, PITCH, ncaa_bat_speed(place, beam(WOOD).length)))
 
 
 def besr_at_limit(place: float) -> float:
-    """Return the BESR of a bat with v_f = 97 mph at impact position `place` [in]."""
+    """Return the BESR of a bat with v_f = 97 mph in the NCAA rig, hit at `place` [in from the tip].
+
+    The pitch has 70 mph; the bat has the length of R161.
+    """
     e_A = collision_efficiency(PITCH, ncaa_bat_speed(place, beam(WOOD).length), 97.0)
     return float(besr(e_A))
 
 
 def below_field(speed: float) -> float:
-    """Return the relative speed in the field minus `speed` [mph]."""
+    """Return the relative speed of ball and R161 in the field minus `speed` [mph].
+
+    The speed in the field is that at the peak of v_f, for swing exponent 0.
+    """
     return 90 + float(nominal(WOOD, top(WOOD, "v_f_mph").place)) - speed
 
 
 def off_percussion() -> float:
-    """Return the largest distance between peak of v_f and COP among the four bats [in]."""
+    """Return the largest distance of a peak of v_f from the centre of percussion [in].
+
+    It is the largest of the four bats, for swing exponent 0.
+    """
     return max(abs(centre_of_percussion_in(bat) - top(bat, "v_f_mph").place) for bat in BATS)
 
 
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
-    """Return the relative excess of the bat speed of one bat over another [%]."""
+    """Return the bat speed of the light bat relative to that of the heavy one, minus 1 [%].
+
+    `swing` is the exponent n, 0 to 0.5 in steps of 0.1; None stands for the law of constant energy.
+    """
     speeds = [float(profiles_by_swing(bat)[swing].table["v_bat_mph"][0]) for bat in (light, heavy)]
     return 100 * (speeds[0] / speeds[1] - 1)
 
 
 def swing_matters() -> float:
-    """Return the change of the proposal's v_f of EA70 as n goes from 0 to 0.5 [mph]."""
+    """Return the change of peak v_f of EA70 if the swing exponent rises from 0 to 0.5 [mph]."""
     return top(ALUMINIUM, "v_f_mph", 0.5).value - top(ALUMINIUM, "v_f_mph", 0.0).value
 
 
 def metrics_alike() -> float:
-    """Return the relative difference of the NCAA metric between EA70 and R161 [%]."""
+    """Return the absolute relative difference of the NCAA metric between EA70 and R161 [%].
+
+    The NCAA metric is the peak v_f at the speeds of the NCAA rig.
+    """
     return abs(_ncaa(ALUMINIUM) / _ncaa(WOOD) - 1) * 100
 
 
 def ncaa_lead(first: str, second: str) -> float:
-    """Return the NCAA metric of the first bat minus that of the second."""
+    """Return the NCAA metric of the first bat minus that of the second [mph].
+
+    The NCAA metric is the peak v_f at the speeds of the NCAA rig.
+    """
     return _ncaa(first) - _ncaa(second)
 
 
 def factor_lead(first: str, second: str) -> float:
-    """Return the BPF of the first bat minus that of the second."""
+    """Return the BPF of the first bat minus that of the second.
+
+    Each bat is pivoted 6 in from the knob and hit at its centre of percussion, at 60 mph.
+    """
     return _factor(first) - _factor(second)
 
 
 def efficiency_of_besr(value: float) -> float:
-    """Return the e_A that corresponds to a value of BESR."""
+    """Return the e_A that corresponds to a value of BESR, which is 0.5 less."""
     return value - (float(besr(LIMIT)) - LIMIT)
 
 
 def rule(procedure: str, name: str, unit: str = "1") -> float:
-    """Return a number of a procedure, NaN if it has none."""
+    """Return the number `name` of a procedure in `unit`: mph, in or 1.
+
+    The result is NaN if the procedure has no such number or 0. Raises `InputError` for an unknown
+    procedure, `AttributeError` for an unknown name, and `KeyError` for another unit.
+    """
     unit_si = {"mph": MPH, "in": INCH, "1": 1.0}[unit]
     return (getattr(rules(procedure), name) or np.nan) / unit_si

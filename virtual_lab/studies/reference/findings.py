@@ -132,7 +132,11 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
 
 
 def compare_number(number: Published) -> ReferenceRow:
-    """Return a published number beside our result, which is computed here."""
+    """Return a published number beside our result, computed by this call, in the published unit.
+
+    Result and difference are None for a number that the laboratory does not represent. The
+    difference is our result minus the published number; inside a published range it is 0.
+    """
     result = None if number.role == "none" else float(finder_of(number, FINDERS)())
     difference = None if result is None else number.deviation(result)
     return ReferenceRow(

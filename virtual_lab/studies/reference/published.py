@@ -55,19 +55,27 @@ class Published:
 
 @cache
 def read_published() -> tuple[Published, ...]:
-    """Return the published numbers in the order of their file."""
+    """Return the published numbers in the order of their file; they are read once."""
     with PATH.open(encoding="utf-8", newline="") as table:
         return tuple(_read(row) for row in csv.DictReader(table))
 
 
 def published_value(quantity: str) -> float:
-    """Return the published number of a quantity in its own unit."""
+    """Return the published number of a quantity in its unit of publication.
+
+    Raises `ValueError` if the quantity is unknown, occurs twice, or is published as words or a
+    range.
+    """
     (row,) = (row for row in read_published() if row.quantity == quantity)
     return float(row.value)
 
 
 def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Callable[[], float]:
-    """Return the function that computes our result for a row. Raises `KeyError` if unknown."""
+    """Return the function that computes our result for a row; calling it takes no arguments.
+
+    `finders` are functions by name. Raises `KeyError` for an unknown name, and `ValueError` for a
+    row without one.
+    """
     name, *arguments = row.find.split()
     return partial(finders[name], *map(_argument, arguments))
 

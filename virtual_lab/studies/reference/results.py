@@ -54,7 +54,11 @@ FOOT = 12 * INCH
 
 
 def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> float:
-    """Return a number of a catalog file in `unit`; `index` selects from a list."""
+    """Return a number of a catalog file, such as ``balls``, its name and a key, in `unit`.
+
+    `index` selects from a list and is ignored for a single number. Raises `InputError` for an
+    unknown file, and `ValueError` for an unknown key or a unit of another dimension.
+    """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     value = datum.value[index] if isinstance(datum.value, list) else datum.value
     if unit == datum.unit:
@@ -64,13 +68,19 @@ def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> fl
 
 
 def entries(kind: str, name: str, key: str) -> float:
-    """Return the length of a list in a catalog file."""
+    """Return the number of items of a list in a catalog file.
+
+    Raises `InputError` for an unknown file, and `ValueError` for an unknown key.
+    """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     return len(datum.value)
 
 
 def half_width(name: str, key: str) -> float:
-    """Return the half width [in] of the rectangular distribution behind a standard uncertainty."""
+    """Return the half width [in] of the rectangular distribution with a standard uncertainty.
+
+    `name` and `key` are instrument and key of the standard uncertainty in the catalog.
+    """
     return entry("instruments", name, key, "in") * 3**0.5
 
 
@@ -79,23 +89,23 @@ def _in_feet(length_in: float) -> float:
 
 
 def gate_distance(name: str) -> float:
-    """Return the distance between the first two gates of an instrument [ft]."""
+    """Return the distance between the first two gates of an instrument of the catalog [ft]."""
     near, far = (entry("instruments", name, "distances", "in", index) for index in (1, 0))
     return _in_feet(far - near)
 
 
 def nearest_gate(name: str) -> float:
-    """Return the distance of the nearest gate from the bat or the wall [ft]."""
+    """Return the distance of the nearest gate of an instrument from the bat or the wall [ft]."""
     return _in_feet(entry("instruments", name, "distances", "in", 1))
 
 
 def limit_in_feet_per_second(procedure: str) -> float:
-    """Return the limit of the batted-ball speed [ft/s]."""
+    """Return the limit of the batted-ball speed of a procedure [ft/s]."""
     return entry("procedures", procedure, "speed_limit", "m/s") / FOOT
 
 
 def circumference(ball: str) -> float:
-    """Return the circumference of a ball [in]."""
+    """Return the circumference of a ball of the catalog [in]."""
     return 2 * np.pi * entry("balls", ball, "radius", "in")
 
 
@@ -103,37 +113,37 @@ def circumference(ball: str) -> float:
 
 
 def length(bat: str) -> float:
-    """Return the length of a bat [in]."""
+    """Return the length of a bat of the catalog [in]."""
     return beam(bat).length / INCH
 
 
 def weight(bat: str) -> float:
-    """Return the weight of a bat [oz]."""
+    """Return the weight of a bat of the catalog [oz]."""
     return beam(bat).mass / OUNCE
 
 
 def balance_point(bat: str) -> float:
-    """Return the distance of the centre of mass from the knob end [in]."""
+    """Return the distance of the centre of mass of a bat from the knob end [in]."""
     return (beam(bat).length - beam(bat).z_cm) / INCH
 
 
 def pivot_inertia(bat: str) -> float:
-    """Return the moment of inertia about the axis 6 in from the knob [oz in^2]."""
+    """Return the moment of inertia of a bat about an axis 6 in from the knob end [oz in^2]."""
     return beam(bat).inertia(beam(bat).length - AXIS) / OZ_IN2
 
 
 def inertia_ratio(bat: str) -> float:
-    """Return the moment of inertia about the knob end over that about the axis 6 in from it."""
+    """Return the moment of inertia about the knob end over that about an axis 6 in from it."""
     return beam(bat).inertia(beam(bat).length) / OZ_IN2 / pivot_inertia(bat)
 
 
 def diameter(bat: str) -> float:
-    """Return the greatest diameter of the drawing [in]."""
+    """Return the greatest outer diameter in the drawing of a bat [in]."""
     return max(body(bat).profile.outer_diameter) / INCH
 
 
 def barrel_length(bat: str) -> float:
-    """Return the length of the cylindrical barrel of the drawing [in]."""
+    """Return the distance from the tip to the last section of greatest diameter of a bat [in]."""
     profile = body(bat).profile
     widest = max(profile.outer_diameter)
     stations = zip(profile.z, profile.outer_diameter, strict=True)
@@ -156,7 +166,10 @@ def _body(bat: str | float) -> BatBody:
 
 
 def frequency(bat: str | float, mode: int) -> float:
-    """Return a bending frequency of the free bat, or of R161 shortened to a length [Hz]."""
+    """Return a bending frequency of a free bat [Hz].
+
+    `bat` is a name, or the length [in] to which R161 is shortened; `mode` counts from 1.
+    """
     return float(free_model(_body(bat)).modes.bending_frequencies[mode - 1])
 
 
@@ -169,7 +182,7 @@ def node(bat: str | float, mode: int) -> float:
 
 
 def handle_node(bat: str) -> float:
-    """Return the handle node of the first bending mode [in from the knob end]."""
+    """Return the handle node of the first bending mode of a free bat [in from the knob end]."""
     modes = free_model(body(bat)).modes
     z = np.linspace(0.0, modes.length, 3401)
     shape = modes.shape(z)[:, modes.rigid]
@@ -201,22 +214,28 @@ def _restitution_peak(bat: BatBody, speed: float, ball: BallSpec | None = None) 
 
 
 def peak_restitution(bat: str, speed: float) -> float:
-    """Return the greatest BBCOR along the barrel at `speed` [mph], with the nominal ball."""
+    """Return the greatest BBCOR of a bat, 3 to 9 in from the tip, at a relative speed [mph].
+
+    The bat is pivoted 6 in from the knob, and the ball is the nominal baseball.
+    """
     return _restitution_peak(body(bat), speed).value
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the greatest BBCOR at `speed` [mph], in inches from the tip."""
+    """Return the position of the greatest BBCOR [in from the tip], at a relative speed [mph]."""
     return _restitution_peak(body(bat), speed).place
 
 
 def restitution_change(bat: str, first: str, speed: float) -> float:
-    """Return the greatest BBCOR of a bat at `speed` [mph] minus that of the first bat."""
+    """Return the greatest BBCOR of `bat` minus that of `first`, at a relative speed [mph]."""
     return peak_restitution(bat, speed) - peak_restitution(first, speed)
 
 
 def procedure_result(bat: str, procedure: str) -> float:
-    """Return the greatest metric of a nominal bat, converted as the procedure converts it."""
+    """Return the greatest metric of a nominal bat, 3 to 9 in from the tip, normalised by the rules.
+
+    The metric is in SI units; ratios are dimensionless. `procedure` is a name in the catalog.
+    """
     rule = rules(procedure)
     recoil, collisions, scenes = _collide(body(bat), rule.ball_speed / MPH)
     e_A = collisions.collision_efficiency
@@ -233,9 +252,9 @@ def procedure_result(bat: str, procedure: str) -> float:
 
 
 def hit_scatter(bat: str, speed: float) -> float:
-    """Return the standard deviation of BBCOR from hit to hit at `speed` [mph].
+    """Return the standard deviation of BBCOR from hit to hit, each with a new ball.
 
-    Each hit has a new ball.
+    `speed` is the relative speed [mph].
     """
     ball = paper_ball(BALL)
     step = 0.005  # change of e0 for the slope, small beside the curvature of e(e0)
@@ -254,12 +273,12 @@ def hit_scatter(bat: str, speed: float) -> float:
 
 
 def peak_efficiency(bat: str, speed: float) -> float:
-    """Return the greatest e_A along the barrel at `speed` [mph]."""
+    """Return the greatest e_A of a bat, 3 to 9 in from the tip, at a relative speed [mph]."""
     return peak(Z, _collide(body(bat), speed)[1].collision_efficiency).value
 
 
 def peak_contact_time(bat: str, speed: float) -> float:
-    """Return the contact time where e_A is greatest at `speed` [mph], in seconds."""
+    """Return the contact time [s] at the position of the greatest e_A, at a speed [mph]."""
     collisions = _collide(body(bat), speed)[1]
     return float(collisions.contact_time[np.argmax(collisions.collision_efficiency)])
 
@@ -267,8 +286,9 @@ def peak_contact_time(bat: str, speed: float) -> float:
 def barrel_travel(bat: str, speed: float) -> float:
     """Return the travel of the barrel in contact [in]: half of its final speed times the time.
 
-    `speed` is the relative speed of ball and bat [mph].
-    The half is that of a force symmetric in time. The bat is rigid, on its pivot.
+    `speed` is the relative speed of ball and bat [mph]. The factor of one half holds for a force
+    that is symmetric in time. The bat is rigid, on its pivot, and hit at its position of the
+    greatest e_A.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
     best = int(np.argmax(collisions.collision_efficiency))
@@ -277,14 +297,21 @@ def barrel_travel(bat: str, speed: float) -> float:
 
 
 def soft_ball(bat: str, speed: float) -> float:
-    """Return the change of BBCOR at `speed` [mph] by a ball of the same e0, ten times softer."""
+    """Return the change of the greatest BBCOR by a ball of a tenth of the stiffness, same e0.
+
+    `speed` is the relative speed [mph]. A positive result is a higher BBCOR with the soft ball.
+    """
     ball = paper_ball(BALL)
     soft = replace(ball, stiffness=ball.stiffness / 10)
     return _restitution_peak(body(bat), speed, soft).value - peak_restitution(bat, speed)
 
 
 def hoop_trend(bat: str, speed: float) -> float:
-    """Return the rank correlation of BBCOR at `speed` [mph] and hoop frequency, mass constant."""
+    """Return the rank correlation of the greatest BBCOR and the hoop frequency, from -1 to 1.
+
+    The frequency is 1000 to 3000 Hz at constant modal mass, `speed` the relative speed [mph]. The
+    bat must have a hoop mode.
+    """
     hoop = body(bat).hoop
     assert hoop is not None
     tops = [
@@ -297,13 +324,16 @@ def hoop_trend(bat: str, speed: float) -> float:
 
 
 def length_trend(speed: float) -> float:
-    """Return the change of BBCOR at `speed` [mph] per inch of length, of R161 shortened."""
+    """Return the slope of the greatest BBCOR with the length of R161 [1/in].
+
+    R161 is shortened to 31 to 34 in. `speed` is the relative speed [mph].
+    """
     tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])
 
 
 def restitution_on_wall(ball: str, feet_per_second: float) -> float:
-    """Return e0 of a ball at a speed."""
+    """Return e0 of a ball of the catalog at a speed [ft/s]."""
     return float(paper_ball(ball).restitution.at(feet_per_second * FOOT))
 
 
@@ -323,7 +353,10 @@ def _swing_test(bat: str, procedure: str) -> float:
 
 
 def best_wood(procedure: str) -> float:
-    """Return the greatest v_f [mph] of the catalog's wood bats on the swing machine."""
+    """Return the greatest v_f [mph] of the catalog's wood bats on a swing machine.
+
+    `procedure` names the procedure whose speeds the machine has.
+    """
     return max(_swing_test(bat, procedure) for bat in WOODEN)
 
 
@@ -338,7 +371,10 @@ def expanded_speed_u(bat: str, procedure: str) -> float:
 
 
 def batted_lead(first: str, second: str, exponent: float) -> float:
-    """Return the greatest v_f of the first bat minus that of the second [mph], standard game."""
+    """Return the greatest v_f of the first bat minus that of the second [mph].
+
+    Both are in the standard game. `exponent` is the n of the swing law.
+    """
     tops = [profiles(bat, swings=(exponent,))[0].peaks["v_f_mph"].value for bat in (first, second)]
     return tops[0] - tops[1]
 
