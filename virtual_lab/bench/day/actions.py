@@ -36,7 +36,8 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
 def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
     """Return the arguments of an action as printed on a page, for example "position: 120 mm".
 
-    Arguments are separated by "; ". Empty ones are left out.
+    Arguments are separated by "; ". Empty ones are left out. Raises `KeyError` for an argument that
+    the action does not take.
     """
     takes = {each.name: each for each in ARGUMENTS.get(action, ())}
     titles = fault_titles() | {name: each.title for name, each in action_table().actions.items()}

@@ -105,10 +105,10 @@ class Day:
 
 
 def decide(day: Day, action: Action) -> float:
-    """Return the price of an action [s of laboratory time].
+    """Return the price of an action [s of laboratory time], without any effect on the day.
 
     An action is refused only if it is impossible now or would change reduced results. Any other
-    action is carried out, with its consequences.
+    action is allowed, with its consequences.
 
     Raises
     ------
@@ -147,7 +147,11 @@ def decide(day: Day, action: Action) -> float:
 
 
 def is_offered(day: Day, action: str) -> bool:
-    """Return whether the page of a day offers an action."""
+    """Return whether the page of a day offers an action.
+
+    Before the hand-in it offers those that the rig and the day have, afterwards the dispute of a
+    score only, and in an exam nothing.
+    """
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam
     if action in CHECKLISTS:
@@ -161,7 +165,11 @@ def ready_steps(day: Day) -> tuple[str, ...]:
 
 
 def has_instrument(day: Day, action: str) -> bool:
-    """Return whether the rig has the instrument of an action; True while it is being set up."""
+    """Return whether the rig has the instrument that an action needs.
+
+    An action that needs none gives True, and so does every action while the laboratory is being set
+    up.
+    """
     needs, calibration = action_table().actions[action].needs, day.morning.calibration
     return not calibration or any(key.startswith(needs) for key in calibration)
 
@@ -201,7 +209,10 @@ def _require_reading(day: Day, entry: int) -> None:
 
 
 def evolve(day: Day, event: DayEvent) -> Day:
-    """Return the state of the day after one more event."""
+    """Return the state of the day after one more event; `day` is unchanged.
+
+    Whether the action is allowed is not checked; `decide` does that.
+    """
     day = replace(
         day,
         events=(*day.events, event),

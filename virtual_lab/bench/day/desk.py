@@ -40,7 +40,7 @@ STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # stage of the records of
 def session_of(day: Day) -> Session:
     """Return the session of a day: its records and the calibration constants now in use.
 
-    If a reading was repeated, the last one that is not struck out counts.
+    Struck-out entries do not count. If a reading was repeated, the last one counts.
     """
     records: dict[str, dict[str, Record]] = {}
     calibration = dict(day.morning.calibration)

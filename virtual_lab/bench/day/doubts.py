@@ -23,7 +23,7 @@ def fault_sheets() -> Mapping[str, FaultSheet]:
 
 
 def fault_titles() -> dict[str, str]:
-    """Return the title of each fault that a trainee can name, by the name of the fault."""
+    """Return the title of each fault of the catalog, by the name of the fault."""
     return {name: sheet.title for name, sheet in fault_sheets().items()}
 
 

@@ -22,13 +22,13 @@ def entry_of_record(record: Record) -> dict[str, Any]:
 
 
 def record_of(entry: Mapping[str, Any]) -> Record:
-    """Return the record that `entry_of_record` wrote, with identical values."""
+    """Return the record that `entry_of_record` wrote, with identical values; null becomes NaN."""
     kind = record_types()[entry["kind"]]
     return kind(**{name: np.array(entry[name], dtype=np.float64) for name in kind.columns})
 
 
 def entry_of_session(session: Session) -> dict[str, Any]:
-    """Return a session as a JSON object: bat, ball, rules, constants, but no records."""
+    """Return a session as a JSON object: bat, ball, rigs, rules and constants, but no records."""
     return {
         "bat": session.bat,
         "ball": session.ball,

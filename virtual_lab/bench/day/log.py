@@ -79,7 +79,10 @@ class DayLog:
         )
 
     def append(self, event: DayEvent) -> None:
-        """Write an event to disk. Raises `SequenceError` if its number is not the next one."""
+        """Write an event to disk.
+
+        Raises `SequenceError` if the event's number is not the next one.
+        """
         with closing(self._open()) as base:
             base.execute("BEGIN IMMEDIATE")
             (last,) = base.execute("SELECT max(number) FROM entries").fetchone()

@@ -224,9 +224,9 @@ HABITS = {
 
 
 def operator_of(name: str, seed: int = 0) -> Operator:
-    """Return a simulated operator by name; `seed` determines its slips.
+    """Return a simulated operator by name: a function that yields the actions of a day.
 
-    Raises `InputError` for an unknown name.
+    `seed` determines the slips of the operator. Raises `InputError` for an unknown name.
     """
     if name not in HABITS:
         allowed = f"{nearest(name, HABITS)}known: {', '.join(HABITS)}"

@@ -20,7 +20,10 @@ class StepDue:
 
 
 def steps_due(day: Day) -> Iterator[StepDue]:
-    """Yield each step that was due so far, in order. A step before each shot is due repeatedly."""
+    """Yield each step that was due so far, in order, whether it was done or not.
+
+    A step before each shot is due at every shot, except that the first shot has no scrap to clear.
+    """
     since: set[str] = set()
     actions: set[str] = set()
     shot = 0
@@ -44,7 +47,10 @@ def omitted_steps(day: Day) -> list[StepDue]:
 
 
 def excuses_of(day: Day) -> dict[str, str]:
-    """Return the trainee's reason for each step that was noted as a deviation, by step."""
+    """Return the trainee's noted reason for each skipped step, by step.
+
+    The last note on a step counts. Struck-out notes are left out.
+    """
     return {
         str(event.arguments["step"]): str(event.arguments["because"])
         for event in day.events
@@ -53,7 +59,11 @@ def excuses_of(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Display:
-    """Return the steps that the last event omitted, with their effects, to display."""
+    """Return one row to display per step that was due before the last event and not done.
+
+    A row has the title of the step, the effect of its omission, and an empty unit. The result is
+    empty if no step was omitted.
+    """
     last = len(day.events) - 1
     sheets = action_table().actions
     return tuple(
@@ -66,7 +76,7 @@ def remarks(day: Day) -> Display:
 def checklist(day: Day, *, end: bool) -> Display:
     """Return a checklist to display: before the first shot, or before the verdict if `end`.
 
-    One row per item, with the word "done" or "not done".
+    There is one row per item: its title, the word "done" or "not done", and an empty unit.
     """
     sheets = action_table().actions
     if not end:

@@ -106,7 +106,7 @@ class PrintedRow(NamedTuple):
 
 
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
-    """Yield the first row beyond its limit for each suspected fault.
+    """Yield the first reading beyond its limit for each suspected fault; nothing if all are within.
 
     A fault is left out if a suspected fault of its list ``unless`` explains the same readings.
     """
@@ -120,7 +120,7 @@ def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
 
 
 def rows_of(desk: Desk) -> Iterator[CheckRow]:
-    """Yield one row per reading that has a limit, within it or beyond."""
+    """Yield one row per reading that has a limit, within it or beyond; at first there is none."""
     for look in LOOKS:
         yield from look(desk)
 
@@ -392,15 +392,17 @@ def gate_edges(record: Record) -> Array:
 def beam_passages(record: Record) -> Array:
     """Return the time for which the incoming ball blocks each gate [s], shape (shot, gate).
 
-    It is NaN if the gate missed an edge.
+    The time is NaN if the gate missed an edge.
     """
     return np.asarray(np.diff(gate_edges(record)[:, 0], axis=-1)[..., 0])
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
-    """Yield rows on the blocking times of the first and last gate, for a range of shots.
+    """Yield rows on the ratio of the blocking times of first and last gate, for a range of shots.
 
-    The ratio of the two times is 1 for a round ball. Nothing is yielded if no ball has both times.
+    The ratio is 1 for a round ball. The two rows are those of its largest and its smallest value;
+    boards have a third one, the number of balls that blocked the first gate too early. Shots are
+    numbered from 0. Nothing more is yielded if no ball has both times.
     """
     passages = beam_passages(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]

@@ -90,7 +90,7 @@ class ActionTable(Spec):
 
 @cache
 def channels() -> Mapping[str, str]:
-    """Return the recorded channel of each action that measures at the bench, by action."""
+    """Return the channel that each measuring action at the bench records, by name of the action."""
     return {name: each.channel for name, each in action_table().actions.items() if each.channel}
 
 
@@ -108,7 +108,7 @@ def repairs() -> Mapping[str, ActionSheet]:
 
 
 def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
-    """Return the action that removes a fault, with its arguments; None if there is no remedy."""
+    """Return name and arguments of the action that removes a fault; None if there is no remedy."""
     if fault in FOUND_INSTEAD:
         return FOUND_INSTEAD[fault]
     return next(((name, {}) for name, each in repairs().items() if fault in each.mends), None)

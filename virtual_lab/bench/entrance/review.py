@@ -87,8 +87,9 @@ class PlayedEntry:
 def summary(folder: str | Path) -> Rows[ClassDay]:
     """Return one row per day in the folders below `folder`, for example of a class.
 
-    Practice is left out. If a day that was handed in has no debrief yet, the debrief is written
-    beside its log. Raises `InputError` if there is no day.
+    The rows are sorted by folder. Practice is left out. The scores of a day that was not handed in
+    are None. If a day that was handed in has no debrief yet, the debrief is written beside its log.
+    Raises `InputError` if there is no day.
     """
     place = Path(folder)
     logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
@@ -166,10 +167,11 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
-    """Check a new scenario: let the operators `book` and `expert` carry out three days of it.
+    """Return one row per day on which the operators `book` and `expert` tried a scenario.
 
-    Return one row per day. Raises `InputError` with file, key and allowed values if the scenario is
-    not valid.
+    Each tries three days.
+
+    Raises `InputError` with file, key and allowed values if the scenario is not valid.
     """
     entry = load_scenario(str(name))
     scenario = entry.spec
@@ -218,7 +220,7 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
 
 
 def replay(path: str | Path) -> Rows[PlayedEntry]:
-    """Replay a day from its log, and compare each entry with the log, one row per entry.
+    """Return one row per entry of a day that is repeated from its log, and compared with the log.
 
     Parameters
     ----------

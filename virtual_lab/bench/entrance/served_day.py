@@ -41,6 +41,7 @@ class BackgroundJobs:
         self._futures: list[Future[Any]] = []
 
     def do(self, work: Callable[[], Any]) -> Future[Any]:
+        """Append a job to the queue, and return the future of its result."""
         future = self._pool.submit(work)
         self._futures = [each for each in self._futures if not each.done()] + [future]
         return future

@@ -105,7 +105,10 @@ class CheckStandards:
 
 
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
-    """Return a laboratory with the given faults, but the same certificates, salt and date."""
+    """Return a laboratory with the given faults.
+
+    Calibration certificates, salt and date stay the same.
+    """
     setup = replace(
         laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision
     )
@@ -130,8 +133,8 @@ def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str
 def speed_ratio(gates: Record) -> Array:
     """Return the ratio of rebound to incoming speed of each shot, shape (shot,).
 
-    It is computed from the times between the first and the last gate. A shot that one of these
-    gates missed gives NaN.
+    The speeds are those between the first and the last gate. A shot that one of these gates missed
+    gives NaN.
     """
     into, back = _flight_times(gates)
     return np.asarray(into / back)

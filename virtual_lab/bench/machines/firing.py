@@ -212,12 +212,12 @@ def _trip_probability(shot: ShotConditions) -> float:
 
 
 def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
-    """Return the true bat and balls at a stage of the test, with the faults of the day."""
+    """Return the true bat and balls at a stage of the test, changed by the faults of the day."""
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
     plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
     return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
 
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
-    """Return a station with changed true constants of its instrument `part`."""
+    """Return a station with other true constants [SI], by name, of its instrument `part`."""
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))

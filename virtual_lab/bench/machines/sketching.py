@@ -38,11 +38,11 @@ FRAMES = 6  # number of frames in a film of a shot
 
 
 def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
-    """Return the sketch of a shot as a JSON object.
+    """Return the sketch of a shot as a JSON object, the top view that a trainee may see.
 
-    `struck` lists the contacts in order, such as "bat" or "stop". If the ball hit the bat, `way`
-    and `side` give its direction afterward; `rebound` (e_A) and `turn` (angular rate of the bat
-    [rad/s]) are blurred.
+    `struck` lists the contacts in order, such as "bat" or "stop"; it is empty if the ball hit
+    nothing. If the ball hit the bat, `way` and `side` give its direction afterward; `rebound` (e_A)
+    and `turn` (angular rate of the bat [rad/s]) are blurred.
     """
     if shot not in firing.sketches:
         firing.sketches[shot] = _draw_sketch(firing, shot)
@@ -66,7 +66,11 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 
 
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
-    """Return blurred values of e_A and of the angular rate of the bat after the hit [rad/s]."""
+    """Return blurred values of e_A and of the angular rate of the bat after the hit [rad/s].
+
+    `efficiency` is the true e_A. The results are rounded to 0.01 and 0.1 rad/s, and are the same at
+    each call for the same shot.
+    """
     draws = firing.laboratory.draws
     day_draws = draws.normal("rehearsal.sketch-day", 2)
     shot_draws = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
@@ -84,9 +88,10 @@ def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tup
 
 
 def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, PlayedShots] | None:
-    """Return the true scene of a shot and its motion.
+    """Return the true scene of a shot and the motion in it.
 
-    It is None for a rig that swings the bat, and for a shot that the model of motion cannot play.
+    The result is None for a rig that swings the bat, and for a shot that the model of the motion
+    cannot compute.
     """
     laboratory, requested = firing.as_it_stands(shot)
     station = laboratory.stations[Stage.IMPACT]
@@ -104,7 +109,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
-    """Return the true motion of a shot, numbered from 1; None if it has no scene."""
+    """Return the true motion of shot number `shot`, counted from 1; None if it has no scene."""
     shot_scene = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
     if shot_scene is None:
         return None
@@ -170,7 +175,10 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
-    """Return the true camera frames of a shot, numbered from 1, as one PNG; empty if none."""
+    """Return the true camera frames of shot number `shot`, counted from 1, as one PNG.
+
+    The result is empty if the rig has no camera.
+    """
     laboratory, requested = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
@@ -180,7 +188,10 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
 
 
 def before_shot(day: Day, shot: int) -> Day:
-    """Return the day as it was before a shot, numbered from 1."""
+    """Return the day as it was before shot number `shot`, counted from 1.
+
+    Raises `IndexError` if the shot has not been fired.
+    """
     fired = [event.number for event in day.events if event.action == "fire"]
     return day.until(fired[shot - 1] - 1)
 

@@ -92,7 +92,7 @@ class StoredDay:
 
     @classmethod
     def begin(cls, folder: Path, scenario: Entry[Scenario], seed: int | None = None) -> Self:
-        """Begin a day in a new folder. Without a `seed` a random one is used.
+        """Begin a day in a new folder and return it. Without a `seed` a random one is used.
 
         The files are written together or not at all, so the folder is usable after a crash. Raises
         `InputError` if the folder exists or the scenario does not fit.
@@ -131,10 +131,11 @@ class StoredDay:
 
     @classmethod
     def branch(cls, source: Path, entry: int, folder: Path) -> Self:
-        """Begin a practice day in a new folder: a copy of a handed-in day up to an entry.
+        """Begin a practice day in a new folder and return it.
 
-        It continues with the same random numbers. It is marked as practice, because its truth has
-        been revealed. Raises `InputError` if the source is not handed in or has no such entry.
+        The day is a copy of a handed-in day up to an entry, and continues with the same random
+        numbers. It is marked as practice, because its truth has been revealed. Raises `InputError`
+        if the source is not handed in or has no such entry.
         """
         log = DayLog(source / LOG)
         events = log.events()
@@ -155,7 +156,7 @@ class StoredDay:
 
     @property
     def seal(self) -> str:
-        """Whether the seal is intact, as a sentence that begins with "intact" or "BROKEN"."""
+        """A sentence on the seal that begins with "intact" or "BROKEN"."""
         commitment = self.log.morning["briefing"]["commitment"]
         content = read_bytes(self.folder / SECRET)
         if _digest(content) != commitment:

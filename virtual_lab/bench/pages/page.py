@@ -166,7 +166,10 @@ def day_page(
 
 
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
-    """Return the HTML page that replays a day: its state after entry `number`, 0 for the start."""
+    """Return the HTML page that replays a day: its state after entry `number`, 0 for the start.
+
+    `briefing` is the part of the scenario that a trainee may know.
+    """
     desk, entries = Desk(day.until(number)), _entries(day, briefing)
     return page_template(PACKAGE, "replay.html").render(
         briefing=briefing,
@@ -220,7 +223,7 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return the entries of a day as text in CSV format, with a header row."""
+    """Return the entries of a day as text in CSV format: a header row, and one row per entry."""
     lines = StringIO()
     rows = csv.writer(lines)
     rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])
@@ -237,7 +240,7 @@ def hall_page(hall: Hall) -> str:
 
 
 def refusal_sentence(fault: InputError) -> str:
-    """Return an error as a sentence in which buttons and fields have the titles of the page."""
+    """Return an error as one sentence in which buttons and fields have the titles of the page."""
     titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
     key = titles.get(fault.key, fault.key)
     value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value
@@ -291,7 +294,7 @@ def _last_undecided(desk: Desk, hits: list[PrintedHit]) -> bool:
 
 
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
-    """Return the HTML page "rules" or "instruments", selected by `name`."""
+    """Return the HTML page with the name "rules" or "instruments"."""
     return page_template(PACKAGE, f"{name}.html").render(
         briefing=briefing, metric=METRICS[desk.rules.spec.metric], **wall_pages(desk, briefing)
     )

@@ -24,7 +24,7 @@ SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3
 
 @cache
 def wall() -> Mapping[str, Any]:
-    """Return the texts of both pages, from ``data/bench/wall.toml``."""
+    """Return the texts of the pages of rules and instruments, from ``data/bench/wall.toml``."""
     return catalog.sheet("bench", "wall")[0]
 
 
@@ -56,7 +56,7 @@ class PrintedInstrument(NamedTuple):
 
 
 def rules_of(desk: Desk) -> list[PrintedRule]:
-    """Return one row per rule, with numbers in the units of the rule book and in SI."""
+    """Return one row per number of the rules, in the units of the rule book and in SI."""
     words = wall()["rules"]
     order = {key: place for place, key in enumerate(words)}
     return [
@@ -66,7 +66,7 @@ def rules_of(desk: Desk) -> list[PrintedRule]:
 
 
 def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
-    """Yield each instrument with its calibration constants, as printed."""
+    """Yield each instrument with its calibration constants, as printed, in their order."""
     morning, session = desk.day.morning, desk.session
     groups: dict[tuple[str, str], list[PrintedConstant]] = {}
     for key, stated in morning.calibration.items():
@@ -154,7 +154,7 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
 
 
 def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the template variables of both pages."""
+    """Return the template variables of the pages of rules and instruments, by name."""
     return {
         "rules": desk.rules.spec,
         "rows": rules_of(desk),

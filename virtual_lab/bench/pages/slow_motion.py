@@ -104,17 +104,29 @@ def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
 
 
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
-    """Return the e_A to draw: that of the sketch, kept at least 0.03 away from zero.
+    """Return the e_A to draw: that of the sketch, but at least 0.03 away from zero.
 
-    The direction of the ball after the contact then stays visible: positive where the sketch says
-    that it flies back, otherwise negative.
+    It is positive if the ball of the sketch flies back and negative otherwise, so that the
+    direction of the ball stays visible.
     """
     rebound, least = float(sketch["rebound"]), 0.03
     return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)
 
 
 def contact_words(struck: Sequence[str], direction: str = "", side: str = "straight") -> str:
-    """Return a sentence on the contacts of a shot and the direction of the ball after them."""
+    """Return a sentence on the contacts of a shot and the direction of the ball after them.
+
+    Without a contact it is "No ball reached the bat."
+
+    Parameters
+    ----------
+    struck
+        Contacts in order: "bat", "bat again", "stop" or "frame".
+    direction
+        "back" for a rebound, "on" for none; an empty text says nothing about it.
+    side
+        Direction of the rebound: "straight", "up" or "down".
+    """
     words = {
         "bat": "the ball hits the bat",
         "bat again": "bat and ball touch a second time",

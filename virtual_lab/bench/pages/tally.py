@@ -31,7 +31,7 @@ class PrintedColumn(NamedTuple):
 
 
 def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
-    """Return a column of numbers, each in the format `form`; NaN is printed as "not seen"."""
+    """Return a column of numbers, each in the format `form`; NaN and infinity are "not seen"."""
     number = (format(each, form) if np.isfinite(each) else "not seen" for each in values)
     return PrintedColumn(title, list(number))
 
@@ -59,7 +59,10 @@ def swings(desk: Desk) -> list[PrintedColumn]:
 
 
 def in_units(sentence: str, system: str) -> str:
-    """Return a sentence in which inches and mph are converted to mm and m/s if `system` is "SI"."""
+    """Return a sentence in which inches and mph are converted to mm and m/s if `system` is "SI".
+
+    With any other system it is returned unchanged.
+    """
 
     def convert(match: re.Match[str]) -> str:
         unit, factor, places = ("m/s", MPH, 2) if match[4] == "mph" else ("mm", 1e3 * INCH, 1)
@@ -132,7 +135,8 @@ def run_chart(desk: Desk, units: Units) -> str:
     """Return an SVG chart of the speed and e_A of each shot.
 
     It shows the acceptance window of the speed, and the mean of e_A ± 3 standard deviations (not
-    for a scan along the barrel). It is empty with fewer than two shots.
+    for a scan along the barrel). It is empty with fewer than two shots, or while they cannot be
+    reduced.
     """
     if len(desk.day.fired) < 2 or desk.missing:
         return ""
@@ -199,9 +203,9 @@ def _chart(
 
 
 def residual_chart(desk: Desk, shot: int) -> str:
-    """Return an SVG chart of the residuals of the encoder fit of a shot, numbered from 1.
+    """Return an SVG chart of the residuals [counts] of the encoder fit of a shot, numbered from 1.
 
-    It is empty without an encoder or without a fit.
+    The chart is empty without an encoder, without a fit, or with fewer than 40 fitted samples.
     """
     record = desk.session.records.get("impact", {}).get("encoder")
     if not isinstance(record, EncoderRecord) or desk.missing:

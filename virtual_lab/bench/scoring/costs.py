@@ -48,9 +48,19 @@ def costly_decisions(
 ) -> tuple[CostlyDecision, ...]:
     """Return up to three decisions with the largest effect on the error of the result.
 
-    Each decision is corrected alone, and the day is replayed. Shots in `justified`, from 0, were
-    rejected for a good reason and are left as they are. Without a decision that changed the error
-    the result is empty.
+    Each decision is corrected alone, and the day is replayed. Without a decision that changed the
+    error the result is empty.
+
+    Parameters
+    ----------
+    apparatus, desk
+        The machines, and the desk of the trainee's day.
+    truth
+        True metric [SI]; None if it is unknown.
+    results
+        Results that the trainee entered.
+    justified
+        Shots, from 0, that were rejected for a good reason. They are left as they are.
     """
     decisions: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None

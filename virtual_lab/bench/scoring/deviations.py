@@ -44,7 +44,7 @@ class Deviation:
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield the judgement of each deviation, in the order of the entries.
+    """Yield one judgement per deviation, in the order of the entries; nothing without a deviation.
 
     Deviations are noted omissions, rejections of hits within the windows, and additional checks
     that a reading called for.
@@ -57,7 +57,7 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
-    """Return the total time of justified additional checks [s], which costs no points."""
+    """Return the total time of justified additional checks [s]; no points are lost for it."""
     entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(
         event.seconds

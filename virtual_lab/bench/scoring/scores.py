@@ -44,10 +44,11 @@ class RightVerdict(NamedTuple):
 def right_verdict(
     apparatus: Apparatus, desk: Desk, value: float | None, u: float | None, *, spoilt: bool
 ) -> RightVerdict:
-    """Return the correct verdict of a day with the result `value` and standard uncertainty `u`.
+    """Return the correct verdict of a day, its reason, and the true metric.
 
     If the day is `spoilt` by a fault, the verdict is INVALID if the error exceeds U = 2 u. Without
-    a result it is INVALID on a spoilt day and MEASURED on any other.
+    a result it is INVALID on a spoilt day and MEASURED on any other. `value` and `u` are the result
+    of the day and its standard uncertainty in SI units, None without a result.
     """
     truth = None
     if value is not None:
@@ -179,8 +180,9 @@ def record_score(
 def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
     """Return the economy score, 0 to 1, and its explanation.
 
-    It is the product of the expert's over the trainee's time, the same ratio of shots, each at most
-    1, and the `result` score. `needless` seconds of the trainee's time are not counted.
+    The score is the product of three factors, each at most 1: the expert's time over the trainee's
+    time, the same ratio of the numbers of shots, and the score `result`. `needless` seconds of the
+    trainee's time are not counted.
     """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
