@@ -24,10 +24,10 @@ RESULT = ("verdict", "metric", "shots", "budget")
 
 
 def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
-    """Return a result folder as a report to be replaced, None without one.
+    """Return number, digest, folder name and reason of a report to be replaced; None without one.
 
-    Raises `InputError` if the folder has no certificate, or if only one of folder and reason is
-    given.
+    `folder` is the result folder of the report. Raises `InputError` if the folder has no
+    certificate, or if only one of folder and reason is stated.
     """
     if folder is None and not reason:
         return None
@@ -44,10 +44,11 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
 
 
 def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification]:
-    """Return the certificate in a folder, and the certification of its records.
+    """Return the certificate in a result folder, and the certification computed from its records.
 
-    Raises `InputError` if the folder has no certificate, or if the records give another one. Of a
-    certificate made by another program only the result and the copied values must agree.
+    Raises `InputError` if the folder has no certificate or no usable records, or if the records
+    give another certificate. Of a certificate made by another program only the result and the
+    copied values must agree.
     """
     stated = read_document(folder / CERTIFICATE)
     certification = certify_session(load_session(folder / RECORDS))
@@ -63,7 +64,11 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
 
 
 def result_folders(folder: Path) -> list[Path]:
-    """Return the folder, or the result folders in it. `InputError` if there is no result."""
+    """Return [folder] for a result folder, otherwise the result folders directly in it, sorted.
+
+    A result folder holds a ``certificate.json``. Raises `InputError` if the folder is missing or
+    there is no result folder.
+    """
     if not folder.is_dir():
         raise InputError(str(folder), "result folder", None, "no such folder")
     if (folder / CERTIFICATE).exists():

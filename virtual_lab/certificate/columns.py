@@ -247,5 +247,9 @@ SHOTS = (
 
 
 def shot_columns(metric: str) -> dict[str, ShotColumn]:
-    """Return every column that ``readings.csv`` may have, by its name in tests by a metric."""
+    """Return every column that ``readings.csv`` may have, by its name in tests by a metric.
+
+    `metric` is the name of the metric, which is part of some column names. The order is that of the
+    file.
+    """
     return {each.name.format(metric): each for each in SHOTS}

@@ -49,7 +49,7 @@ FolderFinding = Mismatch | Unchecked | Remark
 
 
 def within(prefix: str, findings: Iterable[FolderFinding]) -> Iterator[FolderFinding]:
-    """Yield the findings about a folder with `prefix` in front of its file names."""
+    """Yield the findings with ``prefix/`` in front of their file names; remarks stay unchanged."""
     for each in findings:
         if isinstance(each, Mismatch):
             yield replace(each, file=f"{prefix}/{each.file}")
@@ -60,21 +60,29 @@ def within(prefix: str, findings: Iterable[FolderFinding]) -> Iterator[FolderFin
 
 
 def at(document: Any, *keys: str) -> Any:
-    """Return the value under nested keys of a JSON document, None if a key is missing."""
+    """Return the value under nested keys of a JSON document.
+
+    The result is None if a key is missing or a value on the path is no object.
+    """
     for key in keys:
         document = document.get(key) if isinstance(document, Mapping) else None
     return document
 
 
 def same_text(path: Path) -> str:
-    """Return the text of a file with Unix line ends. Raise `InputError` if it cannot be read."""
+    """Return the text of a file with Unix line ends; bytes that are no UTF-8 become U+FFFD.
+
+    Raises `InputError` if the file cannot be read.
+    """
     return read_bytes(path).replace(b"\r\n", b"\n").decode(errors="replace")
 
 
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
-    """Yield the keys of a JSON file that differ from `here`, or the first line of another layout.
+    """Yield one mismatch per key of a JSON file that differs from `here`; nothing if all agree.
 
-    `text` is the file that this program writes for the values of `here`.
+    If all keys agree but the text differs from `text`, the first line that differs is yielded.
+    `text` is the file that this program writes for the values of `here`. A file that cannot be read
+    is one mismatch.
     """
     try:
         stated = read_json(path)
@@ -87,7 +95,10 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
 
 
 def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
-    """Yield the first line of a text that differs from `here`."""
+    """Yield a mismatch for the first line of `stated` that differs from `here`, if any does.
+
+    `file` is the name of the file for the mismatch.
+    """
     lines = zip_longest(stated.split("\n"), here.split("\n"))
     for number, (there, expected) in enumerate(lines, start=1):
         if there != expected:
@@ -99,9 +110,10 @@ def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
 
 
 def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
-    """Yield the cells of a CSV file that differ from the text `here`.
+    """Yield one mismatch per cell of a CSV file that differs from the text `here`, if any does.
 
-    If the numbers of rows or columns differ, only this difference is yielded.
+    Cells that differ only by rounding count as equal. If the numbers of rows or columns differ, or
+    the file cannot be read, only this is yielded.
     """
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
@@ -133,7 +145,11 @@ def _same_cell(stated: str, expected: str) -> bool:
 
 
 def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterator[Mismatch]:
-    """Yield the keys of a JSON document whose values differ between `stated` and `expected`."""
+    """Yield one mismatch per key of a JSON document whose value differs; nothing if all agree.
+
+    `stated` is the value in the file, `expected` that of this program. `file` and `key` name the
+    file and the place of both values in it.
+    """
     if isinstance(stated, Mapping) and isinstance(expected, Mapping):
         for name in [*expected, *(name for name in stated if name not in expected)]:
             inner = f"{key}.{name}" if key else name
@@ -163,6 +179,6 @@ def _value(value: Any) -> str:
 
 
 def cut_short(text: str) -> str:
-    """Return a value; if it is long, its beginning and a digest that distinguishes it."""
+    """Return a text of up to 60 characters as it is, a longer one as its beginning and a digest."""
     cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
     return text if len(text) <= 60 else cut

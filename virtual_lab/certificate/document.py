@@ -661,12 +661,15 @@ class CertificateDocument(Spec):
 
 
 def text_of(stated: Mapping[str, Any]) -> str:
-    """Return the text of a ``certificate.json`` with these values."""
+    """Return the text of a ``certificate.json`` with these values: indented JSON and a line end."""
     return json.dumps(stated, indent=2, allow_nan=False) + "\n"
 
 
 def number_of(stated: Mapping[str, Any]) -> str:
-    """Return the number of a certificate with these values of JSON, of any schema."""
+    """Return the number of a certificate, 12 hexadecimal digits, from its values of JSON.
+
+    The values may be of any schema. The number does not depend on the commit.
+    """
     counted = {**stated, "commit": None} if "commit" in stated else stated
     return hashlib.sha256(text_of(counted).encode()).hexdigest()[:12]
 
@@ -674,7 +677,9 @@ def number_of(stated: Mapping[str, Any]) -> str:
 def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated | None:
     """Return the risk of a verdict that depends on the limit alone, None for other verdicts.
 
-    `eligible` says whether the bat meets all rules other than the limit.
+    For PASS it is the probability that the true value is above the limit, for FAIL that it is not.
+    `eligible` says whether the bat meets all rules other than the limit. The result is None, too,
+    without a value, an uncertainty or a limit, and for INVALID.
     """
     value, u, limit = metric.value, metric.u, metric.limit
     if value is None or not u or limit is None or not eligible or verdict == "INVALID":
@@ -692,7 +697,11 @@ def statement_of(laboratory: str | None) -> str:
 
 
 def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
-    """Return the document of parsed JSON; `InputError` names a key that does not fit the rest."""
+    """Return the document of parsed JSON.
+
+    `where` names the file. Raises `InputError` for another schema, an unknown or missing key, a
+    value that is not allowed, or a key that contradicts the others.
+    """
     if parsed.get("schema") != SCHEMA:
         allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
         raise InputError(where, "schema", parsed.get("schema"), allowed)
@@ -773,7 +782,10 @@ def _foreign_words(document: CertificateDocument) -> Iterator[tuple[str, Any, st
 
 
 def read_document(path: Path) -> CertificateDocument:
-    """Return the certificate in a file; `InputError` if it has none."""
+    """Return the certificate in a JSON file.
+
+    Raises `InputError` as `document_of`, or if the file cannot be read.
+    """
     return document_of(read_json(path), str(path))
 
 

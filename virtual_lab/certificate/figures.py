@@ -20,7 +20,7 @@ X_LABEL_ROOM = 32.0  # height of the labels below the axes [pt]
 
 
 def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
-    """Return the figures by name, as SVG; None: nothing to draw."""
+    """Return the seven figures of a certificate by name, as SVG elements; None: nothing to draw."""
     return {
         "hits_figure": hits_figure(document),
         "along_figure": along_figure(document) if document.along else None,
@@ -52,7 +52,11 @@ def hits_figure(document: CertificateDocument) -> str:
 
 
 def along_figure(document: CertificateDocument) -> str:
-    """Return e_A, e and the metric along the barrel, with error bars and fitted curves, as SVG."""
+    """Return e_A, e and the metric along the barrel, with error bars and fitted curves, as SVG.
+
+    Positions are in inches from the tip; the bars are standard uncertainties. The document must
+    have curves along the barrel.
+    """
     along = document.along
     assert along is not None
     room = (RIGHT - LEFT + 42) / len(along.quantities)
@@ -94,7 +98,10 @@ def along_figure(document: CertificateDocument) -> str:
 
 
 def budget_figure(document: CertificateDocument) -> str:
-    """Return the shares of the uncertainty budget as bars, as SVG."""
+    """Return the shares of the variance of the metric [%] as bars, as SVG.
+
+    The document must have a printed budget.
+    """
     rows = printed_budget(document)
     levels = [float(-number) for number in range(len(rows))]
     shares = [float(row["share"]) for row in rows]
@@ -120,7 +127,7 @@ def budget_figure(document: CertificateDocument) -> str:
 def rebound_figure(document: CertificateDocument) -> str | None:
     """Return an SVG figure of e_A from rebound against e_A from recoil, one point per hit.
 
-    None if fewer than two hits have both values.
+    The result is None if fewer than two hits have both values.
     """
     both = [
         (row, row.recoil_efficiency, row.rebound_efficiency)
@@ -175,7 +182,11 @@ def rebound_figure(document: CertificateDocument) -> str | None:
 
 
 def contact_figure(document: CertificateDocument) -> str:
-    """Return an SVG figure of the encoder's angle minus the fitted rotation, one panel per shot."""
+    """Return an SVG figure of the encoder's angle minus the fitted rotation, one panel per shot.
+
+    Each panel shows 20 ms after contact, all on the same scale. The document must have at least one
+    such record.
+    """
     sheet, reasons = document.contact_sheet, {row.shot: row.reason for row in document.shots}
     most = max((abs(angle) for each in sheet for angle in each.angle_deg), default=0.0) or 1.0
     wide, high, columns = 80.0, 50.0, 6
@@ -207,7 +218,10 @@ def contact_figure(document: CertificateDocument) -> str:
 
 
 def swings_figure(document: CertificateDocument) -> str:
-    """Return the metric over the exponent of the swing law, with its 95 % intervals, as SVG."""
+    """Return the metric over the exponent of the swing law, with its 95 % intervals, as SVG.
+
+    The document must have a range of swing laws.
+    """
     printed = METRICS[document.metric.name]
     exponents = [row.exponent for row in document.swing_range]
     values = [row.value / printed.unit_si for row in document.swing_range]
@@ -237,7 +251,10 @@ def swings_figure(document: CertificateDocument) -> str:
 
 
 def encoder_figure(trace: EncoderTrace) -> str:
-    """Return the encoder's record of one shot, with its turn and the ring, as SVG."""
+    """Return the encoder's record of one shot as SVG: angle [deg] of rotation and vibration.
+
+    Both are drawn over the time after contact [ms], with their fits.
+    """
     middle, bottom = (LEFT + RIGHT) / 2, 140 - X_LABEL_ROOM
     turn, ring = trace.turn, trace.ring
     whole = Panel(

@@ -90,10 +90,16 @@ def certificate(
     truth_digest: str | None = None,
     session_digest: str | None = None,
 ) -> CertificateDocument:
-    """Return the certificate of a test.
+    """Return the certificate of one test.
 
-    `truth_digest` links the certificate of a simulated test to its sealed truth. `session_digest`
-    links any certificate to its records as they were written.
+    Parameters
+    ----------
+    certification
+        Result of the test.
+    truth_digest
+        SHA-256 of the sealed truth, which links a simulated test to it; None: no truth is sealed.
+    session_digest
+        SHA-256 of ``session.json``, which links any certificate to its records; None: not written.
     """
     session, procedure = certification.session, certification.procedure
     metric, outcome = certification.metric, certification.outcome
@@ -225,7 +231,10 @@ def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated
 
 
 def budget_lines(budget: Budget) -> list[BudgetLine]:
-    """Return the components of an uncertainty with their shares of the variance [%], sorted."""
+    """Return the components of an uncertainty, with values in SI units, the largest first.
+
+    Each has its share of the variance [%]; all shares are 0 if the variance is 0.
+    """
     variance = sum(part.contribution**2 for part in budget.components)
     return [
         BudgetLine(

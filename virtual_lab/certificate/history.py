@@ -17,7 +17,7 @@ FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad 
 
 
 def kind_of(session: Session) -> dict[str, str]:
-    """Return the bat, procedure, rig and laboratory that joined tests must have in common."""
+    """Return bat, text of the procedure, impact rig and laboratory, which joined tests share."""
     return {
         "bat": session.bat,
         "procedure": session.procedure_text,
@@ -29,10 +29,18 @@ def kind_of(session: Session) -> dict[str, str]:
 def earlier_scatter(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> dict[str, Estimate]:
-    """Return the variance of one hit for each result, from the certificates of earlier tests.
+    """Return the variance of one hit [SI] for each result by name, pooled over earlier tests.
 
-    `folders` are result folders, or folders that contain them. `kind` is the kind of the current
-    test, as `kind_of` returns it, and `today` its session, where its records are reduced.
+    Without folders the result is empty.
+
+    Parameters
+    ----------
+    folders
+        Result folders of earlier tests, or folders that contain them.
+    kind
+        Kind of the current test, as `kind_of` returns it.
+    today
+        Session of the current test, if its records are reduced; None otherwise.
 
     Raises
     ------

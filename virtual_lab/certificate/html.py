@@ -25,7 +25,7 @@ def certificate_page(document: CertificateDocument, paper: str = "a4") -> str:
 
 
 def notebook_card(document: CertificateDocument) -> str:
-    """Return verdict and result as a small piece of HTML for a notebook's output cell."""
+    """Return verdict and result as a small piece of HTML for the output cell of a notebook."""
     return page_template(PACKAGE, "card.html").render(
         document=document, result=printed_result(document)
     )

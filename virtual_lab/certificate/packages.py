@@ -30,14 +30,24 @@ TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # type by kind of dtype
 
 
 def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
-    """Return the text of a descriptor's file."""
+    """Return the text of a descriptor's file: indented JSON and a line end."""
     return json.dumps(descriptor, indent=1) + "\n"
 
 
 def descriptors(
     document: CertificateDocument, session: Session, shots: Mapping[str, ArrayLike], folder: Path
 ) -> dict[str, Mapping[str, Any]]:
-    """Return the descriptors by file name, for a folder with all other files."""
+    """Return ``datapackage.json`` and ``ro-crate-metadata.json`` of a result folder, by file name.
+
+    Parameters
+    ----------
+    document, session
+        Certificate and session of the test.
+    shots
+        Columns of ``readings.csv`` by name, each of shape (shot,).
+    folder
+        The result folder, which holds all other files.
+    """
     title = f"Test of bat {document.bat.name} by {document.procedure.name}"
     meanings = shot_columns(document.metric.name)
     readings = [

@@ -28,28 +28,29 @@ MOST_ODD = 500  # largest number of characters without a glyph
 
 
 def pdf_name(document: CertificateDocument) -> str:
-    """Return the file name, with the certificate's number and SIMULATED or not-verified."""
+    """Return the file name of the PDF: certificate, its number, and SIMULATED or not-verified."""
     kind = "SIMULATED" if document.simulation else "not-verified"
     return f"certificate-{document.number}-{kind}.pdf"
 
 
 def require_paper(paper: str) -> None:
-    """Raise `InputError` for an unknown paper."""
+    """Raise `InputError` for a paper size other than ``a4`` and ``letter``."""
     if paper not in PAPERS:
         raise InputError("", "paper", paper, f"allowed: {', '.join(PAPERS)}")
 
 
 def require_pdf(paper: str) -> None:
-    """Raise `InputError` for an unknown paper, or if the extra ``pdf`` is missing."""
+    """Raise `InputError` for an unknown paper size, or if the extra ``pdf`` is missing."""
     require_paper(paper)
     _typst()
 
 
 def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
-    """Return the certificate as PDF; `InputError` as `require_pdf`.
+    """Return the certificate as a PDF file, for paper ``a4`` or ``letter``.
 
     Characters that no font of Typst has are printed as code points, and a logo that Typst cannot
-    set is left out. The certificate says so.
+    set is left out. The certificate says so. Raises `InputError` as `require_pdf`, or if Typst
+    fails.
     """
     require_paper(paper)
     typst = _typst()
@@ -71,9 +72,22 @@ def typeset(
     others: dict[str, str],
     standards: list[str],
 ) -> bytes:
-    """Return the PDF of a template. Characters without a glyph are printed as code points.
+    """Return the PDF file that Typst makes of a template.
 
-    `others` are further inputs of the template. Raises `InputError` if Typst fails.
+    Characters without a glyph are printed as code points. Raises `InputError` if Typst fails.
+
+    Parameters
+    ----------
+    typst
+        The module.
+    source
+        The template.
+    view
+        Values of the template, which are passed as JSON.
+    others
+        Further inputs of the template, by name.
+    standards
+        Names of the PDF standards to meet, such as ``ua-1``.
     """
     odd: set[str] = set()
     while True:
@@ -115,12 +129,15 @@ def _lacking(refusal: str, printable: str) -> set[str]:
 
 
 def source_of_pdf() -> bytes:
-    """Return the template that Typst sets."""
+    """Return the template that Typst sets, as bytes."""
     return (files("virtual_lab.certificate") / "templates" / "certificate.typ").read_bytes()
 
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
-    """Return the template's inputs, for a document whose characters all have glyphs."""
+    """Return the inputs of the template by name, for a document whose characters all have glyphs.
+
+    `paper` is ``a4`` or ``letter``.
+    """
     printable = _dump_view(_view(document), set())
     return {"view": printable, "document": document.text, "paper": PAPERS[paper]}
 

@@ -83,7 +83,10 @@ VERDICTS = {
 
 
 def printed_values(document: CertificateDocument) -> dict[str, Any]:
-    """Return the printed values by name, as texts and tables of texts."""
+    """Return all printed values of a certificate by name, as texts and tables of texts.
+
+    Numbers are rounded by their uncertainty, in printed units.
+    """
     rings = document.ring.frequencies_hz if document.ring else ()
     return {
         "number": document.number,
@@ -261,7 +264,11 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 
 
 def printed_result(document: CertificateDocument) -> dict[str, object]:
-    """Return verdict and result, with their limit and hits."""
+    """Return verdict and result in printed units, with limit and number of hits, by name as texts.
+
+    Without a result, as after an INVALID test, `stated` is False, and the keys of value and
+    uncertainty are missing.
+    """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]
     hits = f"{document.valid_hits} valid hits"
@@ -471,7 +478,10 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
 
 
 def printed_size(name: str) -> tuple[str, str, float]:
-    """Return the symbol of a quantity, its printed unit, and the size of that unit in SI."""
+    """Return the symbol of a quantity, its printed unit, and the size of this unit in SI.
+
+    A ratio has an empty unit and the size 1. Raises `KeyError` for an unknown name.
+    """
     if name not in QUANTITIES:
         return SYMBOLS[name], "", 1.0
     printed = QUANTITIES[name]
@@ -506,7 +516,11 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 
 
 def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the components with at least 1 % of the variance, and one line for all others."""
+    """Return the budget as rows of texts: components from 1 % of the variance, then the rest.
+
+    A row has the words, u of the input, type, contribution to u in the printed unit of the metric,
+    and share [%]. The list is empty without a result, without a budget, or if u is 0.
+    """
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si
     if not document.states_result or not rows or digits(u) == "0":

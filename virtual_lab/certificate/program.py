@@ -21,7 +21,7 @@ REGULAR = 0o100000  # mode of a regular file in the index, without its permissio
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of this program and of the libraries its numbers depend on."""
+    """Return the versions of this program and of the libraries its numbers depend on, by name."""
     return {"virtual-lab": VERSION} | {name: _installed(name) for name in LIBRARIES}
 
 

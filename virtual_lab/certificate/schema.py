@@ -39,7 +39,10 @@ def json_schema() -> dict[str, Any]:
 
 
 def document_classes(kind: Any) -> dict[str, type]:
-    """Return the dataclasses that occur in a type, by name."""
+    """Return the dataclasses that occur in a type, and in their fields, by name.
+
+    The result is empty for a type without one.
+    """
     if isinstance(kind, type) and is_dataclass(kind):
         inner = [document_classes(each) for each in get_type_hints(kind).values()]
         return {kind.__name__: kind} | {name: each for part in inner for name, each in part.items()}
@@ -47,9 +50,10 @@ def document_classes(kind: Any) -> dict[str, type]:
 
 
 def field_meanings(kind: type) -> dict[str, str]:
-    """Return the docstring below each field of a class and its bases, by field name.
+    """Return the docstring below each field of a class and its bases, by field name, in one line.
 
-    The meanings of `ShotRow` are those of the table of shots.
+    A field without a docstring is left out. The meanings of `ShotRow` are those of the table of
+    shots.
     """
     if kind is ShotRow:
         return {column.row: column.meaning for column in SHOTS if column.row}

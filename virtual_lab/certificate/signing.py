@@ -22,10 +22,10 @@ TEXTS = (".csv", ".html", ".json", ".toml")  # types of files in which copying m
 
 
 def require_key(path: Path, *, private: bool) -> Any:
-    """Return the private or public Ed25519 key in a PEM file.
+    """Return the private or public Ed25519 key in a PEM file, an object of ``cryptography``.
 
-    Raises `InputError` if the file holds no such key, if the key has a password, or if the extra
-    ``sign`` is not installed.
+    Raises `InputError` if the file cannot be read or holds no such key, if the key has a password,
+    or if the extra ``sign`` is not installed.
     """
     of_extra("cryptography", "sign", "a signature")
     from cryptography.hazmat.primitives.asymmetric import ed25519
@@ -45,8 +45,9 @@ def require_key(path: Path, *, private: bool) -> Any:
 
 
 def write_sums(folder: Path, key: Path | None = None) -> None:
-    """Write the digests of all files in a folder, and their signature by a private key.
+    """Write the SHA-256 digests of all files in a folder, and their signature if there is a key.
 
+    The files are ``SHA256SUMS`` and its signature. `key` is the file of a private key. Raises
     `InputError` as `require_key`.
     """
     private = None if key is None else require_key(key, private=True)
@@ -58,9 +59,10 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
 
 
 def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFinding]:
-    """Yield the files of a folder that differ from its list of digests.
+    """Yield one finding per file of a folder that differs from its list of digests, if any does.
 
-    A folder of `optional` that is completely missing is reported as unchecked.
+    A missing file, a file that is not listed and a missing list are mismatches. A folder of
+    `optional` that is completely missing is one unchecked part.
     """
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")
@@ -83,9 +85,10 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
 
 
 def signature_fault(folder: Path, key: Path) -> Mismatch | None:
-    """Return a mismatch unless the owner of a public key has signed the list of digests.
+    """Return a mismatch unless the owner of a public key has signed the list of digests, else None.
 
-    `InputError` as `require_key`.
+    `key` is the file of the public key. A missing signature is a mismatch. Raises `InputError` as
+    `require_key`.
     """
     public = require_key(key, private=False)
     from cryptography.exceptions import InvalidSignature

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
-    """Return instrument readings and reduced results by name of the column, (shot,)."""
+    """Return instrument readings and reduced results by name of the column, each of shape (shot,).
+
+    A name ends in its unit. Columns of instruments that the rig does not have are left out.
+    """
     columns = {
         name: column.values(certification)
         for name, column in shot_columns(certification.procedure.metric).items()
@@ -26,7 +29,7 @@ def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
 
 
 def budget_table(budget: Budget) -> pd.DataFrame:
-    """Return the uncertainty budget as a table, largest component first."""
+    """Return the uncertainty budget as a table: one row per component in SI, largest first."""
     import pandas as pd
 
     return pd.DataFrame([asdict(line) for line in budget_lines(budget)])

@@ -177,9 +177,10 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
 def reduced_document(
     certification: Certification, stated: Mapping[str, Any], session_digest: str
 ) -> CertificateDocument:
-    """Return this program's certificate, with the stated program instead of this one.
+    """Return the certificate that this program makes of a certification, for a comparison.
 
-    Versions, commit and the digest of the truth are those of the stated certificate.
+    Versions, commit and the digest of the truth are those of `stated`, the values of JSON of the
+    other certificate, if it has them in the form of this schema.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
@@ -220,7 +221,11 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
 
 
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
-    """Return the name of the other program that made a certificate, "" if this one did."""
+    """Return a sentence that names the other program that made a certificate, "" if this one did.
+
+    Programs differ by version, schema, or commit. `stated` are the values of JSON of the
+    certificate.
+    """
     here = program.commit()
     of_here = (SCHEMA, program.versions()["virtual-lab"], here and asdict(here))
     of_there = (stated["schema"], at(stated, "versions", "virtual-lab"), stated.get("commit"))
