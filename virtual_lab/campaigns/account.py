@@ -11,7 +11,7 @@ INCOMPLETE = 4  # exit code of the program
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Account:
-    """State of the parts of a campaign, by the description of their tests."""
+    """State of the parts of a campaign. Parts are named by a description of their tests."""
 
     parts: int
     tests: int  # number of tests in the parts

@@ -28,7 +28,11 @@ class ChangedPartError(Exception):
 
 
 def with_digests(file: bytes) -> bytes:
-    """Return a Parquet file in which digests replace the zeros in the footer."""
+    """Return a Parquet file with the digests of data and footer in place of zeros in the footer.
+
+    Raises `ChangedPartError` if the file is no Parquet file or its footer has no place for the
+    digests.
+    """
     data, footer, tail = _split_file(file)
     footer = _with_digest(footer, DATA, sha256(data).hexdigest())
     return data + _with_digest(footer, FOOTER, sha256(footer).hexdigest()) + tail
@@ -49,9 +53,10 @@ def checked_file(path: Path) -> bytes:
 
 
 def checked_footer(path: Path) -> bytes:
-    """Return a Parquet file reduced to its footer, without data.
+    """Return the footer of a Parquet file, with the marks at both ends but without data.
 
-    Raises `ChangedPartError` if the footer was changed.
+    Raises `InputError` if the file cannot be read, and `ChangedPartError` if the footer was
+    changed.
     """
     end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
     if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:

@@ -182,7 +182,7 @@ class Campaign:
         return sorted(numbers)
 
     def part(self, number: int, *, whole: bool = False) -> Part:
-        """Return a part that has a file; only its footer is read, or all of it if `whole`."""
+        """Return a part whose file exists; only its footer is read, or all of it if `whole`."""
         block = self.block(number)
         return read_part(block, self.layout(block), self.parts / block.name, whole=whole)
 
@@ -203,7 +203,7 @@ class Campaign:
     def account(
         self, numbers: range, faults: Mapping[int, str], progress: Progress, *, whole: bool
     ) -> Account:
-        """Return the account of a range of blocks; `faults` are known reasons for missing parts."""
+        """Return the account of a range of blocks; `faults` are reasons for missing parts."""
         missing, processors = {}, set()
         for finished, part in enumerate(self.states(numbers, whole=whole)):
             processors.add(part.processor)
@@ -214,7 +214,7 @@ class Campaign:
         return Account(parts=len(numbers), tests=tests, missing=missing, processors=families)
 
     def summary(self) -> Rows[dict[str, Any]]:
-        """Return verdicts, means, errors and coverage [SI], one row per bat, procedure and change.
+        """Return one row per bat, procedure and change: verdicts, means, errors, coverage [SI].
 
         Raises `InputError` as `states` does.
         """
@@ -242,7 +242,11 @@ class Campaign:
 
 
 def read_study(path: Path) -> Study:
-    """Return the study in a file. Raises `InputError` with the key that does not fit."""
+    """Return the study in a .toml file.
+
+    Raises `InputError` for a file that cannot be read, an unknown or missing key, or a value that
+    is not allowed.
+    """
     return validate(read_toml(path), str(path), Study)
 
 

@@ -88,10 +88,10 @@ def parquet() -> Any:
 
 
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
-    """Return the tests of a block as a table with the columns of `layout`.
+    """Return the tests of a block as a table: one row per test, the columns of `layout`.
 
     The metadata of a column are its unit and its meaning. Values are blank in a test without a
-    result, and in a column that only other procedures have.
+    result, and in a column that only other procedures have. `seed` is that of the study.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
 
 
 def meaning_of(column: str) -> str:
-    """Return the meaning of a column of a part, in words.
+    """Return the meaning of a column of a part, in words; any column has one.
 
     A column named after a key that the study changes holds the value of this key.
     """
@@ -132,12 +132,13 @@ def meaning_of(column: str) -> str:
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
-    """Return the columns of the parts of a study, by procedure. Names and order are the same.
+    """Return type and unit of each column of the parts of a study, by procedure and name.
 
-    The columns are found by testing the first laboratories of the cases. Among cases that differ
-    only in the numbers of changed keys, only the first one is tested. The number 0 is a separate
-    case, because an uncertainty of 0 contributes nothing and has no column. A column that a
-    procedure does not have gets the unit of the first procedure that has it.
+    Names and order are the same for all procedures. The columns are those of tests of the first
+    laboratories. Among cases that differ only in the numbers of changed keys, only the first one is
+    tested. The number 0 is a separate case, because an uncertainty of 0 contributes nothing and has
+    no column. A column that a procedure does not have gets the unit of the first procedure that has
+    it.
     """
     alike = {
         (case.bat, case.procedure, *map(_kind, case.change.values())): case
@@ -227,7 +228,10 @@ def _columns(tested: BlockTest) -> Columns:
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
-    """Write a part, completely or not at all. Raises `OSError` if the folder cannot be written."""
+    """Write the part of a block into `folder`, completely or not at all, replacing an older file.
+
+    Raises `OSError` if the folder cannot be written.
+    """
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}
     buffer = BytesIO()
@@ -257,7 +261,8 @@ class Part:
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
     """Return the part in a file after a check of its footer, or of all of it if `whole`.
 
-    A file that is changed, unreadable or of other tests gives a part with a fault.
+    A file that is missing, changed, unreadable or of other tests gives a part with a fault; nothing
+    is raised. The part has the content of the file only if `whole`.
     """
     import pyarrow as pa
 
@@ -283,7 +288,10 @@ def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> 
 
 @cache
 def processor() -> str:
-    """Return the family of the processor. Within one family results agree to the last bit."""
+    """Return architecture and family of this computer's processor, such as ``x86_64 skylake``.
+
+    Within one family results agree to the last bit.
+    """
     from llvmlite import binding
 
     return f"{platform.machine()} {binding.get_host_cpu_name()}"

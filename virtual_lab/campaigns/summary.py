@@ -35,10 +35,16 @@ SUMMARY_COLUMNS |= {
 
 
 def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
-    """Return the row of a case [SI] from its parts, which are read completely and in order.
+    """Return the row of one case: counts of tests, verdicts and flags, and statistics in SI units.
 
-    The tests of a faulty part count as missing. A statistic is None if too few tests have a
-    result.
+    The tests of a faulty part count as missing. A statistic is None if too few tests have a result.
+
+    Parameters
+    ----------
+    case
+        Bat, procedure and changes.
+    parts
+        Parts of the case, with the content of their files, sorted by laboratories and day.
     """
     verdicts, flags = Counter[str](), Counter[str]()
     missing, about, sums = 0, np.nan, np.zeros(9)

@@ -27,9 +27,10 @@ Outcomes = Iterator[tuple[int, Fault]]  # number and fault of each block
 
 
 def make_part(folder: str, number: int) -> Fault:
-    """Compute and write the part of a block. Return its fault, an empty text if there is none.
+    """Compute and write the part of block `number`; return its fault, an empty text without one.
 
-    The fault is an `InputError` if the folder cannot be used or the disk is full.
+    The fault is a sentence if the tests failed, and an `InputError` if the folder cannot be used or
+    the part cannot be written. Nothing is raised.
     """
     try:
         stamp = Path(folder) / STAMP
@@ -52,7 +53,7 @@ def make_part(folder: str, number: int) -> Fault:
 
 
 def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
-    """Yield the number of each block and its fault, as soon as its part is made.
+    """Yield the number of each block and its fault, as soon as its part is made, in any order.
 
     The fault is "" for a part without one, otherwise a sentence or an `InputError`.
     `workers_or_address` is a number of processes, or the address of a Dask scheduler. Raises

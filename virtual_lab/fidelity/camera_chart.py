@@ -38,12 +38,13 @@ def camera_chart(
     scenes: Mapping[tuple[str, str], Case] = SCENES,
     estimators: Mapping[str, Estimator] = ESTIMATORS,
 ) -> SpeedChart:
-    """Return one row per scene and estimator: errors [px], shares, and time per frame [ms].
+    """Return the chart of all methods to locate a ball: one row per scene and method.
 
-    The limit is the smallest possible error. The bias, relative to the limit, is the largest one of
-    all phases within a pixel, without noise; it is not computed for a stitched ball, whose pattern
-    differs in each picture. The shares are those of pictures without a position, with a flag, and
-    with an error above 5 u but without a flag. Values that do not apply are None.
+    A row has errors [px], shares (0 to 1) and the time per frame [ms]. The limit is the smallest
+    possible error. The bias, relative to the limit, is the largest one of all phases within a
+    pixel, without noise; it is not computed for a stitched ball, whose pattern differs in each
+    picture. The shares are those of pictures without a position, with a flag, and with an error
+    above 5 u but without a flag. Values that do not apply are None.
     """
     import cv2
 
@@ -95,7 +96,7 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
 
 
 def draw_camera(rows: list[Row], title: str) -> Figure:
-    """Return the figure of the rows of `camera_chart`."""
+    """Return the figure of the rows of `camera_chart`, with one panel per kind of ball."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 

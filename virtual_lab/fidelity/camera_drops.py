@@ -24,10 +24,17 @@ ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return one row per cell, as `camera_stability.picture_cells` does, with errors of the speed.
+    """Return one row per cell, as `camera_stability.picture_cells` does, for dropped frames.
 
-    `counts` are numbers of consecutive dropped frames. `flights` is the number of balls per cell,
-    each with an incoming and a rebound flight. The positions have the errors `ERRORS`.
+    A cell is a number of dropped frames with one error of the positions, from `ERRORS` [px]. Its
+    error is the relative rms error of the speed of the incoming ball.
+
+    Parameters
+    ----------
+    counts
+        Numbers of consecutive dropped frames.
+    flights
+        Number of balls per cell, each with an incoming and a rebound flight.
     """
     return [_cell(count, error, flights) for error in ERRORS for count in counts]
 

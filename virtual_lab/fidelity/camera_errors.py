@@ -17,7 +17,7 @@ BEYOND = 5.0  # smallest error of a wrong position [standard uncertainties]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceScore:
-    """Errors of the positions in many pictures. One without a position counts only as lost."""
+    """Errors of positions in many pictures. A picture without a position counts only as lost."""
 
     rms: float  # root mean square error along an axis [px]
     bias: float  # largest mean error at one phase within a pixel, relative to the limit
@@ -27,9 +27,9 @@ class PlaceScore:
 
 
 def score_places(batch: Batch, located: Located) -> PlaceScore:
-    """Return the score of the positions in a batch of pictures.
+    """Return the score of the positions in a batch of pictures: errors [px] and shares, 0 to 1.
 
-    Without any position, `rms` and `bias` are inf and `lost` is 1.
+    If no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
     """
     errors = np.stack([located.x - batch.x, located.y - batch.y])
     finite = np.isfinite(errors).all(axis=0)
@@ -49,7 +49,8 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
 def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
     """Return the mask of positions with an error above 5 u and without a flag, shape (picture,).
 
-    The limit of the batch replaces an uncertainty that the method does not state.
+    A picture without a position is False. The limit of the batch replaces an uncertainty that the
+    method does not state.
     """
     pattern = np.nan_to_num(located.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)
@@ -60,7 +61,10 @@ def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
 
 
 def seconds_a_picture(estimator: Estimator, inputs: EstimatorInput, rounds: int = 3) -> float:
-    """Return the shortest processor time per picture over `rounds` runs [s], after a warm-up."""
+    """Return the shortest processor time per picture over `rounds` runs [s], after a warm-up.
+
+    Each run locates the ball in all pictures of `inputs`.
+    """
     estimator(inputs)
     times = []
     for _ in range(rounds):

@@ -65,7 +65,8 @@ class Picture:
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     """Return an estimator that applies `place` to one picture at a time.
 
-    A position more than a radius from the start counts as not found.
+    `place` returns a position [px from the corner of the region] or None. A position more than a
+    radius from the start counts as not found: it is NaN and has a flag.
     """
 
     def estimator(inputs: EstimatorInput) -> Located:

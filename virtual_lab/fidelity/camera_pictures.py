@@ -41,7 +41,10 @@ CASE = CaseSettings()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
-    """Return the pictures of a case. Noise, positions and patterns depend on `seed` and `block`."""
+    """Return the pictures of a case with their true positions: phases times repeats of them.
+
+    Noise, positions and patterns depend on `seed` and `block`.
+    """
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2
     slots = block * count + np.arange(count)

@@ -48,9 +48,10 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return one row per cell: state, rms error of unflagged pictures, and numbers of pictures.
+    """Return the maps of all methods to locate a ball, one row per cell.
 
-    Errors are in pixels, for dropped frames relative, and None without a position.
+    A row has the state, the rms error of unflagged pictures, and numbers of pictures. Errors are in
+    pixels, for dropped frames relative, and None without a position.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
@@ -83,9 +84,19 @@ def picture_cells(
     axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
     balls: Mapping[str, Case] = BALLS,
 ) -> list[Row]:
-    """Return one row per condition, ball and method to locate the ball (convex hull, edge fit).
+    """Return one row per value of an axis, ball and method (convex hull, edge fit).
 
-    Each axis of `axes` becomes a map: its name, the field of `Case` that varies, and the values.
+    A row has the keys map, value, method and ball, the state, the rms error [px] of pictures
+    without a flag, and numbers of pictures.
+
+    Parameters
+    ----------
+    progress
+        Function that is called with the name of the axis.
+    axes
+        Name of each map, the field of `Case` that varies in it, and the values.
+    balls
+        Cases by name of the ball; the field is changed in each.
     """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():
@@ -117,7 +128,10 @@ def _maps_text(rows: list[Row]) -> str:
 
 
 def unsaid_share(rows: list[Row], method: str) -> float:
-    """Return the share of the pictures of a method that are wrong without a flag."""
+    """Return the share of the pictures of a method that are wrong without a flag, 0 to 1.
+
+    Raises `ZeroDivisionError` if no row has the method.
+    """
     method_rows = [row for row in rows if row["method"] == method]
     return float(
         sum(row["unsaid"] for row in method_rows) / sum(row["pictures"] for row in method_rows)

@@ -101,11 +101,12 @@ class Point:
 
 
 def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
-    """Return one row per model.
+    """Return the chart of the collision models: one row per model.
 
-    For scenes on the barrel the row holds the largest and the rms error of e_A, and the time per
-    shot [µs]. For as many scenes along the whole bat it holds two shares (0 to 1): of the scenes
-    whose error of e_A exceeds its standard uncertainty on a certificate, and of refused scenes.
+    For scenes on the barrel, 2 to 12 in from the tip, the row holds the largest and the rms error
+    of e_A, and the processor time per shot [µs]. For as many scenes along the whole bat it holds
+    two shares (0 to 1): of the scenes whose error of e_A exceeds its standard uncertainty on a
+    certificate, and of refused scenes.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
@@ -262,7 +263,7 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
 
 
 def draw_collision(rows: list[Row], title: str) -> Figure:
-    """Return the figure of the rows of `collision_chart`."""
+    """Return the figure of the rows of `collision_chart`, with one panel per reference."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -74,9 +74,10 @@ def _short(value: float | str) -> str:
 
 
 def maps_text(rows: Sequence[Row], down: str) -> str:
-    """Return one table per map as text, with a letter for each state.
+    """Return one table per map as text, with a letter for each state and a key of the letters.
 
-    Each row is a cell with the keys `map`, `value`, `step`, `state` and `refused`.
+    Each row is a cell with the keys `map`, `value`, `step`, `state` and `refused`. `down` is the
+    label of the lines of all tables.
     """
     key = ", ".join(f"{state.mark} {state}" for state in _used_states(State, rows))
     parts = [f"rows: {down}; {key}; in parentheses: refused, with its state"]
@@ -187,7 +188,7 @@ def _draw_map(
 
 
 def error_axes(axes: Any, error: str) -> None:
-    """Set logarithmic axes of an error against the time per shot."""
+    """Set logarithmic axes with labels: the time per shot [µs] across, and `error` upward."""
     axes.set(xscale="log", yscale="log", xlabel="time per shot, one core [µs]", ylabel=error)
     axes.grid(True, which="major", linewidth=0.3)
 
@@ -195,7 +196,8 @@ def error_axes(axes: Any, error: str) -> None:
 def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> None:
     """Write labels beside points (x, y, label, colour), if possible without any overlap.
 
-    The figure must have been drawn once, which fixes the layout.
+    x and y are in the units of the axes. The figure must have been drawn once, which fixes the
+    layout.
     """
     from matplotlib.transforms import Bbox
 

@@ -29,7 +29,11 @@ SIZES = ("effect", "se", "rms", "ms")
 
 
 def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return one row per part and model: effect on the metric [u], its error, and time [ms]."""
+    """Return the chart of the whole test: one row per part of the test and model.
+
+    A row has the effect on the metric [u], its standard error [u] and the time per certificate
+    [ms]. The rows come from a stored table, nothing is computed.
+    """
     text = (DATA / "uncertainty" / "laboratory.csv").read_text("utf-8")
     rows: list[Row] = []
     for line in csv.DictReader(text.splitlines()):

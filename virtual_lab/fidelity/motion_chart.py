@@ -79,11 +79,11 @@ def motion_chart(
     losses: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5),
     batch: int = 20_000,
 ) -> SpeedChart:
-    """Return one row per model, scene and setting: errors, shares, and time per shot [µs].
+    """Return the chart of the models of the motion: one row per model, scene and setting.
 
     The errors are those of e_A, of the velocity of the ball [m/s] and of the angular rate of the
-    bat [rad/s]. The shares are those of missed contacts or of lost energy. Values that do not apply
-    are None.
+    bat [rad/s]; the shares (0 to 1) are those of missed contacts or of lost energy; the time per
+    shot is in µs. Values that do not apply are None.
 
     Parameters
     ----------
@@ -168,7 +168,10 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return the state after the contact of one shot, computed with vectors, without air."""
+    """Return the state after the contact of shot number `shot` (from 0), by vectors, without air.
+
+    Raises `ValueError` if the ball does not reach the bat.
+    """
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
 
@@ -226,7 +229,7 @@ def _rms(error: Array) -> float:
 
 
 def draw_motion(rows: list[Row], title: str) -> Figure:
-    """Return the figure of the rows of `motion_chart`."""
+    """Return the figure of the rows of `motion_chart`: errors, missed contacts, and lost energy."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")

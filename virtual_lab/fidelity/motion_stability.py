@@ -55,9 +55,10 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return one row per cell: state, largest error, and whether the model refuses it.
+    """Return the maps of both pymunk models of the motion, one row per cell.
 
-    Refused steps are computed, too.
+    A row has the state, the largest error of the ball's velocity, relative to the speed of
+    approach, and whether the model refuses the step. Refused steps are computed, too.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):

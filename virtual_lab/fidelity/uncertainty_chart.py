@@ -25,7 +25,11 @@ TWO_DIGITS = 0.05, 0.005  # half of the second digit of a u of 1.0 and of 9.9 [u
 
 
 def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return one row per model and method: time [ms], and errors over u against 2^27 draws."""
+    """Return the chart of methods to propagate uncertainty: one row per model and method.
+
+    A row has the number of draws (None without draws), the time [ms], and errors over u against
+    2^27 draws. The rows come from a stored table, nothing is computed.
+    """
     text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
     rows: list[Row] = []
     for line in csv.DictReader(text.splitlines()):
@@ -44,7 +48,7 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_uncertainty(rows: list[Row], title: str) -> Figure:
-    """Return the figure of the rows of `uncertainty_chart`."""
+    """Return the figure of the rows of `uncertainty_chart`, with one panel per error."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")
