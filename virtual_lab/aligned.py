@@ -25,7 +25,7 @@ class AlignedArrays:
     aligned: ClassVar[tuple[str, ...]] = ()
 
     def select(self, rows: Any) -> Self:
-        """Return the chosen rows.
+        """Return an instance of the same class with the chosen rows; other fields are unchanged.
 
         `rows` is an index of the first axis: a slice, a mask, or numbers of any shape. A negative
         number in an array stands for a missing row, which is filled with NaN, False or 0.
@@ -40,7 +40,11 @@ class AlignedArrays:
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
-        """Return the rows of all parts; the other fields are those of the first part."""
+        """Return one instance with the rows of all parts in order.
+
+        The fields that are not aligned are those of the first part, and so is an aligned number or
+        None.
+        """
         kind: Any = cls
         names, shared = _names(kind)
         rows = {name: _concatenate([getattr(each, name) for each in parts]) for name in names}

@@ -38,8 +38,8 @@ class IncompleteError(Exception):
 def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
     """Suppress an error in the block, and append the form and the reason to `missing`.
 
-    Panics of Typst, which are not derived from `Exception`, are suppressed too. `KeyboardInterrupt`
-    and `SystemExit` are raised again.
+    `form` names the file that the block makes. Panics of Typst, which are not derived from
+    `Exception`, are suppressed too. `KeyboardInterrupt` and `SystemExit` are raised again.
     """
     try:
         yield
@@ -51,14 +51,20 @@ def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
 
 
 def nearest(name: object, names: Iterable[str]) -> str:
-    """Return a suggestion of known names similar to a mistyped one, or an empty text."""
+    """Return ``did you mean r161? `` with up to two names similar to a mistyped one.
+
+    Upper and lower case count as equal. The text is empty if no name is similar.
+    """
     folded = {each.lower(): each for each in names}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
     return f"did you mean {' or '.join(folded[each] for each in near)}? " if near else ""
 
 
 def of_extra(module: str, name: str, who: str) -> Any:
-    """Return a module of an extra that `who` needs. Raises `InputError` if it is not installed."""
+    """Return a module of the extra `name`, imported. Raises `InputError` if it is not installed.
+
+    `who` is the subject of the message: who needs the extra.
+    """
     try:
         return import_module(module)
     except ImportError as fault:
@@ -66,7 +72,7 @@ def of_extra(module: str, name: str, who: str) -> Any:
 
 
 def with_extra(name: str) -> str:
-    """Return the way to install an extra; the package is not on a public index."""
+    """Return the command to install an extra; the package is not on a public index."""
     return f"in a clone of the repository: pip install '.[{name}]'"
 
 

@@ -39,31 +39,34 @@ class ParameterRule:
 
 
 def read_word(value: Any) -> str:
-    """Return a text; `TypeError` for anything else."""
+    """Return a text unchanged; raise `TypeError` for anything else."""
     if not isinstance(value, str):
         raise TypeError(value)
     return value
 
 
 def read_name(value: Any) -> str:
-    """Return a name or path as a text."""
+    """Return a name or path as a text; raise `TypeError` for anything else."""
     return read_word(fspath(value))
 
 
 def read_path(value: Any) -> Path:
-    """Return a path."""
+    """Return a name or path as a path; raise `TypeError` for anything else."""
     return Path(read_name(value))
 
 
 def read_number(value: Any) -> float:
-    """Return a number of any type as a float; `TypeError` for a text or a truth value."""
+    """Return a number of any type as a float, NaN included.
+
+    Raises `TypeError` for a text or a truth value.
+    """
     if isinstance(value, bool | str):
         raise TypeError(value)
     return float(value)
 
 
 def read_callable(value: Any) -> Any:
-    """Return a function; `TypeError` for anything else."""
+    """Return a function unchanged; raise `TypeError` for anything else."""
     if not callable(value):
         raise TypeError(value)
     return value
@@ -85,7 +88,11 @@ def _yes_or_no(value: Any) -> bool:
 def whole(
     least: int = 0, most: int = 2**63 - 1, words: str = "", python: str = ""
 ) -> ParameterRule:
-    """Return the rule of a whole number from `least` to `most`, of any integer type."""
+    """Return the rule of a whole number from `least` to `most`, both included, of any integer type.
+
+    `words` replace `least` in the sentence of what is allowed; `python` is the advice for callers
+    in Python.
+    """
 
     def read(value: Any) -> int:
         if isinstance(value, bool):
@@ -100,7 +107,10 @@ def whole(
 
 
 def between(least: float, most: float, words: str) -> ParameterRule:
-    """Return the rule of a number from `least` to `most`."""
+    """Return the rule of a number from `least` to `most`, both included; NaN is refused.
+
+    `words` are the sentence of what is allowed.
+    """
 
     def read(value: Any) -> float:
         number = read_number(value)
@@ -112,7 +122,7 @@ def between(least: float, most: float, words: str) -> ParameterRule:
 
 
 def choice(*values: str) -> ParameterRule:
-    """Return the rule of a parameter that is one of the words `values`."""
+    """Return the rule of a parameter that is one of the words `values`, at least one."""
 
     def read(value: Any) -> str:
         if read_word(value) not in values:
@@ -127,7 +137,10 @@ def choice(*values: str) -> ParameterRule:
 
 
 def several(one: ParameterRule, words: str = "") -> ParameterRule:
-    """Return the rule of one value or a list of them, read as a tuple."""
+    """Return the rule of one value or a list of at least one, each read by `one`; it reads a tuple.
+
+    `words` replace the sentence of what is allowed for one value.
+    """
 
     def read(value: Any) -> tuple[Any, ...]:
         if not _is_list(value):
@@ -221,17 +234,17 @@ AnyModel = Annotated[
 
 
 def paths_of(folders: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Return one path, or a list of them, as a tuple."""
+    """Return one path, or a list of paths, as a tuple."""
     return (Path(folders),) if isinstance(folders, str | Path) else tuple(map(Path, folders))
 
 
 def values_of(values: float | Sequence[float]) -> tuple[float, ...]:
-    """Return one number, or a list of numbers, as a tuple."""
+    """Return one number, or a list of numbers, as a tuple of floats."""
     return (float(values),) if isinstance(values, int | float) else tuple(map(float, values))
 
 
 def wholes_of(values: int | Sequence[int]) -> tuple[int, ...]:
-    """Return one whole number, or a list of them, as a tuple."""
+    """Return one whole number, or a list of whole numbers, as a tuple."""
     return (values,) if isinstance(values, int) else tuple(values)
 
 

@@ -243,12 +243,12 @@ AnyEntries = str | Path | Sheet | Sequence[str | Path | Sheet]
 
 
 def entry_name(entry: AnyEntry) -> str:
-    """Return the name of an entry of the catalog, given as name, path or sheet."""
+    """Return the name or path of an entry of the catalog, given as name, path or sheet."""
     return entry.name if isinstance(entry, Sheet) else str(entry)
 
 
 def entry_names(entries: AnyEntries) -> tuple[str, ...]:
-    """Return the names of entries of the catalog, given as one or as a list."""
+    """Return the names or paths of one entry of the catalog, or of a list of them, as a tuple."""
     if isinstance(entries, str | Path | Sheet):
         return (entry_name(entries),)
     return tuple(map(entry_name, entries))
@@ -260,7 +260,11 @@ def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def entry_rule(kind: str, more: str = "") -> ParameterRule:
-    """Return the rule of one entry of the catalog: a name, a path or a sheet."""
+    """Return the rule of one entry of the catalog: a name, a path or a sheet of the same kind.
+
+    The rule does not check whether the entry exists. `more` is appended to the sentence of what is
+    allowed.
+    """
     one = kind.removesuffix("s")
     allowed = f"a {one}: its name (vl.shelf('{kind}')), a .toml file or a sheet, vl.{one}(…)"
 
@@ -371,12 +375,14 @@ AnyStudy = Annotated[
 
 
 def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
-    """Return the sheet of a rig, or of an instrument of it, that a key belongs to; the key there.
+    """Return the sheet of a rig or of one of its instruments, and the key in this sheet.
+
+    Whether the sheet has the key is not checked.
 
     Parameters
     ----------
     rigs
-        AnyEntries of rigs, by stage.
+        Names or paths of rigs, by stage.
     key
         Stage and key of the rig's sheet, ``impact.pivot.from_knob_u``; where that names an
         instrument, a key of the instrument's sheet follows, ``impact.gates.distance_u``.
@@ -384,7 +390,7 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     Raises
     ------
     InputError
-        No such stage.
+        There is no such stage, or no key after it.
     """
     stage, _, rest = key.partition(".")
     if stage not in rigs or not rest:
@@ -442,7 +448,7 @@ def _setting(value: Any) -> Any:
 
 
 def toml_text(document: Mapping[str, Any]) -> str:
-    """Return a sheet as TOML.
+    """Return a sheet, or another nested mapping, as TOML text.
 
     Raises `InputError` for a value that TOML cannot hold, such as None.
     """

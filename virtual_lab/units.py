@@ -52,17 +52,23 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 
 
 def to_si(value: float, unit: str, dimension: str) -> float:
-    """Return `value` in SI. Raises `KeyError` if `unit` is not a unit of `dimension`."""
+    """Return `value`, which is in `unit`, in the SI unit of `dimension`.
+
+    Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.
+    """
     return value * DIMENSIONS[dimension][unit]
 
 
 def from_si(value: float, unit: str, dimension: str) -> float:
-    """Return an SI `value` in `unit`. Raises `KeyError` if `unit` is not a unit of `dimension`."""
+    """Return `value`, which is in the SI unit of `dimension`, in `unit`.
+
+    Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.
+    """
     return value / DIMENSIONS[dimension][unit]
 
 
 def suffix(unit: str) -> str:
-    """Return `unit` as names carry it at their end: m/s is ``m_per_s``."""
+    """Return `unit` in the form of the end of a name: ``m_per_s`` for m/s, ``kg_m2`` for kg m^2."""
     return unit.replace("/", "_per_").replace(" ", "_").replace("^", "")
 
 

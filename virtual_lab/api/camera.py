@@ -73,7 +73,7 @@ class Track:
 
     @property
     def motion(self) -> str:
-        """Return flights or none."""
+        """The word ``flights``, or ``none`` if no flight was detected."""
         return str(self.document["motion"])
 
     @cached_property
@@ -162,11 +162,12 @@ def track(
     gravity
         Local gravity [m/s²]. By default 9.81 ± 0.025.
     frames
-        First and last frame to use, ``17:52``.
+        First and last frame to use, counted from 0, ``17:52``.
     region
-        Part of the picture to use, ``X,Y,WIDTH,HEIGHT`` [pixels].
+        Part of the picture to use, ``X,Y,WIDTH,HEIGHT`` [pixels from the upper left corner].
     ball_at
-        Position of the ball, ``X,Y@FRAME``, if other objects move too.
+        Position of the ball [pixels from the upper left corner], ``X,Y@FRAME``, if other objects
+        move too.
     scale
         Two points [pixels] and their distance, ``X,Y:X,Y=50cm``.
     ruler
@@ -180,7 +181,7 @@ def track(
         Clip of an ordinary phone: its frame rate is correct, its shutter may roll, and the size of
         the ball is known to 1 %. Warnings about these assumptions are omitted.
     tripod
-        The camera stands still.
+        The camera does not move.
     level
         The camera is level and square to the flight within 1 deg, as on a leveled tripod. By
         default it is assumed to be so within 5 deg.

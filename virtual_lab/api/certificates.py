@@ -115,32 +115,32 @@ class Certificate:
 
     @property
     def verdict(self) -> str:
-        """PASS, FAIL or INVALID."""
+        """PASS, FAIL, INVALID, or MEASURED if the procedure has no limit."""
         return self.certification.verdict.value
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the verdict is FAIL or INVALID; () if it is neither."""
+        """Reasons why the verdict is FAIL or INVALID; () for any other verdict."""
         return self.certification.reasons
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags: what does not hang together in the records."""
+        """Names of the flags: contradictions in the records."""
         return tuple(flag.name for flag in self.certification.flags)
 
     @property
     def value(self) -> float | None:
-        """The metric in its `unit`, None with too few valid hits."""
+        """The metric in its `unit`; None with too few valid hits."""
         return self._in_print(self.printed.metric.value)
 
     @property
     def u(self) -> float | None:
-        """Standard uncertainty of the metric, in the same unit."""
+        """Standard uncertainty of the metric in its `unit`; None without a value."""
         return self._in_print(self.printed.metric.u)
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """95 % interval of the metric, in the same unit."""
+        """95 % interval of the metric in its `unit`; None without a value."""
         limits = self.printed.metric.interval_95
         if limits is None:
             return None
@@ -556,7 +556,7 @@ def reduce(
     replaces
         Folder of the result that this one replaces.
     reason
-        Why it is replaced; the certificate states both.
+        Reason for the replacement; the certificate states both.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
         laboratory, or a folder of such. They take the place of the history that the records name.

@@ -34,7 +34,10 @@ def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | No
 
 @_optional
 def read_seconds(text: str) -> float:
-    """Return a time of at most 1 s from `8ms` or `1/120`."""
+    """Return a time [s], at most 1 s, from ``8ms`` or ``1/120``; None from None.
+
+    Raises `ValueError` for a text of another form or a longer time.
+    """
     from virtual_lab.units import to_si
 
     form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
@@ -46,7 +49,11 @@ def read_seconds(text: str) -> float:
 
 @_optional
 def read_mass(text: str) -> float:
-    """Return a mass of 0.1 g to 10 kg from `145g`."""
+    """Return a mass [kg] of 0.1 g to 10 kg from ``145g``; None from None.
+
+    Raises `ValueError` for a text of another form or another mass, and `KeyError` for an unknown
+    unit.
+    """
     from virtual_lab.units import to_si
 
     match = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
@@ -57,28 +64,45 @@ def read_mass(text: str) -> float:
 
 @_optional
 def read_frames(text: str) -> tuple[int, int]:
-    """Return the first and the last frame from `17:52`."""
+    """Return the numbers of the first and last frame from ``17:52``; None from None.
+
+    Frames are counted from 0. Raises `ValueError` for a text of another form, or if the first is
+    not before the last.
+    """
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
 
 
 @_optional
 def read_region(text: str) -> tuple[float, float, float, float]:
-    """Return x, y, width and height of a part of the picture [pixels] from `10,20,300,200`."""
+    """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
+
+    x and y are those of its upper left corner, from that of the picture. The result is None from
+    None. Raises `ValueError` for a text of another form or a part narrower than 1 px.
+    """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
 
 
 @_optional
 def read_position(text: str) -> tuple[float, float, int]:
-    """Return x and y of a ball [pixels] and the frame from `210,85@17`."""
+    """Return x and y of a ball [px], and the number of its frame, from ``210,85@17``.
+
+    x and y are counted from the upper left corner of the picture. The result is None from None.
+    Raises `ValueError` for a text of another form.
+    """
     position, frame = text.split("@")
     x, y = _numbers(position, 2)
     return x, y, int(frame)
 
 
 def scale_keys(text: str | None) -> dict[str, float]:
-    """Return the keys of a calibration file that two points and their distance state."""
+    """Return the scale [m/px] and its u by calibration key, from two points and their distance.
+
+    The text is ``X,Y:X,Y=50cm``, with points in pixels. Each point has a u of 1 px. The result is
+    empty for None. Raises `ValueError` for a text of another form or points closer than 10 px, and
+    `InputError` for a length that is not allowed.
+    """
     if text is None:
         return {}
     points, length = text.split("=")
@@ -94,7 +118,8 @@ def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
     """Return the calibration keys that a statement about the ball gives: diameter [m] and its u.
 
     The statement is a length, or a kind of ball, which also gives the mass [kg]. The key
-    ``assumed`` is true if no u of the diameter was stated, so that a usual one was taken.
+    ``assumed`` is true if no u of the diameter was stated, so that a usual one was taken. The
+    result is empty for None.
     """
     if ball is None:
         return {}

@@ -89,7 +89,10 @@ class Description:
 
 @cache
 def describe(module: str, name: str) -> Description:
-    """Return the description of a function of a module."""
+    """Return the description of a function of a module, read from its text without an import.
+
+    Raises `ValueError` if there is no such function or no docstring.
+    """
     (function,) = ast.parse(_header(module, name)).body
     assert isinstance(function, ast.FunctionDef)
     doc = inspect.cleandoc(ast.get_docstring(function) or "")
@@ -122,13 +125,13 @@ def describe(module: str, name: str) -> Description:
 
 
 def advice(rule: ParameterRule, value: Any) -> str:
-    """Return the sentence on allowed values, with the names nearest to `value`."""
+    """Return the sentence on allowed values by a rule, with the names most similar to `value`."""
     hint = nearest(value, rule.complete()) if isinstance(value, str) else ""
     return f"{hint}allowed: {rule.allowed}"
 
 
 def first_line(module: str, name: str) -> str:
-    """Return the first line of a function's docstring without importing its module.
+    """Return the first line of a function's docstring without an import of its module.
 
     Raises `ValueError` if there is no such function or no docstring.
     """

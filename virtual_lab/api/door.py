@@ -25,10 +25,11 @@ Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
 
 def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
-    """Return a public function, which loads its module when it is called.
+    """Return the public function of the library with this name; its module loads at the first call.
 
-    `InputError` for an argument that is missing, unknown or not allowed, and for an instrument
-    that no rig of the test uses.
+    `place` is the module of the function and its name there. A call raises `InputError` for an
+    argument that is missing, unknown or not allowed, and for an instrument that no rig of the test
+    uses.
     """
     description = describe(*place)
 
@@ -63,7 +64,11 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
 
 
 def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, sealed: bool) -> Any:
-    """Return a result with the arguments of its call, if it keeps them for its folder."""
+    """Return a result with the arguments of its call as the text of ``settings.toml``.
+
+    A result without a field `settings` is returned unchanged. If the truth is `sealed`, seed and
+    faults are left out.
+    """
     if not hasattr(result, "settings"):
         return result
     return replace(result, settings=settings_text(call, arguments, sealed=sealed))

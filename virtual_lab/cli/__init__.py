@@ -28,7 +28,11 @@ PROGRAM = "virtual-lab"
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
+    """Run the command line and leave the program with its exit code.
+
+    The code is 0 without an error, 1 for a bug, 2 for bad input, 4 for an incomplete result, or the
+    code of the result.
+    """
     # no messages of OpenCV among ours
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")

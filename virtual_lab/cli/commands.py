@@ -345,7 +345,12 @@ def _check_saving(how: Mapping[str, Any]) -> None:
 def settings_in(
     path: Path, name: str, parameters: Mapping[str, ParameterDescription]
 ) -> dict[str, Any]:
-    """Return the values in a file of settings; `InputError` names the file and the key."""
+    """Return the values in a file of settings, by name of the parameter.
+
+    One value of a parameter that takes several becomes a list. Raises `InputError` with file and
+    key for an unknown key or a value that is not allowed. `name` is that of the command, for the
+    message.
+    """
     from virtual_lab.files import parse_toml, read_text
 
     settings = parse_toml(read_text(path), str(path))
@@ -365,7 +370,7 @@ def settings_in(
 
 
 def in_help(each: ParameterDescription) -> str:
-    """Return the help of a parameter: its sentences for both doors, its choices and default."""
+    """Return the help of a parameter: first paragraph of its words, choices and default."""
     words = for_shell(each.words.split("\n\n")[0])
     if each.rule.several and each.keyword:
         words = f"{words} May be given several times."
@@ -378,5 +383,5 @@ def in_help(each: ParameterDescription) -> str:
 
 
 def for_shell(words: str) -> str:
-    """Return a sentence of a docstring as the help shows it."""
+    """Return a sentence of a docstring as the help shows it, without backticks."""
     return re.sub(r"``(.*?)``|`~?(.*?)`", lambda match: match[1] or match[2], words)

@@ -213,7 +213,7 @@ def _part(value: str) -> str:
 
 
 def check_new_file(path: Path, endings: Sequence[str]) -> None:
-    """Refuse an existing file, or one with another ending."""
+    """Raise `InputError` for a file that exists, cannot be written, or has another ending."""
     if path.suffix not in endings:
         raise InputError(
             "", "file", str(path), f"allowed: a name that ends in {', '.join(endings)}"
@@ -249,7 +249,7 @@ def _print(
 
 
 def usage(message: str) -> NoReturn:
-    """Refuse options that exclude each other."""
+    """Raise `click.UsageError` with a message about options that exclude each other."""
     raise click.UsageError(message)
 
 

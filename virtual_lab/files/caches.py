@@ -39,12 +39,12 @@ def provide_cache(package: Path) -> None:
 
 
 def one_process_at_a_time(compiled: Decorator) -> Decorator:
-    """Return the decorator `compiled`, which compiles a function, such that other processes wait.
+    """Return a decorator that compiles as `compiled` does, by one process at a time.
 
-    Numba keeps a generalised function in two files: its loop and its caller. If two processes
-    compile it at the same time, the files may come from different processes, and every later
-    call ends in a segmentation fault. On Windows, and where a file system has no locks, nobody
-    waits.
+    Other processes wait for a lock on the source file. Numba keeps a generalised function in two
+    files: its loop and its caller. If two processes compile it at the same time, the files may come
+    from different processes, and every later call ends in a segmentation fault. On Windows, and
+    where a file system has no locks, nobody waits.
     """
 
     def decorate(function: Callable[..., None]) -> Any:

@@ -33,7 +33,8 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 def read_bytes(path: Path, *, most: float = 2e9, last: int | None = None) -> bytes:
     """Return the content of a file, or its `last` bytes.
 
-    Raises `InputError` if unreadable or above `most` bytes.
+    A file of fewer than `last` bytes is returned whole. Raises `InputError` for a file that is
+    missing, unreadable, no regular file, or larger than `most` bytes.
     """
     try:
         status = path.stat()
@@ -51,7 +52,10 @@ def read_bytes(path: Path, *, most: float = 2e9, last: int | None = None) -> byt
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a UTF-8 file, with or without byte-order mark, else raise `InputError`."""
+    """Return the text of a UTF-8 file, without its byte-order mark.
+
+    Raises `InputError` for a file that is no UTF-8 text, is unreadable, or is larger than 20 MB.
+    """
     try:
         # our largest file has 0.1 MB
         return read_bytes(path, most=20e6).decode("utf-8-sig")
@@ -60,12 +64,16 @@ def read_text(path: Path) -> str:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Return the JSON object in a file. Raises `InputError` for other content or a double key."""
+    """Return the JSON object in a file.
+
+    Raises `InputError` for a file that cannot be read, other content than one object, a key that
+    occurs twice, NaN or infinity, or more than 32 levels.
+    """
     return parse_json(read_text(path), str(path))
 
 
 def parse_json(text: str, where: str) -> dict[str, Any]:
-    """Return the JSON object that `text` holds, as `read_json` does."""
+    """Return the JSON object in `text`, as `read_json` does; `where` names the file in errors."""
     try:
         document = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number)
     except ValueError as fault:
@@ -79,12 +87,15 @@ def parse_json(text: str, where: str) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the TOML document in a file. Raises `InputError` for other content."""
+    """Return the TOML document in a file.
+
+    Raises `InputError` for a file that cannot be read, other content, or more than 32 levels.
+    """
     return parse_toml(read_text(path), str(path))
 
 
 def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Return the TOML document in `text`, as `read_toml` does."""
+    """Return the TOML document in `text`, as `read_toml` does; `where` names the file in errors."""
     if DOTTED.search(text):  # the parser would take hours
         raise InputError(where, "TOML", None, NESTED)
     try:
@@ -123,7 +134,11 @@ def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
 
 
 def inside(folder: Path, name: str, where: str, key: str) -> Path:
-    """Return the path of a file in a folder. Raises `InputError` if it lies outside."""
+    """Return the path of the file `name` in a folder, whether it exists or not.
+
+    Raises `InputError` with the file `where` and the `key` if the path leads out of the folder, by
+    ``..`` or by a link.
+    """
     path = folder / name
     try:
         if path.resolve().is_relative_to(folder.resolve()):
@@ -161,10 +176,10 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
-    """Return the table in a CSV file with a header and rows of the same length.
+    """Return the table in a CSV file, one column per name in the header.
 
-    Raises `InputError` if the file is empty, is not a text, has another delimiter, or has rows of
-    another length than the header.
+    Raises `InputError` if the file cannot be read, is no UTF-8 text, has no rows, has another
+    delimiter, has a column name twice, or has rows of another length than the header.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -172,7 +187,7 @@ def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.Da
 def parse_table(
     data: bytes, where: str, *, delimiter: str = ",", decimal: str = "."
 ) -> pd.DataFrame:
-    """Return the table in the bytes of a CSV file, as `read_table` does."""
+    """Return the table in the bytes of a CSV file, as `read_table` does; `where` names the file."""
     import pandas as pd
 
     head = _head(data, where, delimiter)
@@ -265,9 +280,10 @@ def check_new_folder(target: Path) -> None:
 
 
 def check_writable(target: Path, key: str) -> None:
-    """Raise `InputError` unless a draft can be made where `target` is to be written.
+    """Raise `InputError` unless a file or folder can be made at `target`; `key` is for the message.
 
-    A system may call a folder writable in which it makes no file, such as ``/proc``.
+    A draft is made and removed, because a system may call a folder writable in which it makes no
+    file, such as ``/proc``.
     """
     existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
     try:
@@ -291,7 +307,9 @@ def first_free(target: Path) -> Path:
 def new_folder(target: Path, settings: str = "") -> Iterator[Path]:
     """Yield a folder to fill beside `target`, which becomes `target` if no error occurs.
 
-    `settings` are the arguments of the call that made the result, for the file `SETTINGS`.
+    `settings` are the arguments of the call that made the result, for the file ``settings.toml``;
+    an empty text writes none. Raises `InputError` if `target` is not absent or empty, or cannot be
+    written. After an error nothing is left.
     """
     check_new_folder(target)
     try:
@@ -327,9 +345,9 @@ def new_files(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """Yield a file to write, which becomes `path`, synchronised to disk, if no error occurs.
+    """Yield a file to write, which becomes `path` if no error occurs, replacing an existing file.
 
-    Raises `OSError` if the folder cannot be written.
+    It is written to disk before it gets its name. Raises `OSError` if the folder cannot be written.
     """
     with draft_in(path.parent) as draft:
         with open(draft / path.name, "wb") as file:

@@ -23,9 +23,8 @@ def draft_in(folder: Path) -> Iterator[Path]:
     """Yield a new folder for a draft in `folder`, which is created if missing.
 
     When the context ends, the draft is deleted with all files that were not moved out of it. Drafts
-    of processes that have ended are deleted at the start.
-
-    Raises `OSError` if `folder` cannot be written.
+    that ended processes have left are deleted at the start. Raises `OSError` if `folder` cannot be
+    written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     _sweep(folder)
@@ -44,7 +43,7 @@ def draft_in(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts() -> None:
-    """Remove the drafts of this process before it ends."""
+    """Remove all drafts of this process, before it ends; errors are ignored."""
     for draft in tuple(open_drafts):
         shutil.rmtree(draft, ignore_errors=True)
 

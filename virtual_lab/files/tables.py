@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def quote(cell: object) -> str:
-    """Return a table cell in a form that no spreadsheet interprets as a formula.
+    """Return a table cell as text, in a form that no spreadsheet interprets as a formula.
 
     A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
     """
@@ -31,14 +31,16 @@ def quote(cell: object) -> str:
 
 
 def write_csv(columns: pd.DataFrame | Mapping[str, ArrayLike], path: Path) -> None:
-    """Write a table as the CSV of `csv_text`."""
+    """Write a table into a file as the CSV of `csv_text`; an existing file is overwritten."""
     path.write_text(csv_text(columns), encoding="utf-8", newline="")
 
 
 def csv_text(columns: pd.DataFrame | Mapping[str, ArrayLike]) -> str:
-    """Return columns (n,) as CSV, with texts that no spreadsheet interprets as formulas.
+    """Return columns of equal length, by name, as CSV text with a header.
 
-    A missing value, None or NaN, is an empty cell. A number has all its digits.
+    Texts are quoted so that no spreadsheet interprets them as formulas. A missing value, None or
+    NaN, is an empty cell. A number has all its digits. Raises `ValueError` for columns of different
+    lengths.
     """
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

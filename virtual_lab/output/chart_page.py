@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a chart with its table as an HTML page.
+    """Return a figure with its table as one self-contained HTML page.
 
     Parameters
     ----------
@@ -22,8 +22,8 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
     figure
         Figure, inserted as SVG.
     rows
-        Rows of the table, all with the same keys, which head the columns. Numbers are rounded to
-        three digits; None gives an empty cell.
+        At least one row of the table, all with the same keys, which head the columns. Numbers are
+        rounded to three digits; None gives an empty cell.
     """
     from markupsafe import Markup
     from matplotlib import rc_context

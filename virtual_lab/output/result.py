@@ -21,7 +21,7 @@ Json = dict[str, Any]  # JSON document
 
 
 def frame(rows: Sequence[Any]) -> pd.DataFrame:
-    """Return rows, dataclasses or mappings, as a table."""
+    """Return rows, dataclasses or mappings, as a table with one column per key of `record`."""
     import pandas as pd
 
     return pd.DataFrame([record(row) for row in rows])

@@ -8,7 +8,10 @@ LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
 
 def decimals(u: float) -> int:
-    """Return the decimal places that leave `u` two significant digits; 6 where u is 0."""
+    """Return the number of decimal places that leaves `u` two significant digits, at least 0.
+
+    The number is 6 if u is 0, rounding error only, or NaN.
+    """
     if not u > LEAST:
         return 6
     places = 1 - floor(log10(u))
@@ -17,17 +20,20 @@ def decimals(u: float) -> int:
 
 
 def digits(u: float) -> str:
-    """Return an uncertainty to two significant digits, 0 if it is only rounding error."""
+    """Return an uncertainty as text with two significant digits; ``0`` for rounding error only."""
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 
 
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
-    """Return ``0.9470 (u 0.0048)``."""
+    """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
+
+    Both have the decimal places that leave `u` two significant digits. `word` replaces the u.
+    """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
-    """Return a text about a value outside its limits, in which they do not look equal.
+    """Return a text about a value outside its limits, with enough decimals to show that it is.
 
     Parameters
     ----------

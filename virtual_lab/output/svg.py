@@ -41,12 +41,12 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
 
 
 def description_of(figure: str) -> str:
-    """Return the description inside a figure, its alternative text."""
+    """Return the description inside a figure of `figure`, its alternative text; may be empty."""
     return unescape(figure.partition('-description">')[2].partition("</desc>")[0])
 
 
 def symbol_markup(text: str) -> str:
-    """Return a text as SVG, the first ``letter_index`` in it as a symbol with its index."""
+    """Return a text escaped for SVG; the first symbol in it, such as ``e_A``, has its index."""
     match = re.search(r"\b([A-Za-z])_(\w)\b", text)
     if match is None:
         return escape(text)

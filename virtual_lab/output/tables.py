@@ -10,7 +10,7 @@ INLINE = "inline"
 
 
 class Column(NamedTuple):
-    """Format of the values of one key; a function formats them from the whole row."""
+    """Title, unit and format of the values of one key; the format may be a function of the row."""
 
     title: str
     unit: str = ""
@@ -23,7 +23,15 @@ class Column(NamedTuple):
 
 
 def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g") -> Any:
-    """Return a dataclass field that is printed; other fields are only in CSV and JSON."""
+    """Return a dataclass field that is printed in tables; other fields are only in CSV and JSON.
+
+    Parameters
+    ----------
+    title, unit
+        Head of the column.
+    form
+        Format of the numbers, or a function of the row that returns the cell.
+    """
     return field(metadata={Column.__name__: Column(title, unit, form)})
 
 
@@ -33,9 +41,10 @@ def inline() -> Any:
 
 
 def columns_of(row: Any) -> dict[str, Column]:
-    """Return the printed columns of a row by key.
+    """Return the printed columns of a row, a dataclass, by key.
 
-    A field of an inner dataclass has the key ``outer_inner`` and the title "outer: title".
+    A field of an inner dataclass has the key ``outer_inner`` and the title "outer: title". Fields
+    that are not printed are left out.
     """
     columns: dict[str, Column] = {}
     for each in fields(row):
@@ -56,10 +65,10 @@ def _of_part(name: str, column: Column) -> Column:
 
 
 def record(row: Any) -> Mapping[str, Any]:
-    """Return a row's values by key, of a dataclass or of a mapping.
+    """Return the values of a row by key; the row is a dataclass or a mapping.
 
-    The keys of a nested dataclass or mapping are prefixed with its name:
-    ``recoil_rms``; an `inline` one under theirs alone.
+    A mapping is returned as it is. A nested dataclass or mapping of a dataclass is flattened: its
+    keys get the name of its field as a prefix, ``recoil_rms``, unless the field is `inline`.
     """
     if isinstance(row, Mapping):
         return row
@@ -80,7 +89,9 @@ def table_text(
     *,
     across: str = "",
 ) -> str:
-    """Return rows of one type as a table with a header and fitted column widths.
+    """Return rows of one type as a text table with a header and fitted column widths.
+
+    Without rows the text is ``nothing``. A value None is an empty cell.
 
     Parameters
     ----------

@@ -11,7 +11,10 @@ if TYPE_CHECKING:
 
 @cache
 def page_template(package: str, name: str) -> Template:
-    """Return a template of a package; values are escaped, a missing value is an error."""
+    """Return the Jinja template `name` of a package; it is cached.
+
+    The template escapes values and raises an error for a missing value.
+    """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(

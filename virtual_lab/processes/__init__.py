@@ -67,7 +67,10 @@ class Worker:
         return cast("Answer", answer)
 
     def end(self) -> int | None:
-        """End the process, even during a call. The next call starts another one."""
+        """End the process, even during a call, and return its exit code, None without a process.
+
+        The next call starts another one.
+        """
         with self.starting:
             process, self.process = self.process, None
         if process is None:
@@ -85,7 +88,11 @@ class Worker:
 
 @contextmanager
 def workers(count: int, words: str = "") -> Iterator[Submit]:
-    """Start `count` worker processes, which end with the context, even during a call."""
+    """Yield a function that submits calls to `count` worker processes.
+
+    The function returns a `Future`. The processes end with the context, even during a call. `words`
+    identify them on their command line.
+    """
     processes = [Worker(words) for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()
 
