@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from virtual_lab.uncertainty.decision import guard_band as guard_band
     from virtual_lab.uncertainty.indices import sobol_indices
     from virtual_lab.uncertainty.inputs import Input as Input
+    from virtual_lab.uncertainty.interlaboratory import nested_study as nested_study
     from virtual_lab.uncertainty.precision import gauge_study as gauge_study
     from virtual_lab.uncertainty.precision import group_study as group_study
     from virtual_lab.uncertainty.propagating import propagate_inputs

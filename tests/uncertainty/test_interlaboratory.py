@@ -1,0 +1,108 @@
+"""Nested studies against ASTM E691's printed example, printed tables and known variances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from virtual_lab.uncertainty.interlaboratory import (
+    cochran_limit,
+    grubbs_limit,
+    h_limit,
+    k_limit,
+    nested_study,
+)
+
+# glucose in serum, ASTM E691: eight laboratories (rows), five materials of three readings; from
+# memory of the standard, as are the printed figures, which the readings give to the last digit
+READINGS = """
+41.03 41.45 41.37 78.28 78.18 78.49 132.66 133.83 133.10 193.71 193.59 193.65 292.78 294.09 292.89
+41.17 42.00 41.15 77.78 80.38 79.54 132.92 136.90 136.40 190.88 200.14 194.30 292.27 309.40 295.08
+41.01 40.68 42.66 79.18 79.72 80.81 132.61 135.80 135.36 192.71 193.28 190.28 295.53 290.14 292.34
+39.37 42.37 42.63 84.08 78.60 81.92 138.50 138.30 135.69 195.85 196.36 199.43 295.19 295.44 296.83
+41.88 41.19 41.32 78.16 79.58 78.33 131.90 134.14 133.76 192.59 191.44 195.12 293.93 292.48 294.28
+43.28 40.50 42.28 78.66 79.27 81.75 137.21 135.14 137.50 195.34 198.26 198.13 297.74 296.80 290.33
+41.08 41.27 39.02 79.76 81.45 77.35 130.97 131.59 134.92 194.66 191.99 187.13 287.29 293.76 289.36
+43.36 42.65 41.72 80.44 80.80 79.80 135.46 135.14 133.63 197.56 195.99 200.82 298.46 295.28 296.12
+"""
+GLUCOSE = np.array(READINGS.split(), float).reshape(8, 5, 1, 3).swapaxes(0, 1)
+# mean, s_r and s_R of each material as printed
+PRINTED = """
+    41.5183 1.0632 1.0632   79.6796 1.4949 1.5796   134.7264 1.5434 2.1482
+    194.7170 2.6251 3.3657  294.4920 3.9350 4.1923
+"""
+
+
+def test_the_example_of_e691_to_all_digits() -> None:
+    """The standard prints four decimals; its means were rounded in between, by less than 2e-4."""
+    study = nested_study(GLUCOSE)
+    printed = np.array(PRINTED.split(), float).reshape(5, 3).T
+    assert study.mean == pytest.approx(printed[0], abs=2e-4)
+    assert study.repeatability == pytest.approx(printed[1], abs=6e-5)
+    assert study.reproducibility == pytest.approx(printed[2], abs=6e-5)
+    for values, sd, of_all in zip(GLUCOSE, study.repeatability, study.reproducibility, strict=True):
+        groups = vl.group_study(values.ravel(), np.arange(8).repeat(3))
+        assert sd == pytest.approx(groups.repeatability, rel=1e-13)
+        assert of_all == pytest.approx(groups.reproducibility, rel=1e-13)
+    # first laboratory, first material, by hand: mean 41.2833, standard deviation .2230
+    assert (study.h[0, 0], study.k[0, 0]) == pytest.approx((-0.39, 0.21), abs=0.005)
+
+
+def test_printed_tables_of_critical_values() -> None:
+    """ISO 5725-2, tables of Cochran (5 %, 1 %) and Grubbs; ASTM E691, table of h and k."""
+    assert cochran_limit(8, 2, 0.05) == pytest.approx(0.516, abs=5e-4)
+    assert cochran_limit(8, 2, 0.01) == pytest.approx(0.615, abs=5e-4)
+    assert cochran_limit(10, 1, 0.05) == pytest.approx(0.602, abs=5e-4)
+    assert grubbs_limit(10, 0.05) == pytest.approx(2.290, abs=5e-4)
+    assert grubbs_limit(10, 0.01) == pytest.approx(2.482, abs=5e-4)
+    assert h_limit(8, 0.005) == pytest.approx(2.15, abs=0.005)
+    assert k_limit(8, 2, 0.005) == pytest.approx(2.06, abs=0.005)
+    assert np.isnan(h_limit(2, 0.005))
+
+
+def test_variances_are_unbiased_over_1000_data_sets() -> None:
+    """Known variances of laboratories, lots and repeats; bounds: 4 standard errors."""
+    rng, sds = np.random.default_rng(55), (0.7, 0.4, 1.1)
+    shapes = (1000, 6, 1, 1), (1000, 6, 3, 1), (1000, 6, 3, 2)
+    parts = [sd * rng.standard_normal(shape) for sd, shape in zip(sds, shapes, strict=True)]
+    study = nested_study(1e4 + sum(parts[1:], parts[0]))
+    variances = study.laboratory_variance, study.lot_variance, study.repeat_variance
+    for variance, sd in zip(variances, sds, strict=True):
+        assert abs(variance.mean() - sd**2) < 4 * variance.std() / 1000**0.5
+    spread = study.reproducibility.std()  # the clipped s_R scatters by its stated u
+    assert np.sqrt(np.mean(study.reproducibility_u**2)) == pytest.approx(spread, rel=0.1)
+    limit = study.grubbs_limit()
+    assert np.mean(study.grubbs > limit) == pytest.approx(0.05, abs=0.025)
+    assert np.mean(study.cochran > study.cochran_limit()) == pytest.approx(0.05, abs=0.025)
+
+
+def test_lots_agree_with_one_way_analyses() -> None:
+    """The scatter of lots is that within each laboratory, the mean over the laboratories."""
+    values = np.random.default_rng(3).normal(size=(4, 3, 5))
+    study = nested_study(values)
+    each = [vl.group_study(one.ravel(), np.arange(3).repeat(5)) for one in values]
+    lot = np.mean([(one.between.ms - one.within.ms) / 5 for one in each])
+    assert float(study.lot_variance) == pytest.approx(lot)
+    laboratories = vl.group_study(values.ravel(), np.arange(4).repeat(15)).between.ms
+    wanted = (laboratories - np.mean([one.between.ms for one in each])) / 15
+    assert float(study.laboratory_variance) == pytest.approx(wanted)
+    one_lot = nested_study(values[:, :1])
+    assert np.isnan(one_lot.lot_variance)
+    assert np.isfinite(one_lot.reproducibility)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (np.eye(3), "shape of the values"),
+        (np.ones((1, 2, 2)), "laboratories = 1; allowed: at least 2"),
+        (np.ones((3, 2, 1)), "repeats = 1; allowed: at least 2"),
+        (np.ones((3, 2, 2)), "all results are equal"),
+        (np.full((3, 1, 2), np.nan), "finite numbers"),
+    ],
+)
+def test_wrong_input_gives_one_line(values: np.ndarray, said: str) -> None:
+    with pytest.raises(vl.InputError, match=said) as caught:
+        nested_study(values)
+    assert "\n" not in str(caught.value)

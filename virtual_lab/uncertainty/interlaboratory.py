@@ -1,0 +1,187 @@
+"""Laboratories compared: nested analysis of variance, and tests of consistency.
+
+Every laboratory measures the same item with several lots, and repeats the test with each lot. The
+variances and the tests are those of ISO 5725-2 and ISO 5725-3, the statistics h and k those of ASTM
+E691. All results have a leading axis per data set.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from virtual_lab.errors import InputError
+from virtual_lab.units import Array
+
+STRAGGLER, OUTLIER = 0.05, 0.01  # significance levels of Cochran's and Grubbs's tests (ISO 5725-2)
+CONSISTENCY = 0.005  # significance level of h and k (ASTM E691)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NestedStudy:
+    """Variances and consistency of laboratories, arrays (...,) with one entry per data set.
+
+    Variances are unbiased, so they can be negative. Standard deviations are 0 in that case.
+    """
+
+    laboratories: int
+    lots: int  # lots per laboratory
+    repeats: int  # repeats per lot
+    mean: Array
+    repeat_variance: Array
+    lot_variance: Array  # NaN with one lot per laboratory, whose variance is in the next one
+    laboratory_variance: Array
+    repeat_mean_square: Array
+    lot_mean_square: Array  # that of the repeats, with one lot per laboratory
+    laboratory_mean_square: Array
+    h: Array  # deviation of each laboratory's mean, in standard deviations, (..., laboratory)
+    k: Array  # scatter of each laboratory's repeats, in units of s_r, (..., laboratory)
+    cochran: Array  # largest share of a laboratory in the sum of the variances of repeats
+
+    @property
+    def repeatability(self) -> Array:
+        """s_r: standard deviation of repeats in one laboratory with one lot."""
+        return np.sqrt(self.repeat_variance)
+
+    @property
+    def lot_sd(self) -> Array:
+        """s_lot: standard deviation between the lots of one laboratory."""
+        return np.sqrt(np.maximum(self.lot_variance, 0.0))
+
+    @property
+    def laboratory_sd(self) -> Array:
+        """s_L: standard deviation between laboratories."""
+        return np.sqrt(np.maximum(self.laboratory_variance, 0.0))
+
+    @property
+    def reproducibility(self) -> Array:
+        """s_R: standard deviation of single tests in different laboratories."""
+        return np.sqrt(self.repeat_variance + self.laboratory_sd**2 + np.nan_to_num(self.lot_sd**2))
+
+    @property
+    def reproducibility_u(self) -> Array:
+        """Standard uncertainty of s_R, from unbiased variances of the mean squares."""
+        p, q, n = self.laboratories, self.lots, self.repeats
+        lines = (
+            (self.laboratory_mean_square / (q * n), p - 1),
+            (self.lot_mean_square * (q - 1) / (q * n), p * max(q - 1, 1)),
+            (self.repeat_mean_square * (n - 1) / n, p * q * (n - 1)),
+        )
+        # 2 MS²/(dof + 2) is unbiased for the variance of a mean square
+        variance = sum((2 * part**2 / (dof + 2) for part, dof in lines), np.zeros(self.mean.shape))
+        return np.asarray(np.sqrt(variance) / (2 * self.reproducibility))
+
+    @property
+    def grubbs(self) -> Array:
+        """Grubbs's statistic of the most extreme mean of a laboratory: the largest |h|."""
+        return np.asarray(np.abs(self.h).max(axis=-1))
+
+    def cochran_limit(self, level: float = STRAGGLER) -> float:
+        """Return the critical value of Cochran's test."""
+        return cochran_limit(self.laboratories, self.lots * (self.repeats - 1), level)
+
+    def grubbs_limit(self, level: float = STRAGGLER) -> float:
+        """Return the critical value of Grubbs's test; NaN for two laboratories."""
+        return grubbs_limit(self.laboratories, level)
+
+    def h_limit(self, level: float = CONSISTENCY) -> float:
+        """Return the critical value of h; NaN for two laboratories."""
+        return h_limit(self.laboratories, level)
+
+    def k_limit(self, level: float = CONSISTENCY) -> float:
+        """Return the critical value of k."""
+        return k_limit(self.laboratories, self.lots * (self.repeats - 1), level)
+
+
+def nested_study(values: ArrayLike) -> NestedStudy:
+    """Return repeatability, scatter of lots and laboratories, and tests of consistency.
+
+    The design is balanced: every laboratory has the same number of lots, and repeats the test with
+    each lot equally often. With one lot, the results are those of ISO 5725-2 and ASTM E691, and
+    `group_study` gives the same standard deviations.
+
+    Parameters
+    ----------
+    values
+        Results, shape (..., laboratory, lot, repeat), in any one unit. The results have the same
+        unit. Leading axes are data sets.
+
+    Raises
+    ------
+    InputError
+        Fewer than two laboratories or two repeats, values that are not finite, or a data set whose
+        values are all equal.
+    """
+    results = np.asarray(values, float)
+    shape = results.shape
+    if results.ndim < 3 or 0 in shape:
+        allowed = "allowed: (..., laboratory, lot, repeat)"
+        raise InputError("", "shape of the values", shape, allowed)
+    p, q, n = shape[-3:]
+    for key, count in (("laboratories", p), ("repeats", n)):
+        if count < 2:
+            raise InputError("", key, count, "allowed: at least 2")
+    if not np.isfinite(results).all():
+        raise InputError("", "values", None, "allowed: finite numbers")
+    first = results[..., :1, :1, :1]
+    if (results == first).all(axis=(-3, -2, -1)).any():
+        allowed = "all results are equal, so their scatter is unknown; allowed: results that differ"
+        raise InputError("", "values", float(first.flat[0]), allowed)
+    results = results - first  # the squares of a large mean would hide the scatter
+    lots = results.mean(axis=-1)
+    means = lots.mean(axis=-1)
+    grand = means.mean(axis=-1)
+    within = np.sum((results - lots[..., None]) ** 2, axis=(-2, -1)) / (q * (n - 1))
+    repeat = within.mean(axis=-1)
+    scatter = np.sum((means - grand[..., None]) ** 2, axis=-1) / (p - 1)
+    laboratory, lot = q * n * scatter, repeat
+    if q > 1:
+        lot = n * np.sum((lots - means[..., None]) ** 2, axis=(-2, -1)) / (p * (q - 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return NestedStudy(
+            laboratories=p,
+            lots=q,
+            repeats=n,
+            mean=first[..., 0, 0, 0] + grand,
+            repeat_variance=repeat,
+            lot_variance=(lot - repeat) / n if q > 1 else np.full(grand.shape, np.nan),
+            laboratory_variance=(laboratory - lot) / (q * n),
+            repeat_mean_square=repeat,
+            lot_mean_square=lot,
+            laboratory_mean_square=laboratory,
+            h=(means - grand[..., None]) / np.sqrt(scatter)[..., None],
+            k=np.sqrt(within / repeat[..., None]),
+            cochran=within.max(axis=-1) / within.sum(axis=-1),
+        )
+
+
+def cochran_limit(groups: int, dof: int, level: float) -> float:
+    """Return the critical share of the largest of `groups` variances with `dof` each."""
+    from scipy.stats import f
+
+    return float(1 / (1 + (groups - 1) / f.isf(level / groups, dof, dof * (groups - 1))))
+
+
+def grubbs_limit(groups: int, level: float) -> float:
+    """Return the critical deviation of the most extreme of `groups` means; NaN for two."""
+    return h_limit(groups, level / groups)
+
+
+def h_limit(groups: int, level: float) -> float:
+    """Return the critical deviation of one of `groups` means, two-sided; NaN for two means."""
+    from scipy.stats import t
+
+    if groups < 3:
+        return np.nan
+    square = float(t.isf(level / 2, groups - 2)) ** 2
+    return (groups - 1) * sqrt(square / (groups * (groups - 2 + square)))
+
+
+def k_limit(groups: int, dof: int, level: float) -> float:
+    """Return the critical ratio of the scatter in one of `groups`, with `dof`, to s_r."""
+    from scipy.stats import f
+
+    return sqrt(groups / (1 + (groups - 1) / f.isf(level, dof, dof * (groups - 1))))
