@@ -412,7 +412,7 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
 def collide_lanes(
     w2: Array, bat: Counts, g: Array, given: Given, scheme: Scheme, rule: StepRule
 ) -> Out:
-    """Run n collisions with N flexible modes.
+    """Return final states, sums and counts of n collisions with N flexible modes.
 
     Parameters
     ----------

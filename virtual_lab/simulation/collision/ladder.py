@@ -76,7 +76,7 @@ class Choice:
 
     @property
     def rung(self) -> str:
-        """Name of the rung."""
+        """Name of the rung: that of the surrogate if there is one."""
         return self.surrogate.rung if self.surrogate else self.model.rung
 
     def of(self, body: BatBody, support: Support) -> Choice:
@@ -108,11 +108,11 @@ def choose(
 ) -> Choice:
     """Return the collision model of a bat: the named rung, or the fastest accurate one.
 
-    The errors are measured on `probe`, scenes similar to those of the test. A named `rung` of
-    `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of modes. Without
-    a name, the error must not exceed `SHARE` of `standard_uncertainty`, that of the e_A to be
-    measured; if no other model is that accurate, the reference model is used. Without either, the
-    modal rung is used.
+    The result holds the model, its largest error of e_A on `probe` plus a margin, and the reason.
+    `probe` are scenes similar to those of the test. A named `rung` of `COLLISION_RUNGS` is used
+    whatever its error; ``modal`` has the default number of modes. Without a name, the error must
+    not exceed `SHARE` of `standard_uncertainty`, that of the e_A to be measured; if no other model
+    is that accurate, the reference model is used. Without either, the modal rung is used.
 
     Raises `InputError` for an unknown rung, an uncertainty that is not positive, or a probe that no
     rung can simulate.
@@ -324,7 +324,9 @@ def probing_scenes(
 ) -> Scenes:
     """Return the probe scenes: a nominal ball at `speed` [m/s] at positions along the barrel.
 
-    The range is `PROBING.places`, extended to include `places` [m from the tip].
+    The positions are `PROBING.every` apart over `PROBING.places`, a range that is extended to
+    include `places` (lowest and highest distance from the tip [m]). The e0 is that of the nominal
+    ball at this speed.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

@@ -83,10 +83,11 @@ class ModalModel:
 def collide_bats(
     batch: Sequence[tuple[ModalModel, Scenes]], tables: Sequence[Array] = ()
 ) -> list[Collisions]:
-    """Return the collisions of several bats, integrated together by the first model's stepper.
+    """Return the collisions of several bats, one result per pair of model and scenes in `batch`.
 
-    `tables` replace the values of each model's splines at the impact positions, shape (n, N + 1)
-    each, because splines are not worth building for a few scenes.
+    All are integrated together by the first model's stepper. `tables` replace the values of each
+    model's splines at the impact positions, shape (n, N + 1) each, because splines are not worth
+    building for a few scenes.
 
     Raises `InputError` for a position beyond the bat, and for a scene whose energy balance is off,
     whose e_A does not settle as the steps are halved, or that does not end.
@@ -172,10 +173,10 @@ def energy_split(
     losses: Array,
     energy: Array,
 ) -> EnergySplit:
-    """Return the shares of the ball's initial `energy` [J], (n,), after release.
+    """Return the shares of the ball's initial energy after release, each (n,), without unit.
 
-    `displacements` and `velocities` are the modal state, (n, N); `losses` are those in the ball
-    [J], (n,).
+    `displacements` and `velocities` are the modal state, (n, N) [kg^1/2 m, kg^1/2 m/s], and `e_A`
+    is (n,). `losses` is the energy lost in the ball, and `energy` the initial one, both (n,) [J].
     """
     strained = modes.angular_frequencies * displacements
     beam = modes.deflections.shape[1]
@@ -194,7 +195,10 @@ def energy_split(
 
 
 def kernel_is_compiled() -> bool:
-    """Return whether the compiled kernel is cached on disk, or numba compiles nothing."""
+    """Return whether the compiled kernel is cached on disk, so that no compilation is needed.
+
+    True also if numba compiles nothing.
+    """
     from virtual_lab.simulation.collision.batch_kernel import collide_lanes
     from virtual_lab.simulation.collision.powers import COMPILES
 

@@ -297,10 +297,24 @@ def _follow(
 def collide(
     w2: Array, which: Counts, g: Array, c: Array, ball: Array, steps: Array, window: float
 ) -> tuple[Array, Array, Counts]:
-    """Integrate n collisions with N flexible modes, as `collide_lanes` does.
+    """Return final states, sums and counts of n collisions with N flexible modes.
 
-    `steps` are the time steps [s], (n,). `ball` holds k [N/m^a], a, b, C [m/N] and the speed
-    [m/s], (n, 5). The counts, (n, 3), are contacts, reloads and a `Failure`.
+    The results are those of `collide_lanes`, but the counts, (n, 3), are contacts, reloads and a
+    `Failure`. The scenes are integrated one by one.
+
+    Parameters
+    ----------
+    w2, which
+        Squared angular frequencies, (bats, N) [1/s²], and index of the bat of each scene, (n,).
+    g, c
+        Squared shapes at the impacts, (n, N) [1/kg], and inverse mass of all rigid motion, (n,)
+        [1/kg].
+    ball
+        k [N/m^a], a, b, C [m/N] and the speed [m/s], (n, 5).
+    steps
+        Time steps [s], (n,).
+    window
+        Time after the first touch within which a contact must begin to count [s].
     """
     scenes, modes = g.shape
     states = np.zeros((scenes, 2 * modes + 2))

@@ -26,7 +26,7 @@ MARGIN = 40  # number of extra knots at each end, each of which reduces the end 
 
 
 def patch_shape(modes: Modes, z: Array, width: float) -> Array:
-    """Return the mean deflection of each mode over patches centred at `z`, (n, N).
+    """Return the mean deflection of each mode over patches centred at `z`, (n, N) [kg^-1/2].
 
     `z`, (n,) [m], is the distance from the barrel tip. `width` is the full width of the patch [m];
     0 is a point. The mean is weighted by a cosine, largest at the centre. A patch near an end
@@ -36,7 +36,10 @@ def patch_shape(modes: Modes, z: Array, width: float) -> Array:
 
 
 def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
-    """Return `patch_shape` for several sets of modes of one bat."""
+    """Return the result of `patch_shape` for each of several sets of modes of one bat.
+
+    Each array is (n, N), with the N of its set [kg^-1/2].
+    """
     x, gauss = gauss_points(8)
     pressure = gauss * np.cos(np.pi / 2 * x)
     pressure /= pressure.sum()

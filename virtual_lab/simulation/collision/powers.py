@@ -75,7 +75,10 @@ if not COMPILES:  # Python version; integers in arrays wrap around silently, as 
 
 @njit(**SIMD)
 def log2(x: float) -> float:
-    """Return log2 of a positive normal number, to 6e-11."""
+    """Return log2(x) of a positive normal number `x`, with an error of at most 6e-11.
+
+    Other numbers (0, negative, inf, NaN) give a wrong result, not an error.
+    """
     exponent = (_bits(x) + (ONE_BITS - HALF_ROOT_BITS)) >> FRACTION
     m = _float(_bits(x) + ONE_BITS - (exponent << FRACTION)) - 1.0
     p = 0.0
@@ -86,7 +89,10 @@ def log2(x: float) -> float:
 
 @njit(**SIMD)
 def exp2(y: float) -> float:
-    """Return 2^y for -1000 < y < 1000, to a relative 6e-11."""
+    """Return 2^y for -1000 < y < 1000, with a relative error of at most 6e-11.
+
+    A `y` outside this range gives a wrong result, not an error.
+    """
     rounded = y + ROUND
     f = y - (rounded - ROUND)
     p = 0.0

@@ -103,7 +103,7 @@ class Scenes:
         return len(self.impact_position)
 
     def part(self, chosen: slice | NDArray[Any]) -> Self:
-        """Return the `chosen` scenes."""
+        """Return the `chosen` scenes: a slice, a mask or indices."""
         return replace(self, **{name: value[chosen] for name, value in self._arrays()})
 
     def require_on(self, length: float) -> None:
@@ -161,7 +161,10 @@ class Collisions:
 
 
 def concatenate(parts: Sequence[Collisions]) -> Collisions:
-    """Return the collisions of several parts of a batch of one model as one batch."""
+    """Return the collisions of several parts of a batch in a row, as one batch.
+
+    All parts must come from the same model. A single part is returned as it is.
+    """
     if len(parts) == 1:
         return parts[0]
 

@@ -65,7 +65,7 @@ class CollisionBatch:
         return [slice(*pair) for pair in pairwise(ends)]
 
     def part(self, chosen: Counts | slice) -> Self:
-        """Return some of the scenes."""
+        """Return the `chosen` scenes, indices or a slice, of all bats."""
         arrays = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
         return replace(self, **arrays)
 
@@ -111,7 +111,7 @@ class FinalStates:
         )
 
     def part(self, chosen: Counts | slice) -> Self:
-        """Return some of the scenes."""
+        """Return the `chosen` scenes, indices or a slice."""
         return replace(self, **{name: getattr(self, name)[chosen] for name in self.__slots__})
 
     def put(self, chosen: Counts, other: FinalStates) -> None:
@@ -124,7 +124,7 @@ class Stepper(Protocol):
     """Method of time integration."""
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
-        """Follow all contacts that begin within `window` [s] of the first touch."""
+        """Return the states after all contacts that begin within `window` [s] of first touch."""
         ...
 
 
@@ -138,7 +138,7 @@ class OneByOne:
     last_resort: float = 0.75  # refinement for doubtful scenes, accurate to about 1e-9
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
-        """Follow all contacts that begin within `window` [s] of the first touch."""
+        """Return the states after all contacts that begin within `window` [s] of first touch."""
         from virtual_lab.simulation.collision.modal_kernel import collide
 
         ball = (
@@ -249,7 +249,7 @@ class InStep:
         )
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
-        """Follow all contacts that begin within `window` [s] of the first touch."""
+        """Return the states after all contacts that begin within `window` [s] of first touch."""
         followed, doubted = self.one_pass(struck, window)
         left = np.flatnonzero(doubted)
         stepper = self

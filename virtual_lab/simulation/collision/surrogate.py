@@ -93,7 +93,7 @@ class Box:
     def unit(self, scenes: Scenes) -> Array:
         """Return the coordinates of the scenes in the box, from -1 to 1, shape (4, n).
 
-        Raises `InputError` if a scene lies outside the box or has another force law.
+        Raises `InputError` if a scene is outside the box or has another force law.
         """
         self.require_law(scenes)
         inside, rows = self.inside(scenes), []

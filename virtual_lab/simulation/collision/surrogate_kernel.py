@@ -24,10 +24,12 @@ def _polynomials(x: Array, out: Array) -> None:
 
 @njit(cache=True, fastmath=True)
 def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
-    """Return the series at the points `unit` (4, n), each variable from -1 to 1; shape (n,).
+    """Return the value of a Chebyshev series in four variables at n points, (n,).
 
-    Within a block of points the sum over the first variable is one matrix product. The sums over
-    the other variables run over the points, which the compiler vectorises.
+    `coefficients` are those of T_i T_j T_k T_l, with one axis per variable. `unit` holds the
+    variables, (4, n), each from -1 to 1. Within a block of points the sum over the first variable
+    is one matrix product. The sums over the other variables run over the points, which the compiler
+    vectorises.
     """
     a, b, c, d = coefficients.shape
     rows = np.ascontiguousarray(coefficients.reshape(a, b * c * d).T)

@@ -38,47 +38,64 @@ SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 
 
 def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
-    """Return a hook that enters each reading multiplied by `factor`."""
+    """Return a hook for `Fault.record` that enters each reading multiplied by `factor`.
+
+    The hook returns the changed array by name, ``readings``, in the shape of the record's.
+    """
     return lambda record, _: {"readings": record.readings * factor}
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Balance point measured from the knob and entered as measured from the tip."""
+    """Return the balance readings as measured from the knob, by name: ``readings`` [m].
+
+    The laboratory enters them as if they were measured from the tip. The record itself is not
+    changed.
+    """
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
 
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
-    """Usual amplitude of the pendulum entered, whatever the real one was."""
+    """Return pendulum amplitudes as entered from habit instead of the real, larger ones [rad].
+
+    They are ``first_amplitude`` and ``last_amplitude``, each (release,), both reduced by the ratio
+    of the usual to the real amplitude at release.
+    """
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
 
 
 def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """Moment of inertia of the pendulum's clamp not entered."""
+    """Return the calibration with the moment of inertia of the pendulum's clamp entered as 0.
+
+    All other constants, and the u of this one, are unchanged.
+    """
     key = "bench.pendulum.clamp_inertia"
     return {**constants, key: replace(constants[key], value=0.0)}
 
 
 def livelier(specimen: Specimen) -> Specimen:
-    """Return a copy with balls of a livelier lot than those at the wall: e0 is higher by 0.02."""
+    """Return a copy of the specimen with a livelier lot than at the wall: e0 is higher by 0.02."""
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
 
 
 def not_conditioned(specimen: Specimen) -> Specimen:
-    """Return a copy whose balls come from a damp room, not from the store with the readings."""
+    """Return a copy of the specimen whose balls were kept in a damp room instead of their store."""
     return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Return a copy in which ball 3 is worn by too many hits: its e0 is lower by 0.04."""
+    """Return a copy of the specimen in which ball 3 (counted from 0) is worn: e0 lower by 0.04."""
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
     return replace(specimen, balls=replace(specimen.balls, restitution=restitution))
 
 
 def crack(specimen: Specimen) -> Specimen:
-    """Bat cracked between the bench and the first hit: stiffness 10 % and f1 5 % lower."""
+    """Return a copy of the specimen with a cracked bat: stiffness 10 % and f1 5 % lower.
+
+    The bat cracks between the bench and the first hit.
+    """
     bat, left = specimen.bat, 0.9
     material = replace(
         bat.body.material,
@@ -89,9 +106,10 @@ def crack(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Balls out of round by 1.5 mm, so that front and back radius differ in each passage.
+    """Return the edge times of balls that are out of round by 1.5 mm, by name: ``times`` [s].
 
-    A beam that barely hits a round ball can miss such a ball. It then has no edges.
+    Front and back radius differ in each passage. A beam that barely hits a round ball can miss such
+    a ball; its edges are NaN. The shape is that of the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -107,7 +125,10 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 
 
 def swap(record: Any, written: FaultContext) -> Arrays:
-    """Gate records of two shots of one round exchanged."""
+    """Return the gate times with those of shots 1 and 4 exchanged, by name: ``times`` [s].
+
+    Shots are counted from 0. The times are unchanged if the two are not in one round.
+    """
     slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
     filed = np.arange(len(slot))
@@ -117,17 +138,20 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 
 
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
-    """Every second incoming ball missed at the gate nearest the bat."""
+    """Return the gate times without every second incoming ball at the gate nearest the bat.
+
+    The result has the name ``times`` [s]; missed edges are NaN.
+    """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
     return {"times": times}
 
 
 def cleared_twice(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times with late last edges at the gate nearest the bat.
+    """Return the gate times with late last edges at the gate nearest the bat, as ``times`` [s].
 
-    The gate clears twice, so the last edge of the incoming ball is 0.4 ms late, in about 60 %
-    of the shots. The record itself is not changed.
+    The gate clears twice, so the last edge of the incoming ball is 0.4 ms late, in about 60 % of
+    the shots. The record itself is not changed.
     """
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
@@ -135,12 +159,19 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
 
 
 def scraps_of_beams(station: Station) -> Station:
-    """Sabot fragments in front of light boards, whose instrument simulates the fragments."""
+    """Return the station with more sabot fragments at its light boards, which simulate them.
+
+    A station without light boards is returned unchanged.
+    """
     return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
 
 
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
-    """First gate broken 30 mm ahead of many balls, by fragments of the sabot."""
+    """Return gate times with the first gate broken 30 mm ahead of many balls, as ``times`` [s].
+
+    The cause is fragments of the sabot, in about 60 % of the shots. For light boards the result is
+    empty, because their instrument simulates the fragments.
+    """
     if isinstance(record, BoardRecord):
         return {}
     times, struck = record.times.copy(), written.some(SCRAPS)
@@ -151,7 +182,11 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
 
 
 def drifting(record: Any, written: FaultContext) -> Arrays:
-    """e0 on the wall rising from the first hit to the last, by 6 % in total."""
+    """Return the wall's gate times with rebounds that become faster from hit to hit, as ``times``.
+
+    The e0 on the wall rises from the first hit to the last, by 6 % in total. The times are in
+    seconds.
+    """
     times, slot = record.times.copy(), written.plan.slot
     back = times[:, Edge.OUT]
     start = back[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
@@ -161,12 +196,16 @@ def drifting(record: Any, written: FaultContext) -> Arrays:
 
 
 def too_slow(plan: ShotPlan) -> ShotPlan:
-    """Balls fired 3 mph slower than planned."""
+    """Return the plan with all nominal speeds 3 mph lower."""
     return replace(plan, speed=plan.speed - 3 * MPH)
 
 
 def slipping(record: Any, written: FaultContext) -> Arrays:
-    """Coupling of the encoder slipping once in some of the shots, with a loss of 20 counts."""
+    """Return the counts of an encoder whose coupling slips once in some shots, by 20 counts.
+
+    The result has the name ``counts``, (shot, sample). About 60 % of the shots lose 20 counts at a
+    random time.
+    """
     samples = record.counts.shape[1]
     when = 0.3 + 0.6 * written.chance(".when")
     slipped = np.arange(samples) > samples * when[:, None]
@@ -174,7 +213,10 @@ def slipping(record: Any, written: FaultContext) -> Arrays:
 
 
 def loose(record: Any, written: FaultContext) -> Arrays:
-    """Bat loose on the pivot, so that the encoder follows with a play of 0.3 degrees."""
+    """Return the counts of an encoder that follows a loose bat with a play of 0.3 degrees.
+
+    The result has the name ``counts``, (shot, sample).
+    """
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))
     followed = np.empty_like(counts)
@@ -186,14 +228,17 @@ def loose(record: Any, written: FaultContext) -> Arrays:
 
 
 def still_swinging(record: Any, written: FaultContext) -> Arrays:
-    """Bat still swinging at 0.3 rad/s, in either direction, when the ball is fired."""
+    """Return the counts for a bat that still swings at 0.3 rad/s when the ball is fired.
+
+    The direction is random from shot to shot. The result has the name ``counts``, (shot, sample).
+    """
     way = np.where(written.some(0.5), 1.0, -1.0)
     turned = counts_per_turn(written) / tau * 0.3 * record.times
     return {"counts": record.counts + np.round(way[:, None] * turned)}
 
 
 def counts_per_turn(written: FaultContext) -> float:
-    """Return the counts per turn of the encoder that the laboratory uses."""
+    """Return the counts per turn of the encoder according to the calibration of the laboratory."""
     return written.station.calibration["encoder.counts_per_turn"].value
 
 

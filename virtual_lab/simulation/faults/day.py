@@ -52,11 +52,11 @@ class FaultSet:
         return tuple(fault.name for fault in self.faults)
 
     def at(self, stage: Stage) -> list[Fault]:
-        """Return the faults that affect a stage."""
+        """Return the faults that affect a stage, in the order they were named."""
         return [fault for fault in self.faults if fault.acts_at(stage)]
 
     def station(self, stage: Stage, station: Station) -> Station:
-        """Return the station of a stage with its faults."""
+        """Return the station of a stage with its faults, unchanged if there are none."""
         for fault in self.at(stage):
             station = (fault.station and fault.station(station)) or station
         return station

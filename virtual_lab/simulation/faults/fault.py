@@ -22,7 +22,7 @@ Standing = Callable[[Station], Station | None]
 
 
 class FaultContext(NamedTuple):
-    """A plan that was carried out, before its records are filed."""
+    """Circumstances of a plan that was carried out, before its records are filed."""
 
     stage: Stage
     station: Station
@@ -69,11 +69,12 @@ class Fault:
 
 
 def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
-    """Return a hook that changes a true constant of the instrument `part`, not its calibration.
+    """Return a hook for `Fault.station` that changes a true constant but not its calibration.
 
-    The true value is multiplied by `times` and increased by `plus`. If the instrument has several
-    constants of that name (name_0, name_1, …), only the last one is changed. The hook returns None
-    for a station without the instrument or the constant.
+    The true value of `constant` of the instrument `part` is multiplied by `times` and increased by
+    `plus` [SI]. If the instrument has several constants of that name (name_0, name_1, …), only the
+    last one is changed. The hook returns the changed station, or None for a station without the
+    instrument or the constant.
     """
 
     def standing(station: Station) -> Station | None:
@@ -89,7 +90,11 @@ def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 
 
 
 def sheet_off(part: str, **values: float) -> Standing:
-    """Return a hook that gives the instrument `part` other `values` than its data sheet."""
+    """Return a hook for `Fault.station` that gives an instrument other values than its data sheet.
+
+    `part` is the name of the instrument, and `values` are in SI. The hook returns the changed
+    station, or None for a station without the instrument or one of these keys.
+    """
 
     def standing(station: Station) -> Station | None:
         spec = getattr(instrument_of(station, part), "spec", None)
@@ -101,19 +106,26 @@ def sheet_off(part: str, **values: float) -> Standing:
 
 
 def instrument_of(station: Station, part: str) -> Any:
-    """Return an instrument of a station by its name, or None."""
+    """Return the instrument `part` of a station, None if the station has none of that name."""
     return station.instruments().get(part) if isinstance(station, FittedStation) else None
 
 
 def fitted_with(station: Station, part: str, instrument: Any) -> Station:
-    """Return the station with the instrument `part` replaced."""
+    """Return a copy of the station with its instrument `part` replaced by `instrument`.
+
+    Raises `KeyError` if the station has no such instrument.
+    """
     fitted: Any = station
     changed: Station = fitted.with_instrument(part, instrument)
     return changed
 
 
 def other_sheet(station: Station, part: str, **changes: Any) -> Station:
-    """Return the station with `changes` in the data sheet of the instrument `part`."""
+    """Return a copy of the station with `changes` [SI] in the data sheet of the instrument `part`.
+
+    The constants that the instrument has already drawn do not change. Raises `AttributeError` if
+    the station has no such instrument.
+    """
     instrument = instrument_of(station, part)
     spec = replace(instrument.spec, **changes)
     return fitted_with(station, part, replace(instrument, spec=spec))

@@ -53,7 +53,7 @@ class InstrumentFactory:
     ideal: bool
 
     def as_asked(self, spec: S) -> S:
-        """Return a specification, without errors if the laboratory is ideal."""
+        """Return a specification, without its errors if the laboratory is ideal."""
         return spec.ideal() if self.ideal else spec
 
     def commission(
@@ -65,7 +65,10 @@ class InstrumentFactory:
 
 
 def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the known constants of several instruments, by ``instrument.constant``."""
+    """Return the constants that a laboratory knows of some instruments, by ``instrument.constant``.
+
+    Each is an `Estimate` in SI, or `Estimates` (laboratory,) for a block.
+    """
     return {
         f"{name}.{key}": estimate
         for name, instrument in instruments.items()
@@ -74,7 +77,10 @@ def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 
 
 def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the true constants of several instruments, by ``instrument.constant``."""
+    """Return the true constants of some instruments in SI, by ``instrument.constant``.
+
+    Each is a number, or an array (laboratory,) for a block.
+    """
     return {
         f"{name}.{key}": value
         for name, instrument in instruments.items()

@@ -133,7 +133,10 @@ def sum_up(
 
 @njit(cache=True)
 def gain_memory(radius: float) -> Array:
-    """Return an empty table for the gains of balls up to a radius [pitches], (row, 4)."""
+    """Return an empty table for the gains of balls up to a radius [pitches], (row, 4).
+
+    It is the `memory` of `fill_gains`. All values are 0, which stands for no entry.
+    """
     return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 
 

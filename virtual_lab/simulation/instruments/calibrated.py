@@ -69,16 +69,22 @@ S = TypeVar("S", bound=CalibratedSpec)
 
 
 def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
-    """Return a constant as stated on a sheet. An exact constant has infinite degrees of freedom."""
+    """Return a constant as stated on a data sheet, with `sigma` as its u.
+
+    The unit is that of `value`. If `sigma` is 0 the constant is exact, and its degrees of freedom
+    are inf whatever `dof`.
+    """
     return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
 
 
 def drawn(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
-    """Return the constants on the certificate of an instrument, and its true constants.
+    """Return the constants on the certificate of an instrument, and its true constants, by name.
 
-    With the draws of a block these are the constants of each laboratory's instrument.
+    `sheet` holds value, σ and degrees of freedom of each constant, and `name` is that of the random
+    numbers. The values are in the units of `sheet`. For a block the certificate holds `Estimates`,
+    and the true constants are arrays, both (laboratory,).
     """
     numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
     laboratories = numbers.shape[1:]
@@ -94,7 +100,11 @@ def drawn(
 
 
 def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
-    """Return an estimate, with u multiplied by `share`, for one laboratory or for a block (n,)."""
+    """Return an estimate for one laboratory, or copies of it for a block of laboratories.
+
+    Its u is multiplied by `share`. `laboratories` is the shape of the block: (n,), or () for one
+    laboratory, whose result is an `Estimate`.
+    """
     if not laboratories:
         return replace(constant, u=constant.u * float(share))
     return Estimates(

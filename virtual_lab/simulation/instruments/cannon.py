@@ -61,9 +61,10 @@ class Cannon(CalibratedInstrument[CannonSpec]):
     unknown: ClassVar[frozenset[str]] = frozenset({"across"})
 
     def fire(self, speed: Array, draws: Draws, name: str, slots: Slots) -> Launch:
-        """Fire the shots `slots` with nominal speeds `speed` at the target [m/s], (shot,).
+        """Return the true launches of the shots `slots`, (shot,).
 
-        Raises `InputError` if the cannon is not that fast.
+        `speed` is the nominal speed at the target [m/s], (shot,). Raises `InputError` if the cannon
+        is not that fast.
         """
         if np.any(speed > self.spec.fastest):
             fastest, most = float(np.max(speed)) / MPH, self.spec.fastest / MPH
@@ -78,7 +79,7 @@ class Cannon(CalibratedInstrument[CannonSpec]):
         )
 
     def mark(self, draws: Draws, name: str) -> AimMarks:
-        """Fire at an aim paper before the test, and read the marks with a rule.
+        """Return the marks on an aim paper of test shots before the test, read with a rule.
 
         In a block the marks of each laboratory follow those of the previous one.
         """

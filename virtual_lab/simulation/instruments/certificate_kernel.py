@@ -24,7 +24,11 @@ DEGREE = 11
 
 @lru_cache(64)
 def pieces_of(dof: float) -> Array:
-    """Return the polynomials of the cube root of χ²/ν, (interval, power), each over -1 to 1."""
+    """Return polynomials of the cube root of χ²/ν over a standard normal number, (interval, power).
+
+    Each polynomial covers an interval of `PIECE`, mapped to -1 to 1, from -`REACH` to `REACH`;
+    power 0 comes first. `dof` is ν. The result is cached.
+    """
     from scipy.special import gammainccinv, gammaincinv, ndtr
 
     x = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
@@ -40,7 +44,10 @@ def pieces_of(dof: float) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def stated_shares(chance: Array, pieces: Array, shares: Array) -> None:
-    """Fill `shares` with u / σ for standard normal numbers (n,), and with 1 for exactly 0."""
+    """Fill `shares` (n,) with u / σ for standard normal numbers `chance` (n,).
+
+    A number of exactly 0 gives 1, not the median. `pieces` come from `pieces_of`.
+    """
     last = len(pieces) - 1
     for i in range(chance.size):
         along = (chance[i] + REACH) / PIECE

@@ -29,7 +29,12 @@ WAY = Way()
 def pass_gate(
     flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
 ) -> None:
-    """Fill in time [s], height [m] and slope of balls that pass a `distance` [m], (shot,)."""
+    """Fill in time [s], height [m] and slope of the balls at a `distance` from the target.
+
+    All arrays are (shot,), and `flight` is the result of `Passage.way`, (5, shot). The time is that
+    before contact or after release. The height is above the line of fire, and the slope is height
+    per metre of distance.
+    """
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]
     time_over(height, flight[WAY.pace], flight[WAY.drag], since)

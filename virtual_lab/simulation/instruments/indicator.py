@@ -23,13 +23,16 @@ from virtual_lab.units import Array
 
 
 def quantise(values: ArrayLike, step: float) -> Array:
-    """Return `values` rounded to whole steps; a step of 0 is a scale without steps."""
+    """Return `values` rounded to whole multiples of `step`, in their shape and unit.
+
+    With a step of 0 they are returned unrounded. NaN remains NaN.
+    """
     exact = np.asarray(values, dtype=float)
     return np.rint(exact / step) * step if step else exact
 
 
 class IndicatorSpec(CalibratedSpec):
-    """A data sheet of steps and of scatter, in the unit of what is read."""
+    """A data sheet that states step and scatter, in the unit of the readings."""
 
     __slots__ = ()
     resolution: float
@@ -41,7 +44,7 @@ S = TypeVar("S", bound=IndicatorSpec)
 
 @dataclass(frozen=True, slots=True)
 class Indicator(CalibratedInstrument[S]):
-    """One instrument that is read."""
+    """An instrument that displays a value to be read."""
 
     def exact(self) -> dict[str, Estimate]:
         return {"resolution": Estimate(value=self.spec.resolution)}
@@ -49,10 +52,10 @@ class Indicator(CalibratedInstrument[S]):
     def read(
         self, values: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
     ) -> Array:
-        """Return readings of shape (item, repeat) of what would be shown, (item,), without scatter.
+        """Return readings, (item, repeat), of displayed `values` (item,) without scatter.
 
-        A reading's noise belongs to its item's number in `items`, (item,), and to the repeat.
-        Without them the items are in turn, of one laboratory of a block after another.
+        The noise of a reading belongs to the number of its item in `items`, (item,), and to the
+        repeat. Without `items` they are numbered in turn, one laboratory of a block after another.
         """
         displayed = np.atleast_1d(np.asarray(values, dtype=float))
         if items is None:

@@ -63,7 +63,7 @@ class GateSheet(CalibratedSpec):
 
 
 def each_shot(constant: TrueConstant, shots: int) -> Array:
-    """Return a constant for each shot as an array for compiled code, (shot,)."""
+    """Return a constant of one laboratory or of each shot as a contiguous array, (shot,)."""
     return np.ascontiguousarray(np.broadcast_to(constant, shots))
 
 

@@ -28,7 +28,7 @@ OVER = 1e-6  # overlap with a bar or post above which the ball is on top of it [
 
 
 class Own(NamedTuple):
-    """Properties of one shot [SI]."""
+    """Constants of one shot [SI]."""
 
     mass: float  # mass of the ball
     drag: float
@@ -263,9 +263,10 @@ def _write(state: Moving, row: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
-    """Continue the shots to the next contact with the bat or to their end, and log the events.
+    """Continue the `shots` to the next contact with the bat or to their end, and log the events.
 
-    `efficiency` is the e_A of the present contact of each shot, (len(shots),).
+    `shots` are indices, and `efficiency` is the e_A of the present contact of each, (len(shots),).
+    A shot whose `log.waits` is then True needs the e_A of its new contact to continue.
     """
     for number in range(shots.size):
         i = shots[number]

@@ -39,7 +39,10 @@ class Pieces(NamedTuple):
     def of(
         cls, shot: ArrayLike, time: Array, struck: Target, state: ShotState, *hit: Array
     ) -> Pieces:
-        """Return pieces that begin at one object; `hit` are position and speed on the bat."""
+        """Return pieces that begin at a contact with one object.
+
+        `hit` are the impact position [m] and the speed [m/s] on the bat, NaN by default.
+        """
         place, speed = hit or (np.full(time.shape, np.nan),) * 2
         number = np.asarray(shot, dtype=np.int_)
         return cls(number, time, np.full(time.shape, struck), place, speed, state)

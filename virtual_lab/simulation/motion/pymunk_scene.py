@@ -65,7 +65,7 @@ USUAL = PymunkSettings()
 
 
 def longest_step(scene: ShotScene, state: ShotState) -> float:
-    """Return the longest safe step [s], in which no ball can pass through an object.
+    """Return the longest safe step [s] for all shots, in which no ball can pass through an object.
 
     Within it the distance of ball and object decreases by at most the sum of their radii. The step
     is infinite if nothing moves.
@@ -89,9 +89,10 @@ def longest_step(scene: ShotScene, state: ShotState) -> float:
 
 
 def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedShots:
-    """Return the motion of the shots. Refused shots have no pieces.
+    """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
-    Raises `InputError` for unsafe settings or a ball that starts inside the bat.
+    A shot that cannot be computed has no pieces; `PlayedShots.refused` states the reason. Raises
+    `InputError` for unsafe settings or a ball that starts inside the bat.
     """
     gap = float(nearness(scene, scene.start).gap.min(initial=inf))
     if gap <= 0:
@@ -102,7 +103,7 @@ def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedSho
 
 
 def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
-    """Return the motion of the shots without a check of the settings."""
+    """Return the motion of the shots as `play_pymunk` does, without its checks."""
     shots = [_Shot(scene.alone(shot), settings) for shot in range(scene.shots)]
     pieces = [
         piece._replace(shot=np.array([number]))

@@ -53,9 +53,10 @@ class Nearness(NamedTuple):
 
 
 def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotState:
-    """Return the states of the `shots` of a scene after a `time` [s] of free motion.
+    """Return the states of the `shots` of a scene after a `time` of free motion, each (n,) [SI].
 
-    Drag slows the ball in the horizontal plane, and gravity acts on its height. Both are exact.
+    `state`, `time` [s] and the indices `shots` are (n,). Drag slows the ball in the horizontal
+    plane, and gravity acts on its height. Both are exact. Contacts are not noticed.
     """
     speed = np.hypot(state.vx, state.vz)
     drag = scene.ball_drag[shots]
@@ -77,7 +78,10 @@ def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotS
 
 
 def nearness(scene: ShotScene, state: ShotState) -> Nearness:
-    """Return gap and relative motion of ball and bat. The ends of the bat are flat."""
+    """Return gap [m] and relative motion of ball and bat for each state, (n,).
+
+    The gap is negative if ball and bat overlap. The ends of the bat are flat.
+    """
     bat = scene.bat
     cos, sin = np.cos(state.angle), np.sin(state.angle)
     z = state.z - bat.axis
@@ -105,10 +109,11 @@ def nearness(scene: ShotScene, state: ShotState) -> Nearness:
 def rebound(
     scene: ShotScene, state: ShotState, near: Nearness, efficiency: Array, shots: Shots
 ) -> ShotState:
-    """Return the states of the `shots` after frictionless contacts with these values of e_A.
+    """Return the states of the `shots` after frictionless contacts with these values of e_A, (n,).
 
-    The ball's normal speed is reversed and multiplied by e_A, and its speed along the surface does
-    not change. The bat takes up the angular momentum about its pivot.
+    `near` is the situation at the contact. The ball's normal speed is reversed and multiplied by
+    e_A, and its speed along the surface does not change. The bat takes up the angular momentum
+    about its pivot.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain
@@ -122,9 +127,10 @@ def rebound(
 
 
 def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.str_]:
-    """Return the `Obstacle` of each contact, (n,), or an empty string if it can be computed.
+    """Return the reason why each contact cannot be computed, (n,), an empty string if it can.
 
-    `near` is the situation before the contact and `after` the state after it.
+    The reasons are those of `Obstacle`. `near` is the situation before the contact and `after` the
+    state after it.
     """
     edge = (near.place < 0) | (near.place > scene.bat.length)
     follows = nearness(scene, after).approach >= 0
@@ -133,7 +139,11 @@ def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.
 
 
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
-    """Return the time from `state` until the bat reaches its stop [s], inf if it does not."""
+    """Return the time from `state` until the bat reaches its stop [s], (n,); inf if it does not.
+
+    That is the case for a bat at rest, one that turns away from the stop, and a scene without a
+    stop.
+    """
     if scene.stop is None:
         return np.full(state.rate.shape, np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -144,11 +154,11 @@ def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
 def first_touch(
     scene: ShotScene, state: ShotState, until: Array, shots: Shots, *, parting: bool = False
 ) -> Array:
-    """Return the time of the first touch of ball and bat before `until` [s], inf if there is none.
+    """Return the time of the first touch of ball and bat before `until` [s], (n,); inf if none.
 
-    The method is conservative advancement: ball and bat cannot meet before a time equal to their
-    gap divided by the largest possible closing speed, so no touch is missed, however short. With
-    `parting` they may touch at the start, if their gap is opening.
+    Times count from `state`. The method is conservative advancement: ball and bat cannot meet
+    before a time equal to their gap divided by the largest possible closing speed, so no touch is
+    missed, however short. With `parting` they may touch at the start, if their gap is opening.
     """
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until

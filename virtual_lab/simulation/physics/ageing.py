@@ -36,7 +36,7 @@ def loss_of_restitution(
 
 
 def lasting_loss(ageing: BallAgeing, speed: Array) -> Array:
-    """Return the permanent loss of e0 caused by hits at `speed` [m/s], in the shape of `speed`."""
+    """Return the permanent loss of e0 by one hit at `speed` [m/s], in the shape of `speed`."""
     return (1 - ageing.recovering) * _loss_by_hit(ageing, speed)
 
 

@@ -39,20 +39,23 @@ class WallContact(NamedTuple):
 
 
 def unloading_exponent(exponent: Array, restitution: Array) -> Array:
-    """Return the unloading exponent b of a ball with loading exponent a and restitution e0."""
+    """Return the unloading exponent b = (a + 1) / e0² - 1 of a ball, without unit.
+
+    `exponent` is the loading exponent a, and `restitution` is e0. The arguments broadcast.
+    """
     return (exponent + 1) / restitution**2 - 1
 
 
 def wall_contact(
     mass: Array, speed: Array, stiffness: Array, exponent: Array, restitution: Array
 ) -> WallContact:
-    """Return the collision of the power law with a rigid wall, in closed form.
+    """Return the collision of a power-law ball with a rigid wall: compression, force and times.
 
-    The arguments broadcast: mass of the ball, or reduced mass [kg], approach speed [m/s], k
-    [N/m^a], a, e0. The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``. The
-    compression takes the time ``u_max C(a + 1) / v``, and the expansion ``u_max C(b + 1) / (e0 v)``
-    with the unloading exponent b; C is `_half_time`. The result has compression [m], force [N] and
-    both times [s]; NaN at speed 0.
+    The results have the common shape of the arguments, in SI; all are NaN at speed 0. The arguments
+    are the mass of the ball, or reduced mass [kg], the approach speed [m/s], k [N/m^a], a and e0.
+    The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``. The compression takes the time
+    ``u_max C(a + 1) / v``, and the expansion ``u_max C(b + 1) / (e0 v)`` with the unloading
+    exponent b; C is `_half_time`.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))

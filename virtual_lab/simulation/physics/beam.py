@@ -55,9 +55,10 @@ Support = Free | Pinned | Clamped
 
 
 def support_place(support: Support, length: float) -> float | None:
-    """Return the position of the support [m], or None for a free bat.
+    """Return the position of the support, from the barrel tip [m], or None for a free bat.
 
-    Raises `InputError` for a position beyond the bat or a pivot without a positive stiffness.
+    `length` is that of the bat [m]. Raises `InputError` for a position beyond the bat or a pivot
+    without a positive stiffness.
     """
     if isinstance(support, Free):
         return None
@@ -71,7 +72,10 @@ def support_place(support: Support, length: float) -> float | None:
 
 
 def support_words(support: Support) -> str:
-    """Return a description of the support for messages."""
+    """Return a description of the support for messages, such as ``pinned at 0.7112 m``.
+
+    Positions are distances from the barrel tip. A free bat is described as ``free``.
+    """
     match support:
         case Free():
             return "free"
@@ -92,22 +96,26 @@ class Section:
 
 
 def outer_diameter(profile: Profile, z: Array) -> Array:
-    """Return the outer diameter [m] at positions `z` from the barrel tip [m].
+    """Return the outer diameter [m] at positions `z` from the barrel tip [m], in the shape of `z`.
 
-    Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot,
-    so a straight barrel stays straight.
+    Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot, so
+    a straight barrel stays straight. Positions beyond the bat are not refused.
     """
     return _between_stations(profile, profile.outer_diameter, z)
 
 
 def wall_thickness(profile: Profile, z: Array) -> Array:
-    """Return the wall thickness [m] of a hollow bat at positions `z` [m], as `outer_diameter`."""
+    """Return the wall thickness [m] of a hollow bat at positions `z` from the barrel tip [m].
+
+    The result has the shape of `z`, with the interpolation of `outer_diameter`. A solid bat has no
+    wall: an assertion fails.
+    """
     assert profile.wall is not None
     return _between_stations(profile, profile.wall, z)
 
 
 def barrel_radius(profile: Profile) -> Array:
-    """Return the outer radius [m] six inches from the tip, where a laboratory measures it."""
+    """Return the outer radius [m] 6 in from the tip, where a laboratory measures it, shape ()."""
     return outer_diameter(profile, np.array(6 * INCH)) / 2
 
 
@@ -121,7 +129,11 @@ def radius_cubics(profile: Profile) -> tuple[Array, Array]:
 
 
 def section(body: BatBody, z: Array) -> Section:
-    """Return the properties of the section at positions `z` from the barrel tip [m]."""
+    """Return mass, rotary inertia and stiffnesses per unit length at positions `z` [SI].
+
+    `z` is the distance from the barrel tip [m], and each result has its shape. Lumps are not
+    included.
+    """
     material = body.material
     d = outer_diameter(body.profile, z)
     if body.profile.wall is None:
@@ -170,7 +182,7 @@ class RigidBat(Generic[Values]):
     @overload
     def inertia(self, z: Array) -> Array: ...
     def inertia(self, z: float | Array) -> float | Array:
-        """Moment of inertia about `z` [m], of its shape [kg m^2]."""
+        """Return the moment of inertia about `z` [m from the tip], in the shape of `z` [kg m^2]."""
         return self.second_moment + z * (z * self.mass - 2 * self.first_moment)
 
     @property
@@ -211,11 +223,11 @@ def beam_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Beam:
-    """Assemble the beam of a bat with a node at its support.
+    """Return the beam of a bat: mesh, matrices and rigid-body values [SI].
 
-    The matrices are those of the free bat; `modes_of` applies the support. No element is longer
-    than `element_size` [m]. Raises `InputError` if the support lies beyond the bat or the order
-    is below 4.
+    The mesh has a node at the support. The matrices are those of the free bat; `modes_of` applies
+    the support. No element is longer than `element_size` [m]. Raises `InputError` if the support is
+    beyond the bat or the order is below 4.
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
@@ -225,7 +237,7 @@ def beam_of(
 
 @lru_cache(maxsize=1024)  # the bats of a block are requested in each round
 def rigid_bat(body: BatBody) -> RigidBat[float]:
-    """Return a bat as a rigid body."""
+    """Return a bat as a rigid body: length, mass, and moments of mass about the tip [SI]."""
     beam = beam_of(body)
     return RigidBat(
         length=beam.length,

@@ -14,12 +14,12 @@ def coasting(
 ) -> tuple[Array, Array]:
     """Return two arrays whose matrix product is the angle turned since release [rad].
 
-    Their shapes are (shot, term) and (term, sample). The product, (shot, sample), holds at all
-    ticks from release on, not before. The angle solves dω/dt = -(constant + linear ω +
-    quadratic ω²), with the torques of bearing and air divided by the moment of inertia
-    [rad/s², 1/s, 1/rad]. It is computed as a power series whose coefficients follow
-    from a recurrence. The series is exact to rounding while (linear + 2 quadratic ω) t is at
-    most 1/4. Raises `ValueError` above that.
+    Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is valid at all
+    ticks from release on, not before. The angle solves dω/dt = -(constant + linear ω + quadratic
+    ω²), with the torques of bearing and air divided by the moment of inertia [rad/s², 1/s, 1/rad].
+    It is computed as a power series whose coefficients follow from a recurrence. The series is
+    exact to rounding while (linear + 2 quadratic ω) t is at most 1/4. Raises `ValueError` above
+    that.
 
     `rate` is the angular rate at release [rad/s]. `rate` and `release` [s] have shape (shot,).
     `ticks` [s], shape (sample,), are common to all shots.
@@ -60,13 +60,14 @@ def ringing(
     ticks: Array,
     release: Array,
 ) -> tuple[Array, Array]:
-    """Return two factors, (shot, term) and (term, sample), of the decaying bending angle [rad].
+    """Return two arrays whose matrix product is the decaying bending angle at the pivot [rad].
 
-    Their matrix product is the part of the section's angle that bending causes, at all ticks from
-    release on. `turn` is the rotation of the section per unit of each modal coordinate.
-    `displacement` and `velocity` are the modal coordinates and rates at release, (shot, mode);
-    `angular_frequency` is undamped [rad/s], (mode,); `damping_ratio` is a share of critical
-    damping. `ticks` and `release` are those of `coasting`.
+    Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is the part of
+    the section's angle that bending causes, valid at all ticks from release on. `turn` is the
+    rotation of the section per unit of each modal coordinate, (shot, mode). `displacement` and
+    `velocity` are the modal coordinates and rates at release, (shot, mode); `angular_frequency` is
+    undamped [rad/s], (mode,); `damping_ratio` is a share of critical damping. `ticks` and `release`
+    are those of `coasting`.
     """
     decay = damping_ratio * angular_frequency
     damped = angular_frequency * np.sqrt(1 - damping_ratio**2)

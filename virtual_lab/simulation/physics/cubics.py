@@ -32,12 +32,12 @@ class PiecewiseCubic:
 
 
 def monotone_cubic(knots: Array, values: Array) -> PiecewiseCubic:
-    """Return the cubic through values (n,) that is monotone wherever the values are.
+    """Return the piecewise cubic through `values` that is monotone wherever the values are.
 
-    Its slope at a knot is the weighted harmonic mean of the slopes beside it, and zero at an
-    extreme value (Fritsch and Butland 1984). At the ends it is the slope of the parabola through
-    three knots, limited to preserve the shape (Moler, Numerical Computing with MATLAB, 3.6).
-    Needs at least two knots.
+    `knots` and `values` are (n,), with increasing knots and n of at least 2. Its slope at a knot is
+    the weighted harmonic mean of the slopes beside it, and zero at an extreme value (Fritsch and
+    Butland 1984). At the ends it is the slope of the parabola through three knots, limited to
+    preserve the shape (Moler, Numerical Computing with MATLAB, 3.6).
     """
     width = np.diff(knots)
     slope = np.diff(values) / width
@@ -70,8 +70,8 @@ def _end_slope(width: float, next_width: float, slope: float, next_slope: float)
 def smooth_cubic(knots: Array, values: Array) -> PiecewiseCubic:
     """Return the cubic spline through values (n,) or (n, columns), n of at least 4.
 
-    Its second derivative is continuous. At the second knot from each end its third derivative is
-    continuous, too ("not a knot").
+    `knots`, (n,), must increase. The second derivative is continuous. At the second knot from each
+    end the third derivative is continuous, too ("not a knot").
     """
     from scipy.linalg import solve_banded
 

@@ -16,7 +16,10 @@ from virtual_lab.units import Array
 
 @lru_cache
 def gauss_points(number: int) -> tuple[Array, Array]:
-    """Return points between -1 and 1 and weights of Gauss's rule, read-only because shared."""
+    """Return points between -1 and 1 and weights of Gauss's rule, both (number,).
+
+    The weights have the sum 2. The arrays are read-only because they are shared.
+    """
     points, weights = legendre.leggauss(number)
     points.flags.writeable = weights.flags.writeable = False
     return points, weights
@@ -42,7 +45,7 @@ class ReferenceElement:
 
 @lru_cache
 def reference_element(order: int) -> ReferenceElement:
-    """Return the element of polynomial degree `order`."""
+    """Return the element of polynomial degree `order` on [-1, 1], with order + 1 nodes."""
     last = np.zeros(order + 1)
     last[-1] = 1.0
     inner = np.sort(legendre.legroots(legendre.legder(last)).real)
@@ -109,8 +112,8 @@ def mesh_through(
 ) -> Mesh:
     """Return a mesh with boundaries at `places` [m] and no element longer than `size` [m].
 
-    The boundaries `keep` (ends, supports) are exact. Other boundaries too close to them are
-    dropped.
+    `order` is the polynomial degree of the elements. The boundaries `keep` (ends, supports) [m] are
+    exact. Boundaries closer than 10 µm to these or to each other are merged.
     """
     merged = 1e-5  # distance below which two places share one boundary [m]
     fixed = np.unique(np.array(keep))

@@ -120,12 +120,12 @@ def modes_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Modes:
-    """Return the normal modes of a bat, with the number `bending` of bending modes.
+    """Return the normal modes of a bat: rigid, `bending` bending modes, and hoop mode if hollow.
 
-    The mesh is that of `beam_of`. With a pivot of finite stiffness the bounce on its spring is the
-    first bending mode, and the energy of that mode, including the spring, counts as bending.
-    Raises `InputError` if the support lies beyond the bat, its spring is too soft, or the mesh has
-    fewer modes.
+    All have unit modal mass. The mesh is that of `beam_of`. With a pivot of finite stiffness the
+    bounce on its spring is the first bending mode, and the energy of that mode, including the
+    spring, counts as bending. Raises `InputError` if the support is beyond the bat, its spring is
+    too soft, or the mesh has fewer modes.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)
     rigid = _rigid_modes(beam, support)
@@ -148,7 +148,11 @@ def modes_of(
 
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
-    """Return the position [m] of the node nearest the tip for the first `count` bending modes."""
+    """Return the node nearest the barrel tip of each of the first `count` bending modes.
+
+    The nodes are distances from the tip [m], in the order of the modes. Raises `IndexError` for a
+    mode without a node.
+    """
     z = np.linspace(0.0, modes.length, 2001)
     nodes = []
     for mode in range(modes.rigid, modes.rigid + count):

@@ -53,7 +53,7 @@ class ShellMode:
 
 @lru_cache(maxsize=256)
 def shell_mode(body: BatBody, cap: Cap = "rigid") -> ShellMode:
-    """Return the lowest n = 2 hoop mode of a hollow bat.
+    """Return frequency [Hz], modal mass [kg] and shape of a hollow bat's lowest n = 2 mode.
 
     Parameters
     ----------

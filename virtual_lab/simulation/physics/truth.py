@@ -88,7 +88,7 @@ class TrueBalls:
         return replace(self._of_owners(laboratory), used=used)
 
     def of_shots(self, owner: Owner, ball: NDArray[np.int_]) -> TrueBalls:
-        """Return a lot (shot,) in which ball i is that of shot i."""
+        """Return a lot of one ball per shot, (shot,): ball `ball` of the laboratory `owner`."""
         return self._of_owners((owner, ball))
 
     def _of_owners(self, index: Any) -> TrueBalls:
@@ -110,7 +110,10 @@ class TrueBalls:
         )
 
     def kept_at(self, humidity: float) -> TrueBalls:
-        """Return these balls after days at a relative humidity, 0 to 1, outside their store."""
+        """Return these balls after days at a relative humidity, 0 to 1, outside their store.
+
+        Balls whose e0 does not depend on the humidity are returned unchanged.
+        """
         law, line = self.spec.humidity, self.spec.restitution
         if law is None:
             return self
@@ -190,7 +193,7 @@ class TrueOutcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SealedTruth:
-    """All true values of a test, for the score only; a laboratory never sees them."""
+    """All true values of a test, for the score only. A laboratory never reads them."""
 
     seed: int
     number: int  # number of the laboratory in the study of this seed
@@ -238,7 +241,10 @@ def _as_lists(arrays: Mapping[str, Array]) -> dict[str, Any]:
 
 
 def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
-    """Draw an individual bat, one per laboratory in a block: density, stiffness and balance."""
+    """Return an individual bat of a design, or one per laboratory in a block, drawn at random.
+
+    Density, stiffness and density tilt vary by the spread of the sheet.
+    """
     drawn = draws.normal("bat", (3,)).reshape(-1, 3)
     return TrueBat(name=spec.name, bodies=tuple(_make_body(spec, *row) for row in drawn.tolist()))
 
@@ -257,10 +263,11 @@ def _make_body(spec: BatSpec, density: float, modulus: float, tilt: float) -> Ba
 
 
 def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
-    """Draw a lot: its radius and stiffness, and level and slope of its e0.
+    """Return the sheet of a ball with the properties of a lot, drawn at random [SI].
 
-    In a block each laboratory has a lot, and these four are arrays (laboratory,). `store` is the
-    relative humidity in which the lot was kept, None for that of the sheet.
+    They are radius, stiffness, and level and slope of e0. In a block each laboratory has a lot, and
+    these four are arrays (laboratory,). `store` is the relative humidity in which the lot was kept,
+    None for that of the sheet.
     """
     wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
     line, law = spec.restitution, spec.humidity
@@ -285,9 +292,11 @@ def draw_balls(
     lot: Draws | None = None,
     store: Array | None = None,
 ) -> TrueBalls:
-    """Draw `number` balls of a lot, whose properties are drawn by `lot`, by default by `draws`.
+    """Return `number` balls of a lot, drawn at random: mass [kg] and e0 of each, (ball,).
 
-    `store` is the relative humidity of the store of the lot, 0 to 1, (laboratory,).
+    In a block the arrays are (laboratory, ball). The properties of the lot are drawn by `lot`, by
+    default by `draws`. `store` is the relative humidity of the store of the lot, 0 to 1,
+    (laboratory,); None: that of the sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     drawn, spread = draw_lot(spec, lot or draws, store), spec.spread

@@ -61,9 +61,10 @@ class RestingBatSpec(CannonRigSpec):
 def commission(
     spec: CannonRigSpec, factory: InstrumentFactory, name: str, gates: type[Any], sheet: type[Any]
 ) -> dict[str, Any]:
-    """Return the commissioned instruments of a rig, as the fields of its station.
+    """Return the commissioned instruments of a rig by name, as the fields of its station.
 
-    `name` is the rig's name for its random numbers.
+    `name` is the rig's name for its random numbers. `gates` is the class of the gates and `sheet`
+    that of their data sheet. Raises `InputError` for an unknown data sheet.
     """
     fit = factory.commission
     return {

@@ -78,7 +78,7 @@ class FlownShots(NamedTuple):
 
 
 def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
-    """Return the flights at a pivoted bat at rest, by the plan's model of the motion.
+    """Return the flights at a pivoted bat at rest, (shot,), by the plan's model of the motion.
 
     The closed form is used unless the ball may hit a frame on its way in, or the bat may return
     from its stop and hit the ball again. Such shots are simulated event by event. If the plan
@@ -122,9 +122,10 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
 def scene_of(
     passage: Passage, bat: RestingBat, around: Surroundings, after: Array | float
 ) -> ShotScene:
-    """Return the scene of the shots.
+    """Return the shots as a scene for a model of the motion, from 1 m ahead of the contact.
 
-    It ends at the time `after` [s], a number or (shot,), past the contact of the closed form.
+    The scene ends at the time `after` [s], a number or (shot,), past the contact of the closed
+    form. Its e_A is that of `bat` for all contacts of a shot.
     """
     held = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)

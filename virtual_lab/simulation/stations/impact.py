@@ -45,9 +45,11 @@ def scenes_of(
     speed: Array,
     e0: Array,
 ) -> Scenes:
-    """Return the scenes of the balls with index `ball`, (shot,); `...` means one ball per shot.
+    """Return the scenes of collisions of the balls with index `ball`, one per shot.
 
-    `place` is the impact position [m], `speed` the relative speed [m/s], `e0` the restitution.
+    `...` means that the lot has one ball per shot. `place` is the impact position from the barrel
+    tip [m], `speed` the relative speed [m/s], and `e0` the restitution of the ball, all (shot,).
+    Raises `InputError` for numbers outside the ranges of `Scenes`.
     """
     balls = specimen.balls
     return Scenes.of(
@@ -61,7 +63,12 @@ def scenes_of(
 
 
 def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
-    """Return the angle between the line of fire and the line of centres [rad], (shot,)."""
+    """Return the angle between the line of fire and the line of centres [rad], (shot,).
+
+    `place` is the impact position from the barrel tip, and `across` the height of the ball's centre
+    above the bat's axis, both (shot,) [m]. The angle has the sign of `across`. It is NaN if the
+    ball passes the bat.
+    """
     barrel = outer_diameter(specimen.bat.body.profile, place) / 2
     return np.arcsin(across / (specimen.balls.spec.radius + barrel))
 
@@ -69,10 +76,11 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 def blows_of(
     specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
 ) -> Blows:
-    """Return the collisions of the scenes with a bat whose pivot is `at` [m] from its knob.
+    """Return the collisions of the scenes, (shot,), with a bat whose pivot is `at` from its knob.
 
-    Instruments that write sums need e_A only, and a shift of the pivot by a fraction of a
-    millimetre does not change it. All laboratories then share the support at `surveyed` [m].
+    Distances are in metres. Instruments that write sums need e_A only, and a shift of the pivot by
+    a fraction of a millimetre does not change it. All laboratories then share the support at
+    `surveyed` from the knob, the contact time is a typical one, and there is no vibration.
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
@@ -90,10 +98,11 @@ def blows_of(
 def thrown_back(
     efficiency: Array, tilt: Array, relative_speed: Array, bat_speed: Array | float
 ) -> tuple[Array, Array]:
-    """Return the ball's rebound speed along the line of fire [m/s] and its slope [m/m].
+    """Return the ball's rebound speed along the line of fire [m/s] and its slope [m/m], (shot,).
 
     A frictionless ball keeps its speed along the surface of the barrel. Relative to the bat, its
-    normal speed after the contact is e_A times that before.
+    normal speed after the contact is e_A times that before. `tilt` is the contact angle [rad], and
+    both speeds are in m/s. The slope is NaN for a rebound speed of 0.
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
@@ -105,13 +114,13 @@ def thrown_back(
 def error_free(
     plan: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
-    """Return the true result for the lot's mean ball at the plan's positions and nominal speeds.
+    """Return the true results for the lot's mean ball at the plan's positions, (shot,).
 
-    A collision with the rig's support gives the impulse. (The support matters: e_A of softball-34
-    at 6.5 in is .0007 smaller on a pivot than free, because the ball is in contact until the
-    reflection from the handle returns.) The motion that this impulse gives to a rigid bat, free or
-    on a pivot at `pivot_from_knob` [m], determines e and r. This function uses no equation of the
-    reduction.
+    The speeds are the nominal ones of the plan. A collision with the rig's support gives the
+    impulse. (The support matters: e_A of softball-34 at 6.5 in is .0007 smaller on a pivot than
+    free, because the ball is in contact until the reflection from the handle returns.) The motion
+    that this impulse gives to a rigid bat, free or on a pivot at `pivot_from_knob` [m], determines
+    e and r. This function uses no equation of the reduction.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob
@@ -154,7 +163,7 @@ def _recoil(
 
 
 def wall_restitution(scenes: Scenes) -> Array:
-    """Return e0 of the balls of the scenes on a rigid wall, (n,), from the force law.
+    """Return e0 of the balls of the scenes on a rigid wall, (n,), computed from the force law.
 
     The rebound speed follows from the work of the force during loading and unloading, integrated
     over the compression by Gauss's rule.

@@ -41,7 +41,10 @@ class Reality(Enum):
     IDEAL = "ideal"  # neither; all individuals and instruments equal their nominal values
 
     def draws(self, seed: int, *branch: int, laboratory: int | Slots = 0) -> Draws:
-        """Return the random numbers of one or n laboratories, or of a branch of them."""
+        """Return the random numbers of one or n laboratories, or of a `branch` of them.
+
+        All are 0 unless the reality is real.
+        """
         return Streams(seed, branch, laboratory) if self is Reality.REAL else Quiet(laboratory)
 
 
@@ -56,7 +59,10 @@ E = TypeVar("E", bound=Enum)
 
 
 def member_of(kind: type[E], key: str, name: str) -> E:
-    """Return the member of an enumeration by its value. Raises `InputError` for `key` if none."""
+    """Return the member of the enumeration `kind` whose value is `name`.
+
+    Raises `InputError`, which names the argument `key`, if there is none.
+    """
     names = [each.value for each in kind]
     if name not in names:
         raise InputError("", key, name, f"allowed: {', '.join(names)}")
@@ -228,7 +234,10 @@ class MotionRig(Rig, Protocol):
 
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
-    """Return every rig installed on this computer, by name."""
+    """Return every rig installed on this computer by name, in alphabetical order.
+
+    All packages with rigs are loaded.
+    """
     return MappingProxyType({name: point.load() for name, point in _entry_points().items()})
 
 
@@ -238,7 +247,10 @@ def _entry_points() -> Mapping[str, EntryPoint]:
 
 
 def find_rig(name: str, stage: Stage) -> Rig:
-    """Return the installed rig `name` of a stage. Raises `InputError` if there is none."""
+    """Return the installed rig `name` of a stage; no other rig is loaded.
+
+    Raises `InputError` if there is none of that name, or if it serves another stage.
+    """
     point = _entry_points().get(name)
     # only this rig is loaded: others may need modules that the test does not
     rig: Rig | None = point.load() if point else None

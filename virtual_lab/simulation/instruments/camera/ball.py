@@ -84,7 +84,10 @@ def render_balls(
     warp: ArrayLike | None = None,
     view: ArrayLike | None = None,
 ) -> RenderedBalls:
-    """Return the images of balls in many regions of one shape.
+    """Return the images of balls in many regions of one shape, before noise.
+
+    The images, (region, row, column), are the share of the background that the ball hides, and the
+    light of the ball, 1 for a white surface that faces the lamp.
 
     Parameters
     ----------

@@ -241,7 +241,10 @@ def _rotate(turn: Array, share: float, body: Array, out: Array) -> None:
 
 @njit(**FAST)
 def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
-    """Render all regions and add them to `out` (region, channel, row, column)."""
+    """Render all regions and add their images to `out`, (region, channel, row, column).
+
+    Channel 0 is the share of the background that the ball hides, channel 1 the light of the ball.
+    """
     size = look.size
     grid = np.empty(2 * size * size, np.float32)
     planes = np.empty((size, 2, 2, size // 2), np.float32)

@@ -33,7 +33,7 @@ def whole_frames(
     """Yield time stamp [s] and grey values (row, column) of each frame of the first shot.
 
     These are all frames that the camera records, with or without the ball, or `count` of them at
-    equal steps.
+    equal steps. The stamps are those of the camera's clock.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)
@@ -64,7 +64,11 @@ def whole_frames(
 
 
 def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
-    """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``."""
+    """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``.
+
+    `frames` yields time stamp [s] and grey values (row, column) of each frame. Raises `InputError`
+    if there are no frames, or if a file cannot be written or verified.
+    """
     import cv2
 
     small: list[Frame] = []
@@ -139,7 +143,12 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
 
 
 def write_preview(path: Path, small: Sequence[Frame], full_scale: float) -> None:
-    """Write small frames as an animated WebP in slow motion, which browsers can play."""
+    """Write small frames as an animated WebP in slow motion, 25 frames per second.
+
+    `small` holds the frames, (row, column) each, in grey values up to `full_scale`. The brightest
+    pixel of all becomes white, and the tones are square roots. Raises `InputError` if there are no
+    frames, or if the file cannot be written.
+    """
     import cv2
 
     animation = cv2.Animation()

@@ -46,7 +46,7 @@ class FilmedBat:
 def background(spec: CameraSpec) -> Pixels:
     """Return the expected electrons per pixel of the background in an exposure, (row, column).
 
-    The lamps are taken as steady; `flicker` adds their variation.
+    The lamps are taken as steady; `flicker` returns their variation.
     """
     sensor, light = spec.sensor, spec.light
     x = (np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5
@@ -57,13 +57,19 @@ def background(spec: CameraSpec) -> Pixels:
 
 
 def flicker(spec: CameraSpec, time: Array, phase: Array) -> Array:
-    """Return the relative brightness of the lamps at `time` [s], with `phase` [turns] at 0."""
+    """Return the brightness of the lamps relative to their mean, in the common shape.
+
+    `time` is in s, and `phase` is that of the flicker at time 0, in turns.
+    """
     turns = spec.light.flicker_frequency * time + phase
     return np.asarray(1 + spec.light.flicker * np.sin(2 * np.pi * turns))
 
 
 def windows(picture: Pixels, corners: ArrayLike, side: int) -> Pixels:
-    """Return square windows (n, side, side) of a picture from their first pixels (x, y), (n, 2)."""
+    """Return square windows of a picture (row, column), each `side` pixels wide, (n, side, side).
+
+    `corners`, (n, 2), are the first pixel (x, y) of each window, which must be inside the picture.
+    """
     views = np.lib.stride_tricks.sliding_window_view(picture, (side, side))
     x, y = np.asarray(corners).T
     return np.asarray(views[y, x], np.float32)

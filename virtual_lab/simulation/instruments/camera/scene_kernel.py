@@ -44,11 +44,13 @@ def hide_behind(
     blur: float,
     electrons: Pixels,
 ) -> None:
-    """Draw a bat into `electrons` (region, row, column).
+    """Draw a bat into `electrons` (region, row, column) [e], in place of the background there.
 
     `near` and `far` (region, station, 2) are its left and right edges in pixels, from the pivot to
-    the tip. `light` is the direction to the lamp in axes of the camera, ambient and softness, (5,).
-    `white` is the number of electrons for a surface of the bat that faces the lamp [e].
+    the tip, and `corners` (region, 2) the first pixel (x, y) of each region. `light` is the
+    direction to the lamp in axes of the camera, ambient and softness, (5,). `white` is the number
+    of electrons for a surface of the bat that faces the lamp [e], and `blur` the standard deviation
+    of the edges [px].
     """
     for r in range(len(electrons)):
         last = near.shape[1] - 1

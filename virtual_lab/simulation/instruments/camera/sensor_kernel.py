@@ -33,10 +33,11 @@ class Electronics(NamedTuple):
 def expect(
     electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
 ) -> bool:
-    """Fill `out` (region, row, column) with the electrons of each pixel. Return if any is dim.
+    """Fill `out` (region, row, column) with the expected electrons of each pixel.
 
-    `response` is the map of the sensor, and `corners` (region, 2) are the first column and row of
-    each region in it. Beyond the sensor the response is 1.
+    Return whether any pixel has fewer than 25 electrons, so that its noise is Poisson. `response`
+    is the map of the sensor, and `corners` (region, 2) are the first column and row of each region
+    in it. Beyond the sensor the response is 1. `dark` electrons are added to each pixel.
     """
     dim = 0
     rows, columns = response.shape
@@ -76,10 +77,12 @@ def read_out(
     wired: Electronics,
     out: Any,
 ) -> None:
-    """Fill `out` (region, row, column) with grey values.
+    """Fill `out` (region, row, column) with grey values [DN], from 0 to the largest grey value.
 
-    `normal` and, if any pixel is dim, `uniform` have the shape of `out`. A random number of exactly
-    0 is the middle of its distribution and gives the mean.
+    `means` are the expected electrons, in the same shape, `corners` (region, 2) the first column
+    and row of each region, and `offset` the map of the dark signal [e]. `normal` and, if any pixel
+    is dim, `uniform` are random numbers in the shape of `out`. A random number of exactly 0 is the
+    middle of its distribution and gives the mean.
     """
     read, full_well, gain, black, whole, top = wired
     rows, columns = offset.shape
