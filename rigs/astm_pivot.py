@@ -170,7 +170,10 @@ class AstmPivotStation(RestingBatStation):
         return np.asarray(-reaction * yields / length), self.holder.spec.clearance / length
 
     def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
-        """Return a function that gives the encoder's true angles of shots, (shot, sample) [rad]."""
+        """Return a function that computes true angles of the encoder, (shot, sample) [rad].
+
+        It takes a slice of the shots.
+        """
         body, bat = specimen.bat.body, specimen.bat.rigid
         tilt, contact, flown = fired.tilt, fired.contact, fired.flown
         leaving = contact + fired.blows.contact_time

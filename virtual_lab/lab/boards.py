@@ -1,4 +1,4 @@
-"""Pictures of a calibration board by a camera of the catalog, with the true lens beside them."""
+"""Pictures of a calibration board by a camera of the catalog, stored with the true lens."""
 
 from __future__ import annotations
 

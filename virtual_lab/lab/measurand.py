@@ -37,9 +37,9 @@ def measurands(
     """Return the true ``metric`` and the true quantities of the tests by name, (laboratory,) [SI].
 
     The other quantities are those at the impact position on the certificate, so they are averaged
-    with the `weights` of its hits, (shot,). A scan adds the metric and the width of the continuous
-    curve. `control` is the error-free argument of `TrueCurve.metric`. Values are NaN for a test
-    without a result.
+    with the `weights` of its hits, (shot,). For a scan the metric at the maximum of the continuous
+    curve is added, and the width of this curve [m] if the procedure requires one. `control` is the
+    error-free argument of `TrueCurve.metric`. Values are NaN for a test without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories

@@ -87,7 +87,10 @@ def alterations(folder: Path) -> list[Alteration]:
 
 
 def _content(folder: Path, name: str) -> str | dict[str, str]:
-    """Return the digest of a file, or of each of its keys; `InputError` where it has none."""
+    """Return the digest of a file, or of each of its keys if it is JSON or TOML.
+
+    Raises `InputError` for a file of these kinds that cannot be read.
+    """
     path = folder / name
     readers = {} if "truth" in name.split("/") else {".json": read_json, ".toml": read_toml}
     if reader := readers.get(path.suffix):  # 16 digits suffice against an accidental change

@@ -181,7 +181,10 @@ def _doubtful(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, 
 
 
 def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
-    """Return the rules with a conversion ``METHOD:E0``; `InputError` where they have one."""
+    """Return the rules with a conversion ``METHOD:E0``.
+
+    Raises `InputError` for rules that already have a correction, and for another form of the text.
+    """
     if rules.spec.correction is not None:
         allowed = f"{rules.spec.name} has a [correction]: {rules.spec.correction.method}"
         raise InputError("", "correction", text, allowed)

@@ -235,8 +235,9 @@ class Certifications:
 def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) -> Certifications:
     """Return results, uncertainties, flags and verdicts of a block, one test per laboratory.
 
-    `readings` are those of all shots in `reduced`, (shot,). A laboratory without a result has NaN
-    as its metric and the verdict INVALID.
+    `readings` are those of all shots in `reduced`, (shot,). The mask `Certifications.some` marks
+    the laboratories with a result. The verdict of any other laboratory is INVALID, and its numbers
+    have no meaning.
     """
     rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
     laboratories, used = block.laboratories, outcome.used

@@ -92,7 +92,7 @@ class Preparation(AlignedArrays):
         return self.procedure.spec.turn_rate(self.bat.length).reshape(-1)
 
     def first_shots(self) -> NextShots:
-        """Return the shots that the procedure asks for first."""
+        """Return the shots that the procedure requires first."""
         owner, nothing = np.zeros(0, dtype=np.intp), np.zeros(0)
         valid = nothing.astype(bool)
         return next_shots(self.procedure.spec, self.percussion, owner, nothing, valid, nothing)
@@ -151,7 +151,7 @@ class Reduction(AlignedArrays):
         )
 
     def next_shots(self) -> NextShots:
-        """Return the shots that the procedure asks for next; none where a test is complete."""
+        """Return the shots that the procedure requires next, none for a complete test."""
         asking = np.zeros(self.preparation.laboratories, dtype=bool)
         asking[... if self.latest is None else self.latest] = True
         shots, turn = self.select(asking[self.owner]), np.cumsum(asking) - 1

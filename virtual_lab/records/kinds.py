@@ -175,8 +175,8 @@ class PassageRecord(BallRecord):
 class RateRecord(Record):
     """Record of an encoder that stores rates instead of counts: rate at contact and its u, (shot,).
 
-    `before` is the rate before a bat at rest was hit; `angle` is that of a swung bat at contact,
-    0 where it is square to the ball; NaN if not applicable.
+    `before` is the rate of a bat at rest before contact; `angle` is the angle of a swung bat at
+    contact, 0 if the bat is square to the ball. Both are NaN if not applicable.
     """
 
     rate: Array

@@ -161,7 +161,7 @@ def _strip(element: ElementTree.Element) -> None:
 
 
 def _require_size(root: ElementTree.Element) -> None:
-    """Raise `ValueError` unless the sides of a drawing, where it states them, are above 0."""
+    """Raise `ValueError` if a side that the drawing states is not above 0, or is too large."""
     sides = [root.get(key, "1") for key in ("width", "height")]
     box = re.split(r"[\s,]+", root.get("viewBox", "0 0 1 1").strip())
     for side in (*sides, *(box[2:] if len(box) == 4 else ["none"])):

@@ -320,7 +320,7 @@ def form() -> Iterator[str]:
 
 
 def _without_empty(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables without what is empty."""
+    """Return tables without empty entries."""
     inner = {
         key: _without_empty(each) if isinstance(each, dict) else each
         for key, each in tables.items()

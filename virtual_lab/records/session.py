@@ -282,7 +282,11 @@ def load_session(folder: Path) -> Session:
 
 
 def _origin(form: SessionForm, where: Path) -> Origin:
-    """Return the origin of a session: of what it says, nothing may be of the other kind."""
+    """Return the origin of a session.
+
+    Raises `InputError` if a key of this origin is missing, or if a key of the other origin is
+    stated.
+    """
     simulated = form.origin == "simulated"
     needed = "simulation" if simulated else "laboratory"
     excluded = ("laboratory", "customer") if simulated else ("simulation",)

@@ -54,7 +54,8 @@ def board_of(text: str) -> Board:
     """Return the board described by a text like ``charuco:14x9:40mm:30mm``.
 
     The parts are the numbers of squares in a row and in a column, the side of a square and that of
-    a marker. A chessboard has no marker: ``chessboard:14x9:40mm``.
+    a marker. A fourth part can name the dictionary, by default ``4X4_1000``. A chessboard has no
+    marker: ``chessboard:14x9:40mm``.
 
     Raises
     ------

@@ -13,8 +13,8 @@ from virtual_lab.relations.flight import SERIES, SERIES_BELOW
 from virtual_lab.units import Array
 
 BLOCK = 256
-# NaN stays NaN; and nothing is contracted, or a ball's last bits would hang on where it stands in
-# a block
+# NaN stays NaN. Contraction is not allowed, because the last bits of a ball would then depend on
+# its position in a block.
 FAST = {"nsz"}
 
 

@@ -35,10 +35,11 @@ class Model:
 
     @classmethod
     def try_out(cls, function: Callable[..., Any], inputs: Inputs) -> Model:
-        """Return the model, called row by row where it does not take rows at once.
+        """Return the model, called row by row if the function does not accept several rows.
 
-        Three rows about the estimates are tried at once and each alone: a function that mixes rows
-        or takes numbers only shows it. They are tried twice, as `require_same` does.
+        Three rows about the estimates are tried together and then one by one, which reveals a
+        function that mixes rows or accepts only numbers. They are tried twice, as by
+        `require_same`.
         """
         columns = {
             name: source.estimate.value + source.estimate.u * np.array([0.0, 0.3, -0.2])

@@ -31,7 +31,7 @@ from virtual_lab.uncertainty.sketch import Sketch, shortest_interval
 from virtual_lab.units import Array
 
 MONTE_CARLO = "monte-carlo"
-BLOCK, BATCH = 65_536, 16_384  # a batch has the 10 000 draws that JCGM 101, 7.9.4 asks for
+BLOCK, BATCH = 65_536, 16_384  # a batch has at least the 10 000 draws that JCGM 101, 7.9.4 requires
 FIRST_STAGE = 16  # batches
 CONFIDENCE = 0.95  # probability that all stated numbers are within their tolerances
 MOST_DRAWS = 2**36  # draws

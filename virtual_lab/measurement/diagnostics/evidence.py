@@ -84,7 +84,8 @@ class Evidence:
         """Return the largest shift of the result per unit of a difference that one constant causes.
 
         `components` are those of the difference. The shift is in units of the result's u,
-        (laboratory,), and infinite if the effect of no such constant on the result is known.
+        (laboratory,). It is infinite if no constant of `components` has a known effect on the
+        result.
         """
         worst = np.full(self.laboratories, np.nan)
         for name, effect in zip(components.names, components.sensitivity.T, strict=True):
@@ -99,7 +100,7 @@ class Evidence:
         return np.asarray(np.bincount(self.owner, values, self.laboratories))
 
     def shots_of(self, used: Mask, laboratory: int) -> str:
-        """Return the used shots of a laboratory in words: their numbers from 1, or how many."""
+        """Return the used shots of a laboratory in words: up to six numbers from 1, or a count."""
         shots = 1 + np.flatnonzero(used[self.owner == laboratory])
         return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 

@@ -53,14 +53,17 @@ def next_shots(
     valid: Mask,
     objective: Array,
 ) -> NextShots:
-    """Return the next shots of a block; none for a laboratory whose test is complete.
+    """Return laboratory and impact position of the next shots of a block, (shot,).
+
+    Positions are distances from the barrel tip [m]. There are no shots for a laboratory whose test
+    is complete or has no attempts left.
 
     Parameters
     ----------
     procedure
         Its counts and its scan.
     percussion
-        Centre of percussion of each bat as measured, (laboratory,) [m].
+        Centre of percussion of each bat as measured, from the tip, (laboratory,) [m].
     owner, place, valid, objective
         Laboratory and values of the shots fired so far, in order, (shot,).
     """

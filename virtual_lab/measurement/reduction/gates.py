@@ -40,7 +40,10 @@ THICKNESS = ".gates.thickness"  # ending of a constant's name: thickness of a st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passages(AlignedArrays):
-    """Uncorrected times and heights of the centre, (..., shot, way, gate); NaN: not seen."""
+    """Uncorrected times and heights of the ball's centre, (..., shot, way, gate).
+
+    NaN stands for a passage that was not detected.
+    """
 
     times: Array  # [s]
     heights: Array  # heights above the zeros of the gates [m]

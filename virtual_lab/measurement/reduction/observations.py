@@ -58,8 +58,7 @@ READ_WITH = (  # property, channel, instrument
 class BallReadings(AlignedArrays):
     """Readings of the balls on the scale and at the wall, with leading axes (laboratory, 1).
 
-    A hit that was not seen in both directions does not
-    count, and its ball is negative.
+    A hit that was not detected in both directions does not count, and its ball is negative.
     """
 
     mass: Array  # mean scale reading of each ball [kg], (..., ball)
@@ -184,7 +183,7 @@ def observe_balls(block: SessionBlock) -> BallReadings:
     mass = _table(block, "ball-mass").mean(axis=-1)
     raw = flights.raw
     both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
-    # a hit that was not seen in both directions does not measure e0
+    # a hit that was not detected in both directions does not measure e0
     ball = _by_laboratory(block, np.where(both, log.ball, -1).astype(np.intp))
     hits = (ball[..., None] == np.arange(mass.shape[1])).sum(axis=1)
     if hits.min() < 2:
