@@ -1,50 +1,93 @@
-"""The tutorials work: their Python is a doctest, and their commands run, in one folder."""
+"""The site: what installs it, what its sources keep to, and the check of its built pages.
+
+Its build, in ``.ci/run``, runs the pages and the scripts of the gallery.
+"""
 
 from __future__ import annotations
 
-import doctest
 import re
-import shlex
+import sys
+import tomllib
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from virtual_lab.cli import cli
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "virtual_lab" / "docs"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+BUILD = "uv run --group docs python -m sphinx"
 
-DOCS = Path(__file__).parents[1] / "virtual_lab" / "docs"
-BLOCK = re.compile(r"^```(python)?\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-OPTIONS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
-
-@pytest.mark.parametrize("name", ["certify-and-score", "uncertainty-study", "a-clip", "rehearse"])
-def test_a_tutorial_runs_as_it_stands(
-    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    names: dict[str, object] = {}
-    text = (DOCS / f"{name}.md").read_text("utf-8")
-    blocks = [match.groups() for match in BLOCK.finditer(text)]
-    assert len(blocks) >= 3
-    for number, (language, block) in enumerate(blocks):
-        if language:
-            example = doctest.DocTestParser().get_doctest(block, names, name, name, number)
-            runner = doctest.DocTestRunner(optionflags=OPTIONS)
-            said: list[str] = []
-            runner.run(example, out=said.append, clear_globs=False)
-            assert runner.failures == 0, "".join(said)
-            names = example.globs
+def installed_by(group: str) -> set[str]:
+    """Return the names of the packages of a dependency group, with those of included groups."""
+    names: set[str] = set()
+    for each in PROJECT["dependency-groups"][group]:
+        if isinstance(each, dict):
+            names |= installed_by(each["include-group"])
         else:
-            for line in block.strip().splitlines():
-                program, *words = shlex.split(line)
-                assert program == "virtual-lab"
-                assert cli.main(words, standalone_mode=False) in (None, 0), line
+            names.add(re.split(r"[^\w.-]", each)[0])
+    return names
 
 
-def test_a_wrong_output_in_a_tutorial_fails() -> None:
-    runner = doctest.DocTestRunner(optionflags=OPTIONS)
-    example = doctest.DocTestParser().get_doctest(">>> 1 + 1\n3\n", {}, "x", "x", 0)
-    runner.run(example, out=lambda _: None)
-    assert runner.failures == 1
+def test_the_tests_do_not_install_what_builds_the_site() -> None:
+    """`uv run pytest` installs the default groups, which are ``dev`` unless the file says more."""
+    default = PROJECT["tool"]["uv"].get("default-groups", ["dev"])
+    assert "docs" in PROJECT["dependency-groups"]
+    assert not installed_by("docs") & {name for group in default for name in installed_by(group)}
+
+
+def test_readme_and_checks_build_the_site_by_one_command() -> None:
+    """The wheel has no page of it."""
+    assert f"{BUILD} -W virtual_lab/docs out/site" in (ROOT / "README.md").read_text("utf-8")
+    assert f"{BUILD} -q -W virtual_lab/docs" in (ROOT / ".ci" / "run").read_text("utf-8")
+    assert PROJECT["tool"]["setuptools"]["package-data"]["virtual_lab"] == ["py.typed"]
+
+
+def offline(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the module that checks the built pages."""
+    spec = spec_from_file_location("offline", DOCS / "building" / "offline.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "offline", module)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.html", '<script async src="https://cdn.example/mathjax.js"></script>'),
+        ("a.html", '<link rel="stylesheet" href="//fonts.example/css?family=Lato">'),
+        ("a.html", "<p><img alt='x' src='http://example.org/x.png'></p>"),
+        ("a.css", "@import url(https://fonts.example/a.css);"),
+        ("a.css", '@font-face { src: url("https://fonts.example/a.woff2"); }'),
+        ("a.js", 'import("https://cdn.example/require.js")'),
+    ],
+)
+def test_a_page_that_loads_from_elsewhere_is_refused(
+    name: str, text: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(text, "utf-8")
+    (tmp_path / "sound.html").write_text(
+        '<a href="https://example.org">a link</a><script src="_static/a.js"></script>'
+        '<link rel="stylesheet" href="_static/a.css"><math xmlns="http://www.w3.org/1998/Math">',
+        "utf-8",
+    )
+    (found,) = offline(monkeypatch).remote_resources(tmp_path)
+    assert found.startswith(f"{name}: ")
+
+
+def test_scripts_of_the_gallery_are_short() -> None:
+    """At most 25 lines, of which the first ones are title and caption."""
+    scripts = sorted((DOCS / "scripts").rglob("*.py"))
+    assert scripts
+    for script in scripts:
+        lines = script.read_text("utf-8").splitlines()
+        assert len(lines) <= 25, script
+        assert set(lines[2]) == {"="}, script
 
 
 def test_the_page_of_tasks_has_sixteen_tasks() -> None:

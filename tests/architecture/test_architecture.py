@@ -15,7 +15,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
-MODULES = sorted(path for top in ("virtual_lab", "rigs") for path in (ROOT / top).rglob("*.py"))
+MODULES = sorted(
+    path
+    for top in ("virtual_lab", "rigs")
+    for path in (ROOT / top).rglob("*.py")
+    if not path.is_relative_to(ROOT / "virtual_lab" / "docs")
+)
 HEAVY = {"cv2", "dask", "matplotlib", "numba", "pandas", "pydantic", "pymunk", "scipy"}
 LINT = (
     "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"

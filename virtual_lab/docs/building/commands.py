@@ -1,0 +1,21 @@
+"""Cells of commands: readers see the command, not the word that starts a shell in a notebook."""
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+SHELL = "%%bash\n"
+
+
+def _show_as_shell(_app: Sphinx, doctree: nodes.document) -> None:
+    for block in doctree.findall(nodes.literal_block):
+        text = block.astext()
+        if text.startswith(SHELL):
+            block["language"] = "bash"
+            block.rawsource = text.removeprefix(SHELL)
+            block[:] = [nodes.Text(block.rawsource)]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the change of a page that was read."""
+    app.connect("doctree-read", _show_as_shell)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

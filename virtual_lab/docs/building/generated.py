@@ -1,0 +1,279 @@
+"""Pages that the build writes into ``generated``: the reference, and pages kept beside the code.
+
+Functions and commands are described by the docstrings and signatures that also make the program's
+help; the catalog by the sheets; columns and keys by the fields that write them.
+"""
+
+import json
+import posixpath
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+from sphinx.application import Sphinx
+
+import virtual_lab as vl
+from virtual_lab import catalog
+from virtual_lab.api import PLACES
+from virtual_lab.certificate.columns import SHOTS
+from virtual_lab.certificate.schema import json_schema
+from virtual_lab.cli import cli
+from virtual_lab.cli.commands import FunctionCommand, in_help
+from virtual_lab.records import record_types
+from virtual_lab.records.column_units import PURE, unit_of
+from virtual_lab.records.record import AXES
+
+DOCS = Path(__file__).parents[1]
+ROOT = DOCS.parents[1]
+MADE = DOCS / "generated"
+PAGES = {  # pages beside the code, by their page of the site
+    "quality": "virtual_lab/studies/README.md",
+    "speed": "virtual_lab/fidelity/README.md",
+    "benchmarks": "tests/benchmarks/README.md",
+    "collision": "virtual_lab/simulation/collision/README.md",
+    "data": "data/README.md",
+    "structure": "virtual_lab/README.md",
+    "contributing": "CONTRIBUTING.md",
+    "by-hand": "tests/foreign_laboratory/worked_by_hand.md",
+}
+OTHERS = {  # public names without a command, by heading
+    "Sheets of the catalog": ("ball", "bat", "instrument", "procedure", "rig"),
+    "Uncertainty and decisions": (
+        "propagate",
+        "sobol",
+        "conformity",
+        "guard_band",
+        "risk",
+        "gauge_study",
+        "group_study",
+    ),
+    "Folders": ("load", "effects", "clip_coverage"),
+}
+LINK = re.compile(r"\]\(([^)#:]*)(#[^)]*)?\)")
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Return a table in Markdown; cells are texts."""
+    lines = [head, ["---"] * len(head), *rows]
+    cells = ([" ".join(str(cell).split()).replace("|", "\\|") for cell in line] for line in lines)
+    return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
+
+
+def relinked(text: str, home: str, page: str) -> str:
+    """Return a page's text with each link to a file of the tree as a link within the site.
+
+    `home` is the folder of the text in the tree, `page` its page of the site, from DOCS. A link to
+    a file that is no page of the site becomes its path in code.
+    """
+
+    def link(match: re.Match[str]) -> str:
+        if not match[1]:
+            return match[0]
+        target = posixpath.normpath(posixpath.join(home, match[1]))
+        for name, source in PAGES.items():
+            if target == source:
+                target = f"virtual_lab/docs/generated/pages/{name}.md"
+        there = posixpath.relpath(target, posixpath.dirname(f"virtual_lab/docs/{page}"))
+        return f"]({there}{match[2] or ''})"
+
+    return LINK.sub(link, text)
+
+
+def pages() -> Iterator[tuple[str, str]]:
+    """Yield name and text of the pages kept beside the code."""
+    for name, source in PAGES.items():
+        text = (ROOT / source).read_text("utf-8")
+        first, *rest = re.split(r"^(?=# )", text, flags=re.MULTILINE)[1:]
+        text = first + "".join(re.sub(r"^#", "##", part, flags=re.MULTILINE) for part in rest)
+        page = f"generated/pages/{name}.md"
+        yield page, relinked(text, posixpath.dirname(source), page)
+
+
+def functions() -> Iterator[tuple[str, str]]:
+    """Yield a page for each group of public functions, and one for the classes."""
+    groups: dict[str, list[str]] = {}
+    for section, commands in cli.sections.items():
+        names = [
+            each.place if isinstance(each.place, str) else ""
+            for command in commands
+            for each in (
+                command.commands.values() if isinstance(command, click.Group) else [command]
+            )
+            if isinstance(each, FunctionCommand)
+        ]
+        groups[section] = list(dict.fromkeys(name for name in names if name in PLACES))
+    groups["Test a bat"].append("rehearse")
+    groups |= {title: list(names) for title, names in OTHERS.items()}
+    groups["Classes"] = [name for name in PLACES if name[0].isupper()]
+    missing = set(PLACES) - {name for names in groups.values() for name in names}
+    if missing:
+        raise ValueError(f"no page describes {sorted(missing)}")
+    for title, names in groups.items():
+        if names:
+            kind = "class" if title == "Classes" else "function"
+            members = "\n   :members:" if title == "Classes" else ""
+            parts = [f"{title}\n{'=' * len(title)}\n"]
+            parts += [f".. auto{kind}:: virtual_lab.{name}{members}\n" for name in sorted(names)]
+            yield f"generated/functions/{slug(title)}.rst", "\n".join(parts)
+
+
+def slug(title: str) -> str:
+    """Return the file name of a heading."""
+    return re.sub(r"\W+", "-", title.lower()).strip("-")
+
+
+def commands() -> Iterator[tuple[str, str]]:
+    """Yield the page of all commands, from the same descriptions as their help."""
+    parts = [
+        "# Commands\n",
+        "Every command also has `--help`. The exit codes are those of the README.\n",
+    ]
+    for section, members in cli.sections.items():
+        parts.append(f"## {section}\n")
+        for command in members:
+            inner = command.commands.values() if isinstance(command, click.Group) else [command]
+            for each in inner:
+                above = f"{command.name} " if isinstance(command, click.Group) else ""
+                parts += list(command_parts(each, f"{above}{each.name}"))
+    yield "generated/commands.md", "\n".join(parts)
+
+
+def command_parts(command: click.Command, name: str) -> Iterator[str]:
+    """Yield heading, description, options and example of a command."""
+    yield f"### {name}\n"
+    yield (command.help or "").replace("\b", "") + "\n"
+    context = click.Context(command, info_name=name)
+    rows = []
+    for each in command.params:
+        record = each.get_help_record(context)
+        if isinstance(each, click.Argument) and isinstance(command, FunctionCommand):
+            record = each.make_metavar(context), in_help(command.parameters[str(each.name)])
+        if record:
+            rows.append((f"`{record[0]}`", record[1].replace("<", "&lt;").replace("*", "\\*")))
+    yield table(("option", "meaning"), rows)
+    if isinstance(command, FunctionCommand) and command.example:
+        yield f"```\nvirtual-lab {command.example}\n```\n"
+
+
+def shelves() -> Iterator[tuple[str, str]]:
+    """Yield a page for each kind of the catalog, with each number of each sheet."""
+    for kind in catalog.KINDS:
+        parts = [
+            f"# Catalog: {kind}\n",
+            "`verified`: somebody read the number in the source itself.\n",
+        ]
+        sources: dict[str, str] = {}
+        for entry in vl.shelf(kind).rows:
+            if entry.name not in catalog.names(kind):
+                continue
+            sheet = vl.show(entry.name)
+            sources |= sheet.sources
+            parts += [f"## {entry.name}\n", f"{sheet.title}\n"]
+            if sheet.words:
+                words = [(f"`{key}`", value) for key, value in sheet.words.items()]
+                parts.append(table(("key", "text"), words))
+            rows = [
+                (
+                    f"`{each.key}`",
+                    str(each.value).strip("[]()"),
+                    "" if each.unit == "1" else each.unit,
+                    each.source,
+                    "verified" if each.verified else "no",
+                    each.note,
+                )
+                for each in sheet.numbers
+            ]
+            if rows:
+                parts.append(table(("key", "value", "unit", "source", "verified", "note"), rows))
+        if sources:
+            parts += ["## Sources\n", table(("source", "what it is"), [*sources.items()])]
+        yield f"generated/catalog/{kind}.md", "\n".join(parts)
+
+
+def dictionary() -> Iterator[tuple[str, str]]:
+    """Yield the dictionary of the columns of all tables, from the fields that write them."""
+
+    def unit(name: str) -> str:
+        return "" if unit_of(name) == PURE else f"`{unit_of(name).ucum}`"
+
+    columns = [
+        (f"`{name}`", f"`{each.name}`", unit(each.name), each.meaning)
+        for name, kind in record_types().items()
+        for each in kind.columns.values()
+    ]
+    shots = [(f"`{each.name.replace('{}', '…')}`", unit(each.name), each.meaning) for each in SHOTS]
+    parts = [
+        "# Dictionary of columns\n",
+        "`datapackage.json` in every result folder gives the same for the tables it holds, with "
+        "their types. Units are UCUM codes; a column without one is a number, a word or a yes. "
+        "Numbers of shots, balls and so on count from 0.\n",
+        "## Index columns of the records\n",
+        table(("column", "meaning"), [(f"`{name}`", words) for name, words in AXES.items()]),
+        "## Value columns of the records\n",
+        table(("record", "column", "unit", "meaning"), columns),
+        "## Columns of readings.csv\n",
+        "A rig has those of its instruments; … stands for the procedure's metric.\n",
+        table(("column", "unit", "meaning"), shots),
+    ]
+    yield "generated/dictionary.md", "\n".join(parts)
+
+
+def schema() -> Iterator[tuple[str, str]]:
+    """Yield the page of the keys of ``certificate.json``, and its JSON Schema."""
+    whole = json_schema()
+    parts = [
+        "# Keys of certificate.json\n",
+        "The same as a [JSON Schema](certificate.schema.json), draft 2020-12.\n",
+    ]
+    documents = {"CertificateDocument": whole, **whole["$defs"]}
+    for name, definition in documents.items():
+        rows = [
+            (
+                f"`{key}`",
+                kind_of(each),
+                f"`{each['unit']}`" if "unit" in each else "",
+                each["description"].replace("``", "`"),
+            )
+            for key, each in definition.get("properties", {}).items()
+        ]
+        if rows:
+            parts += [f"## {name}\n", table(("key", "type", "unit", "meaning"), rows)]
+    yield "generated/schema.md", "\n".join(parts)
+    yield "generated/certificate.schema.json", json.dumps(whole, indent=1)
+
+
+def kind_of(described: dict[str, Any]) -> str:
+    """Return the type of a property in words; null: it may be missing."""
+    if "$ref" in described:
+        return str(described["$ref"]).rpartition("/")[2]
+    if "anyOf" in described:
+        return " or ".join(kind_of(each) for each in described["anyOf"])
+    if described.get("type") == "array" and isinstance(described.get("items"), dict):
+        return f"array of {kind_of(described['items'])}"
+    return str(described.get("type", described.get("const", "any")))
+
+
+def _write(_app: Sphinx) -> None:
+    """Write the pages that changed."""
+    for make in (pages, functions, commands, shelves, dictionary, schema):
+        for name, text in make():
+            path = DOCS / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if not path.exists() or path.read_text("utf-8") != text:
+                path.write_text(text, "utf-8")
+
+
+def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
+    """Let the links of a page that leave the docs lead to their pages of the site."""
+    if not page.startswith("generated/"):
+        home = posixpath.normpath(posixpath.join("virtual_lab/docs", posixpath.dirname(page)))
+        source[0] = relinked(source[0], home, f"{page}.md")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Write the pages before the build begins."""
+    app.connect("config-inited", lambda app, _config: _write(app))
+    app.connect("source-read", _relink)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
