@@ -232,13 +232,14 @@ def test_every_package_is_shipped() -> None:
 
 
 def test_every_data_file_is_shipped() -> None:
-    """The patterns of package-data cover data/, except Python files and pictures of the README."""
+    """The patterns of package-data cover all of data/ but Python files, README and pictures."""
     patterns = PROJECT["tool"]["setuptools"]["package-data"]["virtual_lab.data"]
     covered = {path for pattern in patterns for path in (ROOT / "data").glob(pattern)}
     every = {
         path
         for path in (ROOT / "data").rglob("*")
-        if path.is_file() and path.suffix not in {".py", ".pyc"} and path.parent.name != "figures"
+        if path.is_file() and path.suffix not in {".md", ".py", ".pyc"}
+        if path.parent.name != "figures"
     }
     assert every - covered == set()
 

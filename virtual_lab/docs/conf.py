@@ -37,6 +37,7 @@ exclude_patterns = [
     *(f"generated/gallery/**.{end}" for end in ("ipynb", "py", "zip")),
 ]
 default_role = "literal"
+highlight_language = "text"
 
 html_theme = "pydata_sphinx_theme"
 html_static_path = ["static"]

@@ -38,18 +38,10 @@ PAGES = {  # pages beside the code, by their page of the site
     "contributing": "CONTRIBUTING.md",
     "by-hand": "tests/foreign_laboratory/worked_by_hand.md",
 }
-OTHERS = {  # public names without a command, by heading
-    "Sheets of the catalog": ("ball", "bat", "instrument", "procedure", "rig"),
-    "Uncertainty and decisions": (
-        "propagate",
-        "sobol",
-        "conformity",
-        "guard_band",
-        "risk",
-        "gauge_study",
-        "group_study",
-    ),
-    "Folders": ("load", "effects", "clip_coverage"),
+OTHERS = {  # headings of public names without a command, by their module
+    "virtual_lab.api.entries": "Sheets of the catalog",
+    "virtual_lab.uncertainty": "Uncertainty and decisions",
+    "virtual_lab": "Others",
 }
 LINK = re.compile(r"\]\(([^)#:]*)(#[^)]*)?\)")
 
@@ -105,11 +97,11 @@ def functions() -> Iterator[tuple[str, str]]:
         ]
         groups[section] = list(dict.fromkeys(name for name in names if name in PLACES))
     groups["Test a bat"].append("rehearse")
-    groups |= {title: list(names) for title, names in OTHERS.items()}
     groups["Classes"] = [name for name in PLACES if name[0].isupper()]
-    missing = set(PLACES) - {name for names in groups.values() for name in names}
-    if missing:
-        raise ValueError(f"no page describes {sorted(missing)}")
+    with_page = {name for names in groups.values() for name in names}
+    for name in PLACES.keys() - with_page:
+        title = next(OTHERS[top] for top in OTHERS if PLACES[name][0].startswith(top))
+        groups.setdefault(title, []).append(name)
     for title, names in groups.items():
         if names:
             kind = "class" if title == "Classes" else "function"
@@ -256,13 +248,20 @@ def kind_of(described: dict[str, Any]) -> str:
 
 
 def _write(_app: Sphinx) -> None:
-    """Write the pages that changed."""
-    for make in (pages, functions, commands, shelves, dictionary, schema):
-        for name, text in make():
-            path = DOCS / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if not path.exists() or path.read_text("utf-8") != text:
-                path.write_text(text, "utf-8")
+    """Write the pages that changed, and delete those of an earlier state of the code."""
+    made = [
+        each
+        for make in (pages, functions, commands, shelves, dictionary, schema)
+        for each in make()
+    ]
+    stale = {path for path in MADE.rglob("*") if path.is_file() and "gallery" not in path.parts}
+    for path in stale - {DOCS / name for name, _ in made}:
+        path.unlink()
+    for name, text in made:
+        path = DOCS / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text("utf-8") != text:
+            path.write_text(text, "utf-8")
 
 
 def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
