@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.report import report as report
     from virtual_lab.studies.score import score_folder
     from virtual_lab.studies.template import template as template
+    from virtual_lab.studies.twin.twin import twin as twin
     from virtual_lab.uncertainty.decision import conformity as conformity
     from virtual_lab.uncertainty.decision import global_risk
     from virtual_lab.uncertainty.decision import guard_band as guard_band

@@ -570,6 +570,7 @@ def reduce(
     """
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter, kind_of
+    from virtual_lab.studies.foreign import certify_folder
 
     replaced = replaced_report(None if replaces is None else Path(replaces), reason)
     folders = paths_of(history)
@@ -582,22 +583,7 @@ def reduce(
             history=earlier_scatter(folders, kind_of(session), session) or session.history,
         )
 
-    return Certificate(certification=_reduce_folder(Path(records), with_options))
-
-
-def _reduce_folder(folder: Path, with_options: Callable[[Session], Session]) -> Certification:
-    from virtual_lab.measurement.certification import certify_session
-    from virtual_lab.records.foreign.laboratory import FORM
-    from virtual_lab.records.session import SESSION, load_session
-
-    if (folder / FORM).exists():
-        from virtual_lab.studies.foreign import certify_laboratory
-
-        return certify_laboratory(folder, with_options)
-    inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
-    if inner and not (folder / SESSION).exists():
-        raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
-    return certify_session(with_options(load_session(folder)))
+    return Certificate(certification=certify_folder(Path(records), with_options))
 
 
 def sweep(

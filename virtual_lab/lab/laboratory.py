@@ -26,7 +26,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.origin import RungTaken, Simulated
 from virtual_lab.records.session import Session
-from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
+from virtual_lab.simulation.collision.ladder import CollisionLaw, Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.physics.truth import draw_balls, made_bat
 from virtual_lab.simulation.stations.rig import (
@@ -61,7 +61,7 @@ class Laboratory:
     date: str
     sealing: str  # statement whether the truth can be found by trying seeds
     draws: Draws
-    collision: Ladder
+    collision: CollisionLaw
     stations: Mapping[Stage, Station]
     specimen: Specimen
     calibration: Mapping[str, Estimates]  # constants before the first measurement

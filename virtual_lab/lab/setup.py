@@ -17,7 +17,7 @@ from virtual_lab.lab.fitting import identities, unverified_rigs
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.records.session import UncertaintyMethod
-from virtual_lab.simulation.collision.ladder import Ladder
+from virtual_lab.simulation.collision.ladder import CollisionLaw
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import MotionRung, Reality, Stage
@@ -54,7 +54,7 @@ class TestSetup:
     film: bool = False  # whether the first shot is filmed
     made: bool = True  # whether the bat is drawn at random; False: the nominal bat
     same_bat: bool = False  # whether all tests of a laboratory use the same bat
-    collision: Ladder | None = None  # collision models shared by many laboratories
+    collision: CollisionLaw | None = None  # collision models shared by many laboratories
     particulars: Particulars = NOTHING_STATED  # statements of the certificate beside the results
     # variances of hits in earlier tests, see `SessionBlock`
     history: Mapping[str, Estimates] = field(default_factory=dict)

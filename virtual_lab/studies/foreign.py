@@ -14,7 +14,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
-from virtual_lab.records.session import Session
+from virtual_lab.records.session import SESSION, Session, load_session
 from virtual_lab.simulation.stations.rig import Reality
 
 
@@ -32,6 +32,29 @@ def our_session(procedure: str) -> Session:
         control_bat=bat if rules.controlled else None,
     )
     return certify_bat(setup).certification.session
+
+
+def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:
+    """Reduce and evaluate a folder of raw records: ours, or the form of another laboratory.
+
+    Parameters
+    ----------
+    folder
+        Folder with ``session.json``, or with ``laboratory.toml`` and the tables that it names.
+    apply_options
+        Function that returns the session with the options of the user.
+
+    Raises
+    ------
+    InputError
+        A folder without records, or records that cannot be reduced.
+    """
+    if (folder / FORM).exists():
+        return certify_laboratory(folder, apply_options)
+    inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
+    if inner and not (folder / SESSION).exists():
+        raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
+    return certify_session(apply_options(load_session(folder)))
 
 
 def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,6 +228,30 @@ def _check(rung: str | None, uncertainty: float | None) -> None:
         raise InputError("collision", "rung", rung, f"allowed: {', '.join(COLLISION_RUNGS)}")
     if uncertainty is not None and not uncertainty > 0:
         raise InputError("collision", "standard_uncertainty", uncertainty, "allowed: above 0")
+
+
+class CollisionLaw(Protocol):
+    """The collision of a bat and balls, as the rigs of a test ask for it."""
+
+    def __call__(self, body: BatBody, support: Support) -> CollisionModel:
+        """Return the collision model of an individual bat with its support."""
+        ...
+
+    def efficiencies(
+        self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
+    ) -> NDArray[np.float64]:
+        """Return e_A of the scenes, (n,), if nothing else of the collisions is needed."""
+        ...
+
+    def true_efficiencies(
+        self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
+    ) -> NDArray[np.float64]:
+        """Return the true e_A of the scenes, (n,)."""
+        ...
+
+    def report(self) -> RungTaken:
+        """Return the model that is used, its error of e_A and the reason."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 if TYPE_CHECKING:
-    from virtual_lab.simulation.collision.ladder import Ladder
+    from virtual_lab.simulation.collision.ladder import CollisionLaw
     from virtual_lab.simulation.instruments.camera.camera import Camera
 
 
@@ -87,7 +87,7 @@ class Specimen:
 
     bat: TrueBat
     balls: TrueBalls
-    collision: Ladder
+    collision: CollisionLaw
 
     def at(self, plan: ShotPlan) -> Specimen:
         """Return the specimen for the shots of a plan, in which ball i is that of shot i."""

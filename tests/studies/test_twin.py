@@ -1,0 +1,136 @@
+"""The twin: its days against shifted reductions, blind to the truth, clear about bad folders."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from tests.laboratories import certified
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.output.progress import quiet
+from virtual_lab.records.session import Session, pack
+from virtual_lab.simulation.stations.rig import Reality
+from virtual_lab.studies.twin.days import TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.statement import stated_by
+from virtual_lab.studies.twin.twin import certify_records, summed_days
+
+FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
+SCALE = "impact.encoder.scale"
+DAYS = 400
+
+
+@pytest.fixture(scope="module")
+def certification() -> Certification:
+    return certify_records(FOREIGN)
+
+
+@pytest.fixture(scope="module")
+def days(certification) -> TwinDays:
+    return scattered_as_stated(stated_by(certification), seed=1, days=256)
+
+
+def with_constant(session: Session, key: str, **values: float) -> Session:
+    changed = {key: replace(session.calibration[key], **values)}
+    return replace(session, calibration={**session.calibration, **changed})
+
+
+def test_an_uncertain_constant_moves_the_days_as_it_moves_the_reduction(
+    certification, days
+) -> None:
+    """A constant with a large u adds the shift by which the same records are reduced with it."""
+    session, u = certification.session, 0.003
+    value = session.calibration[SCALE].value
+    shifted = certify_session(with_constant(session, SCALE, value=value + u))
+    shift = shifted.metric.value - certification.metric.value
+    statement = replace(days.statement, session=with_constant(session, SCALE, u=u))
+    (plain, *_), _ = summed_days(certification, days, DAYS)
+    (wider, *_), _ = summed_days(certification, replace(days, statement=statement), DAYS)
+    assert abs(shift) > plain.sd
+    # the square of a standard deviation of 400 days has a standard error of 7 %
+    assert wider.sd**2 == pytest.approx(plain.sd**2 + shift**2, rel=0.2)
+
+
+def test_the_days_scatter_as_the_records_and_find_the_stated_result(certification, days) -> None:
+    played = days.play(np.arange(DAYS))
+    metric = played.certified.results["metric"]
+    variance = metric.scatter.variance.total[played.sound].mean()
+    hits = certification.shot_metric[certification.judgement.valid]
+    assert variance == pytest.approx(hits.var(ddof=1), rel=0.15)
+    rows, invalid = summed_days(certification, days, DAYS)
+    assert invalid < 0.02 * DAYS
+    for row in rows:
+        assert abs(row.bias) < 0.3, row.quantity
+        assert row.ratio == pytest.approx(1, abs=0.25), row.quantity
+        assert row.finding == "right"
+    assert rows[0].value == certification.metric.value
+
+
+def test_a_u_that_is_too_small_is_found(certification, days) -> None:
+    claimed = replace(certification, metric=replace(certification.metric, u=0.003))
+    (metric, *_), _ = summed_days(claimed, days, DAYS)
+    assert metric.finding == "too small"
+    claimed = replace(certification, metric=replace(certification.metric, u=0.012))
+    (metric, *_), _ = summed_days(claimed, days, DAYS)
+    assert metric.finding == "too large"
+
+
+def test_the_truth_behind_the_records_does_not_matter(tmp_path: Path) -> None:
+    ours = certified()
+    answers = []
+    for name, truth in (("one", '{"measurand": {}}'), ("other", "no truth at all")):
+        records = tmp_path / name / "records"
+        records.mkdir(parents=True)
+        pack(ours.certification.session).write(records)
+        (tmp_path / name / "truth").mkdir()
+        (tmp_path / name / "truth" / "truth.json").write_text(truth)
+        answers.append(vl.twin(tmp_path / name, days=100, progress=quiet).document)
+    assert answers[0] == answers[1]
+    assert answers[0]["quantities"][0]["quantity"] == "metric"
+
+
+def test_another_seed_plays_other_days(certification, days) -> None:
+    one, other = (replace(days, seed=seed).play(np.arange(2)) for seed in (1, 2))
+    values = [each.certified.results["metric"].value for each in (one, other)]
+    assert not np.any(np.isclose(*values, rtol=1e-9))
+    alone = days.play(1).certified.results["metric"].value[0]
+    assert alone == pytest.approx(values[0][1], rel=1e-12)
+
+
+def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> None:
+    session = certified().certification.session
+    impact = {
+        name: record.select(slice(1)) if "shot" in record.sizes() else record
+        for name, record in session.records["impact"].items()
+    }
+    one_hit = replace(session, records={**session.records, "impact": impact})
+    with pytest.raises(InputError, match="needs a test with a result: fewer than two hits"):
+        stated_by(certify_session(one_hit))
+    equal = certified(reality=Reality.NOISE_FREE).certification
+    with pytest.raises(InputError, match="hits; all equal or not repeated"):
+        stated_by(equal)
+    bench = session.records["bench"]
+    once = replace(bench["bat-mass"], readings=bench["bat-mass"].readings[:, :1])
+    records = {**session.records, "bench": {**bench, "bat-mass": once}}
+    (tmp_path / "records").mkdir()
+    pack(replace(session, records=records)).write(tmp_path / "records")
+    with pytest.raises(InputError, match=r"repeats = 1; needs at least 2 readings"):
+        vl.twin(tmp_path, progress=quiet)
+    with pytest.raises(InputError, match="days = 10; allowed: at least 100"):
+        vl.twin(FOREIGN, days=10, progress=quiet)
+    with pytest.raises(InputError, match=r"session.json"):
+        vl.twin(tmp_path / "nothing", progress=quiet)
+    unknown = replace(certified().certification.session, rigs={**session.rigs, "impact": "mine"})
+    statement = stated_by(certify_session(unknown))
+    with pytest.raises(InputError, match=r"impact rig = 'mine'; .*installed"):
+        scattered_as_stated(statement, seed=1)
+
+
+def test_the_picture_and_the_text(tmp_path: Path) -> None:
+    result = vl.twin(FOREIGN, days=100, progress=quiet)
+    result.plot(tmp_path / "twin.png")
+    assert (tmp_path / "twin.png").read_bytes().startswith(b"\x89PNG")
+    assert "beside 100 days of its twin" in result.text
+    assert result.table["quantity"][0] == "metric"

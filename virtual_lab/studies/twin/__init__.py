@@ -1,0 +1,1 @@
+"""The twin of a laboratory: its day played again with what its own records state."""

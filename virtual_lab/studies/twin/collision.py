@@ -1,0 +1,200 @@
+"""The bat of a twin: a rigid body and a curve of e_A, both as a laboratory measured them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from virtual_lab.catalog.specs import BatBody
+from virtual_lab.records.origin import RungTaken
+from virtual_lab.simulation.collision.ladder import StruckBat
+from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
+from virtual_lab.simulation.physics.beam import Pinned, RigidBat, Support
+from virtual_lab.simulation.physics.cubics import monotone_cubic
+from virtual_lab.simulation.physics.truth import TrueBat, TrueOutcome, TrueRecoil
+from virtual_lab.simulation.stations.impact import CONTACT_TIME, scenes_of
+from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
+from virtual_lab.units import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedBat(TrueBat):
+    """A bat with the mass, balance and inertia that a laboratory measured."""
+
+    measured: RigidBat[float]
+
+    @property
+    def rigid(self) -> RigidBat[Any]:
+        """The measured rigid body."""
+        return self.measured
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedCurve:
+    """e_A along the barrel: the mean at each impact position, joined by the certificate's curve.
+
+    Beyond the fitted curve the positions are joined by cubics without extra maxima. Beyond the
+    outermost positions the last slope continues.
+    """
+
+    place: Array  # impact positions, increasing, from the tip [m], (position,)
+    efficiency: Array  # e_A at these positions, (position,)
+    slope: float = 0.0  # slope of e_A, used for a single position [1/m]
+    fitted: Polynomial | None = None  # curve of the certificate
+    ends: tuple[float, float] = (0.0, 0.0)  # range of the fitted curve [m]
+
+    def __call__(self, place: Array) -> Array:
+        """Return e_A at `place` [m], in its shape."""
+        if self.place.size == 1:
+            return np.asarray(self.efficiency[0] + self.slope * (place - self.place[0]))
+        cubic = monotone_cubic(self.place, self.efficiency)
+        inside = np.clip(place, self.place[0], self.place[-1])
+        e_A: Array = cubic(inside)
+        slopes = np.diff(self.efficiency[[0, 1, -2, -1]]) / np.diff(self.place[[0, 1, -2, -1]])
+        e_A = e_A + (place - inside) * np.where(place < inside, slopes[0], slopes[2])
+        if self.fitted is None:
+            return e_A
+        near = (place >= self.ends[0]) & (place <= self.ends[1])
+        return np.where(near, self.fitted(place), e_A)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ring:
+    """The vibration of the handle after a hit, from the fit of an encoder's record, (ring,)."""
+
+    angular_frequency: Array  # [rad/s]
+    damping_ratio: float  # common to all vibrations
+    angle: Array  # angle at release per angular rate of the rigid bat [s]
+    rate: Array  # angular rate at release per angular rate of the rigid bat
+
+
+NO_RING = Ring(
+    angular_frequency=np.zeros(0), damping_ratio=0.0, angle=np.zeros(0), rate=np.zeros(0)
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedModes:
+    """The motion of the section at the pivot: rotation of the rigid bat, then its vibrations."""
+
+    angular_frequencies: Array  # 0 for the rotation [rad/s]
+    rigid: int = 1
+
+    def rotation(self, _place: float) -> Array:
+        """Return the rotation of the section per unit of each coordinate, (mode,)."""
+        return np.ones(self.angular_frequencies.size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedCollision:
+    """The collision as a laboratory measured it.
+
+    e is in proportion to the e0 of the ball in each hit, as the reduction assumes, so that the
+    mean ball of the lot has the measured e_A at each impact position.
+    """
+
+    curve: StatedCurve
+    bat: RigidBat[float]
+    axis: float  # distance from the tip of the pivot that the procedure requires [m]
+    free: bool  # whether r is that of a free bat
+    ball_mass: float  # mass of the mean ball of the lot [kg]
+    # e0 of the mean ball of the lot at the nominal relative speed: value at the tip, slope [1/m]
+    ball_restitution: tuple[float, float]
+    ring: Ring = NO_RING
+
+    def recoil_factor(self, place: Array, ball_mass: Array | float, *, free: bool) -> Array:
+        """Return r of the measured bat, free or on its pivot, in the shape of `place` [m]."""
+        if free:
+            yields = 1 / self.bat.mass + (place - self.bat.z_cm) ** 2 / self.bat.inertia_cm
+        else:
+            yields = (self.axis - place) ** 2 / self.bat.inertia(self.axis)
+        return np.asarray(ball_mass * yields)
+
+    def efficiency(self, scenes: Scenes) -> Array:
+        """Return e_A of the scenes, (n,)."""
+        place = scenes.impact_position
+        r = self.recoil_factor(place, self.ball_mass, free=self.free)
+        e = self.curve(place) * (1 + r) + r
+        at_tip, slope = self.ball_restitution
+        e = e * scenes.ball_restitution / (at_tip + slope * place)
+        r = self.recoil_factor(place, scenes.ball_mass, free=self.free)
+        return np.asarray((e - r) / (1 + r))
+
+    def efficiencies(
+        self, struck: Iterable[StruckBat], support: Support, scenes: Scenes
+    ) -> NDArray[np.float64]:
+        """Return e_A of the scenes, (n,). It does not depend on the support."""
+        return self.efficiency(scenes)
+
+    true_efficiencies = efficiencies
+
+    def __call__(self, body: BatBody, support: Support) -> StatedModel:
+        """Return the collision model of the bat on a pivot."""
+        assert isinstance(support, Pinned)
+        return StatedModel(law=self, axis=support.z)
+
+    def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
+        """Return the result of an error-free test of the stated bat with the lot's mean ball."""
+        speed = plan.speed + plan.turn_rate * (self.axis - plan.place)
+        ball = specimen.balls.mean_ball().of_shots(plan.owner, np.zeros(plan.place.shape, int))
+        e0 = ball.restitution_at(..., speed)
+        scenes = scenes_of(replace(specimen, balls=ball), ..., plan.place, speed, e0)
+        e_A = self.efficiency(scenes)
+
+        def recoil(free: bool) -> TrueRecoil:
+            r = self.recoil_factor(plan.place, scenes.ball_mass, free=free)
+            return TrueRecoil(restitution=e_A * (1 + r) + r, recoil_factor=r)
+
+        return TrueOutcome(
+            relative_speed=scenes.relative_speed,
+            collision_efficiency=e_A,
+            ball_restitution=e0,
+            free=recoil(True),
+            pivoted=recoil(False),
+        )
+
+    def report(self) -> RungTaken:
+        """Return the name of this model and why it is used."""
+        return RungTaken(rung="stated", reason="stated, e_A as the records show it")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedModel:
+    """The stated collision with the motion of the bat on its pivot."""
+
+    law: StatedCollision
+    axis: float  # distance of the pivot from the tip [m]
+
+    rung = "stated"
+
+    @property
+    def modes(self) -> Any:
+        """Rotation and vibrations of the section at the pivot."""
+        frequencies = np.concatenate([[0.0], self.law.ring.angular_frequency])
+        return StatedModes(angular_frequencies=frequencies)
+
+    def collide(self, scenes: Scenes) -> Collisions:
+        """Return the collisions of the scenes, with the vibration in proportion to the recoil."""
+        e_A, ring = self.law.efficiency(scenes), self.law.ring
+        impulse = scenes.ball_mass * scenes.relative_speed * (1 + e_A)
+        bat = self.law.bat
+        rate = impulse * (self.axis - scenes.impact_position) / bat.inertia(self.axis)
+        nothing, none = np.zeros(len(scenes)), np.zeros(len(scenes), dtype=np.int64)
+        return Collisions(
+            collision_efficiency=e_A,
+            modal_displacements=rate[:, None] * np.concatenate([[0.0], ring.angle]),
+            modal_velocities=rate[:, None] * np.concatenate([[1.0], ring.rate]),
+            contact_time=np.full(len(scenes), CONTACT_TIME),
+            impulse=impulse,
+            contacts=none + 1,
+            reloads=none,
+            redone=none,
+            energy=EnergySplit(
+                ball=e_A**2, rigid=nothing, bending=nothing, hoop=nothing, hysteresis=nothing
+            ),
+        )
