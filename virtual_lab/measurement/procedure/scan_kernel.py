@@ -127,8 +127,9 @@ def fresh_hits(
 def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
     """Fill `out` with the positions of the next shots [m]. Return their number.
 
-    The number is 0 if the scan of this laboratory is complete. Values of `out` beyond the number
-    are not overwritten; it needs room for `most_asked` shots.
+    The number is 0 if the scan of this laboratory is complete, or if most balls did not rebound at
+    any position. Values of `out` beyond the number are not overwritten; it needs room for
+    `most_asked` shots.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)

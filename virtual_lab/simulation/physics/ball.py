@@ -51,11 +51,11 @@ def wall_contact(
 ) -> WallContact:
     """Return the collision of a power-law ball with a rigid wall: compression, force and times.
 
-    The results have the common shape of the arguments, in SI; all are NaN at speed 0. The arguments
-    are the mass of the ball, or reduced mass [kg], the approach speed [m/s], k [N/m^a], a and e0.
-    The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a + 1))``. The compression takes the time
-    ``u_max C(a + 1) / v``, and the expansion ``u_max C(b + 1) / (e0 v)`` with the unloading
-    exponent b; C is `_half_time`.
+    The results have the common shape of the arguments, in SI. At speed 0 compression and force are
+    0 and the times NaN. The arguments are the mass of the ball, or reduced mass [kg], the approach
+    speed [m/s], k [N/m^a], a and e0. The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a +
+    1))``. The compression takes the time ``u_max C(a + 1) / v``, and the expansion ``u_max C(b + 1)
+    / (e0 v)`` with the unloading exponent b; C is `_half_time`.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))
