@@ -185,9 +185,11 @@ class AstmPivotStation(RestingBatStation):
         inertia = bat.inertia(axis)
         # the recorder uses the clock of the gates, which has a small rate error
         ticks = self.encoder.spec.sample_times() / self.gates.clock
-        moved, moving = collisions.modal_displacements, collisions.modal_velocities
+        displacements, velocities = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)
-        start, rate = ((modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (moved, moving))
+        start, rate = (
+            (modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (displacements, velocities)
+        )
         rate = rate - self._friction_loss(rate, impulse, bat, fired.bat.axis)
         slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(
@@ -201,11 +203,11 @@ class AstmPivotStation(RestingBatStation):
         shots[:, 0] += start
         if self.encoder.spec.sees_ring:
             bends = slice(modes.rigid, None)
-            state = turn[:, bends], moved[:, bends], moving[:, bends]
+            state = turn[:, bends], displacements[:, bends], velocities[:, bends]
             frequencies = modes.angular_frequencies[bends]
             rings, ring_at_ticks = ringing(*state, frequencies, body.damping_ratio, ticks, leaving)
             shots, at_ticks = np.hstack([shots, rings]), np.vstack([at_ticks, ring_at_ticks])
-            start = (moved * turn).sum(axis=1)
+            start = (displacements * turn).sum(axis=1)
 
         def angle(part: slice) -> Array:
             angles = shots[part] @ at_ticks

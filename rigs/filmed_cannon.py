@@ -113,8 +113,8 @@ class FilmedCannonStation(BallCannonStation):
         body, radius = specimen.bat.body, flown.passage.radius
 
         def touching(place: float | np.ndarray, across: float | np.ndarray) -> np.ndarray:
-            reach = outer_diameter(body.profile, np.asarray(place)) / 2 + radius
-            return np.asarray(np.sqrt(reach**2 - np.square(across)))
+            contact_distance = outer_diameter(body.profile, np.asarray(place)) / 2 + radius
+            return np.asarray(np.sqrt(contact_distance**2 - np.square(across)))
 
         axis = body.length - self.holder.from_knob
         before = float(touching(self.spec.over, 0.0))  # from the ball's centre to the bat's axis

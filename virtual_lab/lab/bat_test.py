@@ -55,8 +55,8 @@ class BlockTest:
     def _session_of(self, one: SessionBlock) -> Session:
         of_all = self.laboratories
         motion = _motion_report(of_all.setup.motion)
-        rungs = {"collision": of_all.collision.report(), "motion": motion}
-        session = of_all.session_of(one, rungs)
+        models = {"collision": of_all.collision.report(), "motion": motion}
+        session = of_all.session_of(one, models)
         if self.control is None:
             return session
         return replace(session, control_sha256=pack(self.control.certification.session).digest)

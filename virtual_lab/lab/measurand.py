@@ -110,18 +110,22 @@ def _tops(curves: PiecewiseCubic) -> Array:
     return np.asarray(np.take_along_axis(places, heights.argmax(axis=0)[None], axis=0)[0])
 
 
-def _locate_level(curves: PiecewiseCubic, at: Array, level: Array, best: Array, way: int) -> Array:
-    """Return the position at which each curve first falls to `level`, in direction `way` (±1).
+def _locate_level(
+    curves: PiecewiseCubic, at: Array, level: Array, best: Array, direction: int
+) -> Array:
+    """Return the position at which each curve first falls to `level` in `direction` (±1).
 
     The search starts at the maximum `best`. If the curve does not fall to the level, the result is
     the end. `at` are the values at the knots, (knot, curve).
     """
     knots = curves.knots[:, None]
-    beyond = (at < level) & ((knots - best) * way > 0)
+    beyond = (at < level) & ((knots - best) * direction > 0)
     some = beyond.any(axis=0)
-    low = beyond.argmax(axis=0) if way > 0 else len(at) - 1 - beyond[::-1].argmax(axis=0)
-    outer = np.where(some, curves.knots[low], curves.knots[-1 if way > 0 else 0])
-    inner = np.where(way * (curves.knots[low - way] - best) > 0, curves.knots[low - way], best)
+    low = beyond.argmax(axis=0) if direction > 0 else len(at) - 1 - beyond[::-1].argmax(axis=0)
+    outer = np.where(some, curves.knots[low], curves.knots[-1 if direction > 0 else 0])
+    inner = np.where(
+        direction * (curves.knots[low - direction] - best) > 0, curves.knots[low - direction], best
+    )
     inner = np.where(some, inner, outer)
     for _ in range(52):  # bisections down to rounding
         middle = (inner + outer) / 2
@@ -135,9 +139,9 @@ def _at(curves: PiecewiseCubic, place: Array) -> Array:
     piece = np.clip(
         np.searchsorted(curves.knots, place, side="right") - 1, 0, len(curves.knots) - 2
     )
-    off, total, curve = place - curves.knots[piece], np.zeros(place.shape), np.arange(place.size)
+    step, total, curve = place - curves.knots[piece], np.zeros(place.shape), np.arange(place.size)
     for power in curves.coefficients:
-        total = total * off + power[piece, curve]
+        total = total * step + power[piece, curve]
     return total
 
 

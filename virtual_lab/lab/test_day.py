@@ -89,8 +89,8 @@ class TestDay:
         """Reduce the records of bench and wall, to find the impact position and usable balls."""
         preparation, laboratory = prepare(self.sessions), self.laboratory
         specimen = laboratory.specimen
-        used = preparation.used.reshape(specimen.balls.mass.shape)
-        specimen = replace(specimen, balls=replace(specimen.balls, used=used))
+        mask = preparation.used.reshape(specimen.balls.mass.shape)
+        specimen = replace(specimen, balls=replace(specimen.balls, used=mask))
         laboratory = replace(laboratory, specimen=specimen)
         return replace(self, laboratory=laboratory, preparation=preparation)
 

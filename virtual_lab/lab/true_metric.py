@@ -139,8 +139,8 @@ def results_of_curves(
     best = np.where(np.isnan(objectives), -np.inf, objectives).argmax(axis=1)[:, None]
     if procedure.scan.final_hits:
         return np.asarray(np.take_along_axis(metrics, best, axis=1)[:, 0])
-    off = np.abs(at - np.take_along_axis(at, best, axis=1))
-    near = off < procedure.scan.fit_half_width + 1e-3  # two steps of the setting [m]
+    distance = np.abs(at - np.take_along_axis(at, best, axis=1))
+    near = distance < procedure.scan.fit_half_width + 1e-3  # two steps of the setting [m]
     return _at_the_top(at, near, objectives, metrics)
 
 

@@ -240,8 +240,8 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
     have no meaning.
     """
     rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
-    laboratories, used = block.laboratories, outcome.used
-    hits = number_shots(owner, used, laboratories)
+    laboratories, mask = block.laboratories, outcome.used
+    hits = number_shots(owner, mask, laboratories)
 
     def at_hits(values: Array) -> Array:
         return np.where(hits >= 0, values[hits], 0.0)
@@ -260,7 +260,7 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
         for first in range(0, laboratories, few)
     ]
     results = {name: Budgets.concatenate([each[name] for each, _ in parts]) for name in parts[0][0]}
-    some = np.bincount(owner, used, laboratories) > 0
+    some = np.bincount(owner, mask, laboratories) > 0
     lost = shortfalls(
         rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.shot_metric
     )
@@ -327,7 +327,7 @@ def _results(
     variants = variants.select(some)
     columns = variants.columns
     bat = bat_properties(columns)
-    moved = model.shots(columns, bat)
+    shots = model.shots(columns, bat)
     history = {name: each.select(some) for name, each in earlier.items()}
     results = {
         name: means_of_hits(
@@ -338,9 +338,9 @@ def _results(
             weighing.effects if name in DECIDING else weighing.weights,
             history.get(name),
         )
-        for name, values in model.quantities(columns, bat, moved).items()
+        for name, values in model.quantities(columns, bat, shots).items()
     }
-    return results, moved.recoil_efficiency - moved.rebound_efficiency
+    return results, shots.recoil_efficiency - shots.rebound_efficiency
 
 
 def _invalidating(

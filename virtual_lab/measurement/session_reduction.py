@@ -134,8 +134,8 @@ class Reduction(AlignedArrays):
     @property
     def shot_numbers(self) -> NDArray[np.intp]:
         """Numbers of all shots, (laboratory, shot); negative: fewer shots than another."""
-        used = np.ones(self.owner.size, dtype=bool)
-        return number_shots(self.owner, used, self.preparation.laboratories)
+        mask = np.ones(self.owner.size, dtype=bool)
+        return number_shots(self.owner, mask, self.preparation.laboratories)
 
     @property
     def outcome(self) -> HitWeights:

@@ -179,9 +179,11 @@ def _require_few(root: ElementTree.Element) -> None:
     def count(element: ElementTree.Element) -> float:
         if element not in counts:
             counts[element] = inf  # count of a shape that uses itself
-            used = [element.get("href", "")[1:]]
-            used += [name for each in element.attrib.values() for name in REFERENCE.findall(each)]
-            parts = [*element, *(by_id[name] for name in used if name in by_id)]
+            references = [element.get("href", "")[1:]]
+            references += [
+                name for each in element.attrib.values() for name in REFERENCE.findall(each)
+            ]
+            parts = [*element, *(by_id[name] for name in references if name in by_id)]
             counts[element] = 1 + sum(map(count, parts))
         return counts[element]
 

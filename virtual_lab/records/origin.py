@@ -42,9 +42,9 @@ class Simulated(Spec):
     def as_json(self) -> dict[str, Any]:
         """Return the values as JSON, without those that are not stated."""
         document = asdict(self)
-        for rung in document["rungs"].values():
-            if rung["error"] is None:
-                del rung["error"]
+        for model in document["rungs"].values():
+            if model["error"] is None:
+                del model["error"]
         return document
 
 

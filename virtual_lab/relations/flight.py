@@ -52,11 +52,11 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 
     The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
-    way = np.asarray(np.asarray(speed) * time)
-    lost = np.asarray(drag) * way
+    path = np.asarray(np.asarray(speed) * time)
+    lost = np.asarray(drag) * path
     # log1p(x) / x, with the limit 1 at 0
     share = np.log1p(lost) / np.where(lost == 0, 1.0, lost)
-    return np.asarray(way * np.where(lost == 0, 1.0, share))
+    return np.asarray(path * np.where(lost == 0, 1.0, share))
 
 
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:

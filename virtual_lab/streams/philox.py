@@ -60,40 +60,42 @@ def fill(
         Result, (slot x each,).
     """
     pairs = (each + 1) // 2
-    room = min(256, slots.size * pairs)
-    of_index, of_slot = np.empty(room, np.uint64), np.empty(room, np.uint64)
-    of_laboratory, last = np.empty(room, np.uint64), laboratories.size - 1
-    first, second = np.empty(room, np.uint64), np.empty(room, np.uint64)
-    words, values = np.empty(2 * room, np.uint64), np.empty(2 * room)
-    tails, at = np.empty(2 * room + 1), np.empty(2 * room + 1, np.int64)
+    chunk = min(256, slots.size * pairs)
+    of_index, of_slot = np.empty(chunk, np.uint64), np.empty(chunk, np.uint64)
+    of_laboratory, last = np.empty(chunk, np.uint64), laboratories.size - 1
+    first, second = np.empty(chunk, np.uint64), np.empty(chunk, np.uint64)
+    words, values = np.empty(2 * chunk, np.uint64), np.empty(2 * chunk)
+    tails, at = np.empty(2 * chunk + 1), np.empty(2 * chunk + 1, np.int64)
     row, pair, filled = 0, 0, 0
     while filled < out.size:
-        used, count = 0, 0
+        in_chunk, count = 0, 0
         begun, odd = pair, each % 2
-        while used < room and row < slots.size:
+        while in_chunk < chunk and row < slots.size:
             if slots[row] < 0 or slots[row] >= 2**32:
                 return False
-            more = min(room - used, pairs - pair)
+            more = min(chunk - in_chunk, pairs - pair)
             slot, laboratory = np.uint64(slots[row]), np.uint64(laboratories[min(row, last)])
             for i in range(more):
-                of_index[used + i] = np.uint64(pair + i)
-                of_slot[used + i] = slot
-                of_laboratory[used + i] = laboratory
-            used += more
+                of_index[in_chunk + i] = np.uint64(pair + i)
+                of_slot[in_chunk + i] = slot
+                of_laboratory[in_chunk + i] = laboratory
+            in_chunk += more
             pair += more
             if pair == pairs:
                 row, pair = row + 1, 0
-        _philox(key, of_index[:used], of_slot[:used], of_laboratory[:used], first, second)
+        _philox(
+            key, of_index[:in_chunk], of_slot[:in_chunk], of_laboratory[:in_chunk], first, second
+        )
         if odd:
-            for i in range(used):
+            for i in range(in_chunk):
                 words[count] = first[i]
                 words[count + 1] = second[i]
                 begun += 1
                 count += 1 if begun == pairs else 2
                 begun = 0 if begun == pairs else begun
         else:
-            count = 2 * used
-            for i in range(used):
+            count = 2 * in_chunk
+            for i in range(in_chunk):
                 words[2 * i] = first[i]
                 words[2 * i + 1] = second[i]
         numbers = out[filled : filled + count]

@@ -52,16 +52,16 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
         Result, (6, laboratory).
     """
     count = hits.shape[1]
-    used, begin = np.empty(count, np.int64), np.empty(count + 1, np.int64)
+    order, begin = np.empty(count, np.int64), np.empty(count + 1, np.int64)
     observed, explained, squares = np.empty((3, count))
     for laboratory in range(len(hits)):
         weight = weights[laboratory]
-        many = _group_hits(weight, places[laboratory], used, begin)
+        many = _group_hits(weight, places[laboratory], order, begin)
         observed[:many], explained[:many] = 0.0, 0.0
-        _add_variance(hits[laboratory], used, begin[: many + 1], squares, observed)
+        _add_variance(hits[laboratory], order, begin[: many + 1], squares, observed)
         for constant in range(effects.shape[1]):
-            moved = effects[laboratory, constant]
-            _add_variance(moved, used, begin[: many + 1], squares, explained)
+            effect = effects[laboratory, constant]
+            _add_variance(effect, order, begin[: many + 1], squares, explained)
         total, uncertain, weighing, all_variance, unexplained, hits_free = (
             0.0,
             0.0,
@@ -72,7 +72,7 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
         )
         for at in range(many):
             square = 0.0
-            for hit in used[begin[at] : begin[at + 1]]:
+            for hit in order[begin[at] : begin[at + 1]]:
                 square += weight[hit] ** 2
             total += square * max(observed[at] - explained[at], 0.0)
             weighing += square
@@ -92,7 +92,7 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
 
 
 @njit(cache=True, error_model="numpy")
-def _group_hits(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
+def _group_hits(weight: Array, places: Array, order: Whole, begin: Whole) -> int:
     """Fill in the indices of the used hits, sorted by position, and the start of each position.
 
     Return the number of positions.
@@ -101,13 +101,13 @@ def _group_hits(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
     for hit in range(weight.size):
         done = weight[hit] == 0.0
         for i in range(hits):
-            done |= places[used[i]] == places[hit]
+            done |= places[order[i]] == places[hit]
         if done:
             continue
         begin[positions] = hits
         for other in range(hit, weight.size):
             if weight[other] != 0.0 and places[other] == places[hit]:
-                used[hits] = other
+                order[hits] = other
                 hits += 1
         positions += 1
     begin[positions] = hits
@@ -115,7 +115,7 @@ def _group_hits(weight: Array, places: Array, used: Whole, begin: Whole) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _add_variance(values: Array, used: Whole, begin: Whole, squares: Array, out: Array) -> None:
+def _add_variance(values: Array, order: Whole, begin: Whole, squares: Array, out: Array) -> None:
     """Add the variance of the values within each position, or the pooled one for a single hit.
 
     `squares` is overwritten.
@@ -124,10 +124,10 @@ def _add_variance(values: Array, used: Whole, begin: Whole, squares: Array, out:
     for at in range(begin.size - 1):
         mean, square, many = 0.0, 0.0, begin[at + 1] - begin[at]
         for i in range(begin[at], begin[at + 1]):
-            mean += values[used[i]]
+            mean += values[order[i]]
         mean /= many
         for i in range(begin[at], begin[at + 1]):
-            square += (values[used[i]] - mean) ** 2
+            square += (values[order[i]] - mean) ** 2
         squares[at] = square
         pooled += square
         freedom += many - 1

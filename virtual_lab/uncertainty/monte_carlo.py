@@ -117,8 +117,8 @@ class Batches:
             (low, high), slope = self.ends[name]
             # the error of a quantile follows from that of the distribution function there
             # (Bahadur), without sorting
-            off = np.array([np.mean(values <= low) - tail, np.mean(values <= high) - 1 + tail])
-            rows.append([values.mean(), values.std(ddof=1), *([low, high] - off * slope)])
+            error = np.array([np.mean(values <= low) - tail, np.mean(values <= high) - 1 + tail])
+            rows.append([values.mean(), values.std(ddof=1), *([low, high] - error * slope)])
         self.statistics.append(np.array(rows))
         if len(rows) > 1:
             self.covariances.append(np.cov(np.stack(list(answers.values()))))
@@ -324,9 +324,9 @@ def _region(model: Model, batches: Batches) -> Region:
     inverse = np.linalg.pinv(covariance, hermitian=True)
     u = np.where(batches.u > 0, batches.u, inf)
     sketches: list[Sketch] = []
-    left = len(batches)
+    remaining = len(batches)
     for answers in batches.answers():
-        away = np.stack(list(answers.values()))[:, : left * BATCH] - mean[:, None]
+        away = np.stack(list(answers.values()))[:, : remaining * BATCH] - mean[:, None]
         both = (
             np.sqrt(np.einsum("ik,ij,jk->k", away, inverse, away)),
             np.max(np.abs(away) / u[:, None], axis=0),
@@ -334,8 +334,8 @@ def _region(model: Model, batches: Batches) -> Region:
         sketches = sketches or [Sketch.empty_like(each, drawing.probability) for each in both]
         for sketch, each in zip(sketches, both, strict=True):
             sketch.add(each)
-        left -= BLOCK // BATCH
-        if left <= 0:
+        remaining -= BLOCK // BATCH
+        if remaining <= 0:
             break
     ellipsoid, box = (
         float(np.interp(drawing.probability, *each.distribution())) for each in sketches

@@ -102,8 +102,8 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
     means = np.bincount(which, readings) / counts
     grand = float(readings.mean())
     between = Line(ss=float(counts @ (means - grand) ** 2), dof=counts.size - 1.0)
-    left = float(np.sum((readings - means[which]) ** 2))
-    within = Line(ss=left, dof=float(readings.size - counts.size))
+    residual = float(np.sum((readings - means[which]) ** 2))
+    within = Line(ss=residual, dof=float(readings.size - counts.size))
     size = (readings.size - np.sum(counts**2) / readings.size) / between.dof
     group_sd = _root((between.ms - within.ms) / size)
     return GroupStudy(

@@ -45,11 +45,11 @@ def other_support(
     recoil = np.asarray(recoil_factor(ball, inverse_M_eff))
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
     factor = np.asarray(bat_performance_factor(restitution, shots.lot_ball_restitution))
-    used = outcome.used
-    weights = outcome.weights[used]
+    mask = outcome.used
+    weights = outcome.weights[mask]
     return OtherSupport(
         which=which,
-        recoil_factor=float(recoil[used] @ weights),
-        restitution=float(restitution[used] @ weights),
-        bat_performance_factor=float(factor[used] @ weights),
+        recoil_factor=float(recoil[mask] @ weights),
+        restitution=float(restitution[mask] @ weights),
+        bat_performance_factor=float(factor[mask] @ weights),
     )

@@ -66,8 +66,8 @@ def model_of(
     in its SI unit. The inputs are the constants of the reduction, and the further components of
     `linear` as errors with the value 0.
     """
-    used = np.flatnonzero(outcome.used)
-    model, effects = reduced.model(readings, used[None]), outcome.effects[used]
+    indices = np.flatnonzero(outcome.used)
+    model, effects = reduced.model(readings, indices[None]), outcome.effects[indices]
     inputs: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}
     added = {
         part.name: Input(0.0, part.u, part.dof, evaluation="A")

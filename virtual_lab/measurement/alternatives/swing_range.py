@@ -56,12 +56,15 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     variants = Variants.of(reduced.constants)
     columns = variants.columns
     bat = bat_properties(columns)
-    moved = Curve.from_shots(reduced.model(readings).shots(columns, bat))
+    variant_curve = Curve.from_shots(reduced.model(readings).shots(columns, bat))
     results = []
     for exponent, (other, outcome) in others.items():
-        used = outcome.used
-        hits, places = metric_of(other)(moved, bat)[..., used], np.round(reduced.place[used], 6)
-        weights = outcome.weights[None, used]
+        mask = outcome.used
+        hits, places = (
+            metric_of(other)(variant_curve, bat)[..., mask],
+            np.round(reduced.place[mask], 6),
+        )
+        weights = outcome.weights[None, mask]
         budget = means_of_hits(variants, hits, weights, places[None], weights).row(0)
         results.append(SwingResult(exponent=exponent, place=float(outcome.place[0]), budget=budget))
     return tuple(results)

@@ -203,17 +203,17 @@ def _worst_release(apart: Array, moves: Array) -> Pairs:
     worst = np.nanargmax(np.abs(apart - mean), axis=1)
     others = apart.copy()
     others[np.arange(len(apart)), worst] = np.nan
-    left = np.where(compared, number - 1.0, 2.0)
-    off = np.nanmax(np.abs(apart - mean), axis=1) * number / left
-    spread = np.sqrt(np.nanvar(others, axis=1) * left / np.maximum(left - 1, 1))
+    other_count = np.where(compared, number - 1.0, 2.0)
+    deviation = np.nanmax(np.abs(apart - mean), axis=1) * number / other_count
+    spread = np.sqrt(np.nanvar(others, axis=1) * other_count / np.maximum(other_count - 1, 1))
     return pairs(
         "pendulum-even",
         lambda i: (
             f"in release {worst[i] + 1} of bench/pendulum, the ratio of mean to median swing time "
-            f"differs by {off[i]:.2%} from that of the other releases"
+            f"differs by {deviation[i]:.2%} from that of the other releases"
         ),
-        off,
-        types_a("scatter", off, spread * np.sqrt(1 + 1 / left), left - 1),
+        deviation,
+        types_a("scatter", deviation, spread * np.sqrt(1 + 1 / other_count), other_count - 1),
         of="worst release",
         least=EVEN_U,
         moves=moves / number,
@@ -230,22 +230,22 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
     usual = np.median(swings, axis=(1, 2))
     irregular: Mask = np.asarray(odd.any(axis=2))
     # odd releases are used if too few others remain
-    used: Mask = np.asarray((irregular & counted).any(axis=1))
+    too_many: Mask = np.asarray((irregular & counted).any(axis=1))
     out: Mask = np.asarray((irregular & ~counted).any(axis=1))
 
     def describe(i: int) -> str:
         release = int(irregular[i].argmax())
         swing = int(odd[i, release].argmax())
         times, many = swings[i, release, swing] / usual[i], int(irregular[i].sum())
-        left = "too many to leave out" if used[i] else "left out of the period"
+        outcome = "too many to leave out" if too_many[i] else "left out of the period"
         return (
             f"in release {release + 1} of bench/pendulum, the swing after passage {swing + 1} "
             f"takes {times:.2f} times the usual time, so a passage was lost or counted twice; "
-            f"releases with such a swing: {many} of {irregular.shape[1]}, {left}"
+            f"releases with such a swing: {many} of {irregular.shape[1]}, {outcome}"
         )
 
     yield Raised(name="pendulum-even", where=out, sentence=describe)
-    yield Raised(name="pendulum-even", where=used, sentence=describe, invalidates=True)
+    yield Raised(name="pendulum-even", where=too_many, sentence=describe, invalidates=True)
 
 
 class Slowing(NamedTuple):
@@ -340,16 +340,17 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
     if stated is None or "climate" not in evidence.block.records["bench"]:
         return
     read = evidence.reduced.constants[DENSITY]
-    off = read.value - stated.value
-    moves = np.abs(evidence.sensitivities.get(DENSITY, np.full(off.shape, np.inf)))
+    difference = read.value - stated.value
+    moves = np.abs(evidence.sensitivities.get(DENSITY, np.full(difference.shape, np.inf)))
     yield pairs(
         "air-density",
         lambda i: (
             f"the air density is {read.value[i]:.3f} kg/m³ according to bench/climate, but "
             f"{stated.value[i]:.3f} kg/m³ according to the calibration"
         ),
-        off,
-        types_a("climate", off, read.u, read.dof) + types_a("stated", off, stated.u, stated.dof),
+        difference,
+        types_a("climate", difference, read.u, read.dof)
+        + types_a("stated", difference, stated.u, stated.dof),
         least=DENSITY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
     )

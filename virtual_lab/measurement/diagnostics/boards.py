@@ -41,22 +41,22 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
         return
     of_shots = {name: value[evidence.owner, 0, 0] for name, value in best.items()}
     drag = drag_of(of_shots, evidence.shots.ball_mass)
-    for way, board in product((INBOUND, OUTBOUND), range(1, last)):
-        along = drag if way == INBOUND else -drag
-        reach = [time_before(of_shots[_distance(k)], 1.0, along) for k in range(last + 1)]
-        times = gates.passages.times[:, way]
+    for direction, board in product((INBOUND, OUTBOUND), range(1, last)):
+        along = drag if direction == INBOUND else -drag
+        unit_times = [time_before(of_shots[_distance(k)], 1.0, along) for k in range(last + 1)]
+        times = gates.passages.times[:, direction]
         part = (times[:, board] - times[:, 0]) / (times[:, last] - times[:, 0])
-        off = reach[board] - reach[0] - part * (reach[last] - reach[0])
-        used = evidence.reduced.valid & np.isfinite(off)
-        mean, u, number = evidence.mean_of(off, used)
-        share, _, _ = evidence.mean_of(part, used)
+        deviation = unit_times[board] - unit_times[0] - part * (unit_times[last] - unit_times[0])
+        mask = evidence.reduced.valid & np.isfinite(deviation)
+        mean, u, number = evidence.mean_of(deviation, mask)
+        share, _, _ = evidence.mean_of(part, mask)
         survey = _between(constants, board, last, np.where(number > 0, share, 0.5))
         yield pairs(
             "boards-in-line",
-            _board_said(board, way, mean, used, evidence),
+            _board_said(board, direction, mean, mask, evidence),
             mean,
             survey + types_a("scatter", mean, u, number - 1),
-            of=f"board {board + 1}{WAYS[way]}",
+            of=f"board {board + 1}{WAYS[direction]}",
             least=1e-5,
             moves=evidence.moves(survey),
             compared=number >= FEWEST_SHOTS,
@@ -64,12 +64,12 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def _board_said(
-    board: int, way: int, mean: Array, used: Mask, evidence: Evidence
+    board: int, direction: int, mean: Array, mask: Mask, evidence: Evidence
 ) -> Callable[[int], str]:
     return lambda i: (
-        f"on the way {'in' if way == INBOUND else 'back'}, board {board + 1} is "
+        f"on the way {'in' if direction == INBOUND else 'back'}, board {board + 1} is "
         f"{mean[i] * 1e3:+.2f} mm out of line with the first and last boards (impact/gates, "
-        f"{evidence.shots_of(used, i)})"
+        f"{evidence.shots_of(mask, i)})"
     )
 
 
@@ -133,9 +133,9 @@ class Heights:
         The weighted sum of the heights is that of a line by least squares through all boards.
         """
         middle = self.distances.mean(axis=1, keepdims=True)
-        off = self.distances - middle
-        reach = middle / np.sum(off**2, axis=1, keepdims=True)
-        return np.asarray(1 / off.shape[1] - reach * off)
+        deviation = self.distances - middle
+        lever = middle / np.sum(deviation**2, axis=1, keepdims=True)
+        return np.asarray(1 / deviation.shape[1] - lever * deviation)
 
     def each(self, weights: Array) -> Array:
         """Return the weighted sum of each shot, (shot,) [m]."""
@@ -169,8 +169,8 @@ class Heights:
         with np.errstate(divide="ignore", invalid="ignore"):
             base = evidence.per_laboratory(x**2)
             slope = evidence.per_laboratory(x * y) / base
-            left = evidence.per_laboratory((y - slope[evidence.owner] * x) ** 2)
-            return slope, np.sqrt(left / (number - 2) / base), number - 2
+            residual = evidence.per_laboratory((y - slope[evidence.owner] * x) ** 2)
+            return slope, np.sqrt(residual / (number - 2) / base), number - 2
 
 
 def heights(evidence: Evidence) -> Iterator[Pairs]:

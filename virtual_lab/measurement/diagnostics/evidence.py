@@ -112,8 +112,8 @@ class Evidence:
         number = self.per_laboratory(used)
         with np.errstate(divide="ignore", invalid="ignore"):
             mean = self.per_laboratory(np.where(used, values, 0.0)) / number
-            off = np.where(used, values - mean[self.owner], 0.0)
-            variance = self.per_laboratory(off**2) / (number - 1)
+            deviation = np.where(used, values - mean[self.owner], 0.0)
+            variance = self.per_laboratory(deviation**2) / (number - 1)
             return mean, np.sqrt(variance / number), number
 
     @cached_property

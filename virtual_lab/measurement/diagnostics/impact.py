@@ -56,13 +56,13 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
     These are shots whose edges at the boards deviate from one flight by more than the procedure
     allows. In a sound block the flag is raised nowhere.
     """
-    off = evidence.per_laboratory(evidence.off_flight)
+    count = evidence.per_laboratory(evidence.off_flight)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
         name="edges",
-        where=off > 0.1 * fired,  # scraps of a sabot do not explain so many
+        where=count > 0.1 * fired,  # scraps of a sabot do not explain so many
         sentence=lambda i: (
-            f"the beam edges of {off[i]:.0f} of {fired[i]:.0f} shots do not fit a single flight; "
+            f"the beam edges of {count[i]:.0f} of {fired[i]:.0f} shots do not fit a single flight; "
             "scraps of sabots explain only a few such shots"
         ),
     )
@@ -87,27 +87,27 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
         ("along", marks.along, lined_up, evidence.moves(survey)),
         ("across", marks.across, height, np.inf),
     )
-    for way, marked, at, moves in aimed:
-        off = marked.reshape(evidence.laboratories, -1) - at.value[:, None]
-        number = off.shape[1]
+    for axis, marked, at, moves in aimed:
+        deviation = marked.reshape(evidence.laboratories, -1) - at.value[:, None]
+        number = deviation.shape[1]
         if number < FEWEST_SHOTS:
             continue
-        mean, u = off.mean(axis=1), off.std(axis=1, ddof=1) / sqrt(number)
+        mean, u = deviation.mean(axis=1), deviation.std(axis=1, ddof=1) / sqrt(number)
         yield pairs(
             "aim",
-            _aim_said(way, number, mean),
+            _aim_said(axis, number, mean),
             mean,
             survey + types_a("scatter", mean, u, number - 1),
-            of=way,
+            of=axis,
             least=1e-5,
             moves=moves,
         )
 
 
-def _aim_said(way: str, number: int, mean: Array) -> Callable[[int], str]:
+def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
     return lambda i: (
         f"the mean of the {number} marks of impact/aim is {mean[i] * 1e3:+.1f} mm from the aim "
-        f"{way} the bat"
+        f"{axis} the bat"
     )
 
 
@@ -152,19 +152,19 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
         lever = evidence.outcome.effects * _by_rate(
             evidence, which
         )  # 0 if the result uses the ball alone
-        used = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
-        compared = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(used) > 0)
+        mask = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
+        compared = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(mask) > 0)
         if not compared.any():
             continue
         with np.errstate(divide="ignore"):
             moves = np.where(compared, 1 / evidence.metric.u, 0.0)
-        apart = np.where(used, lever * (fit.by_half - fit.rate), 0.0)
-        u = np.where(used, np.abs(lever) * fit.by_half_u, 0.0)
-        rounding = np.where(used, RATE_ROUNDING * lever * fit.rate, 0.0)
+        apart = np.where(mask, lever * (fit.by_half - fit.rate), 0.0)
+        u = np.where(mask, np.abs(lever) * fit.by_half_u, 0.0)
+        rounding = np.where(mask, RATE_ROUNDING * lever * fit.rate, 0.0)
         change = evidence.per_laboratory(apart)
         yield pairs(
             "encoder-halves",
-            _halves_said(evidence, channel, change * moves, used),
+            _halves_said(evidence, channel, change * moves, mask),
             change,
             types_a("fit", change, np.sqrt(evidence.per_laboratory(u**2))),
             of="mean",
@@ -173,30 +173,30 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             compared=compared,
         )
         yield _worst_shot(
-            evidence, channel, used & compared[evidence.owner], apart, u, rounding, moves
+            evidence, channel, mask & compared[evidence.owner], apart, u, rounding, moves
         )
 
 
 def _halves_said(
-    evidence: Evidence, channel: str, change: Array, used: Mask
+    evidence: Evidence, channel: str, change: Array, mask: Mask
 ) -> Callable[[int], str]:
     return lambda i: (
         f"the half of each impact/{channel} record nearest contact, used alone, shifts the result "
-        f"by {change[i]:+.2f} of its u ({evidence.shots_of(used, i)})"
+        f"by {change[i]:+.2f} of its u ({evidence.shots_of(mask, i)})"
     )
 
 
 def _worst_shot(
     evidence: Evidence,
     channel: str,
-    used: Mask,
+    mask: Mask,
     apart: Array,
     u: Array,
     rounding: Array,
     moves: Array,
 ) -> Pairs:
     """Return the pair of each laboratory's least likely shot."""
-    shots = np.flatnonzero(used)
+    shots = np.flatnonzero(mask)
     owner = evidence.owner[shots]
     among = np.bincount(owner, minlength=evidence.laboratories)
     every = pairs(
@@ -239,8 +239,8 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 
     def metric(factor: float) -> Array:
         turned = replace(fit, rate=fit.rate * factor)
-        moved = replace(model, readings=replace(model.readings, **{which: turned}))
-        return moved(evidence.best)["metric"]
+        variant = replace(model, readings=replace(model.readings, **{which: turned}))
+        return variant(evidence.best)["metric"]
 
     shots = evidence.reduced.shot_numbers
     changes = np.empty(evidence.owner.size)
@@ -263,10 +263,10 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     compared = number >= (FEWEST_SHOTS if marks is None else 1)
     if not compared.any():
         return
-    hits, moved = _moved_apart(evidence, both)
-    used = np.where(hits >= 0, both[hits], False)
-    weights = used / np.maximum(used.sum(axis=1, keepdims=True), 1)
-    shared = evidence.variants.components(weighted_sums(moved, weights))
+    hits, differences = _variant_differences(evidence, both)
+    mask = np.where(hits >= 0, both[hits], False)
+    weights = mask / np.maximum(mask.sum(axis=1, keepdims=True), 1)
+    shared = evidence.variants.components(weighted_sums(differences, weights))
     square, degrees = _scatter(evidence, apart, both, shared, marks)
     yield pairs(
         "recoil-and-rebound",
@@ -281,7 +281,7 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     )
 
 
-def _moved_apart(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
+def _variant_differences(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
     """Return numbers of shots, including those in `both`, and e_A differences of the variants."""
     hits = number_shots(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():

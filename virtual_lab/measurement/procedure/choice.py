@@ -83,8 +83,8 @@ def variances_within(
     """
     of, back = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
     many = np.bincount(back)
-    off = metric - (np.bincount(back, metric) / many)[back]
+    deviation = metric - (np.bincount(back, metric) / many)[back]
     whose = of.real.astype(np.intp)
     freedom = np.bincount(whose, many - 1, laboratories)
-    square = np.bincount(owner, off**2, laboratories)
+    square = np.bincount(owner, deviation**2, laboratories)
     return np.where(freedom > 0, square / np.where(freedom > 0, freedom, 1.0), np.nan)

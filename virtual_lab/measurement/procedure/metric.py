@@ -116,11 +116,11 @@ def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tupl
 
 def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
     if game.axis_from_knob is None:
-        reach, inertia = np.ones_like(place), bat.inertia_cm
+        radius, inertia = np.ones_like(place), bat.inertia_cm
     else:
         axis = bat.length - game.axis_from_knob
         lever = axis - bat.z_cm
-        reach, inertia = axis - place, np.asarray(parallel_axis(bat.inertia_cm, bat.mass, lever))
+        radius, inertia = axis - place, np.asarray(parallel_axis(bat.inertia_cm, bat.mass, lever))
     actual, reference = (
         (bat.mass, game.reference_mass)
         if game.scales_with == "mass"
@@ -129,7 +129,7 @@ def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
     speed = game.bat_speed if game.angular_speed is None else game.angular_speed
     assert speed is not None  # checked by Game
     assert reference is not None
-    return np.asarray(speed * reach * (reference / actual) ** game.exponent)
+    return np.asarray(speed * radius * (reference / actual) ** game.exponent)
 
 
 def _convert_to_standard_ball(

@@ -137,9 +137,9 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
     )
     order, starts = in_turn_of(shots.owner, laboratories)
     columns = shots.place[order], shots.valid[order], shots.objective.value[order]
-    chosen, used = np.empty((2, order.size), dtype=bool)
+    chosen, mask = np.empty((2, order.size), dtype=bool)
     scans_of_block(starts, *columns, scan_rules(procedure, scan), scans, chosen)
-    used[order] = chosen
+    mask[order] = chosen
     hits = np.bincount(shots.owner, shots.valid, laboratories)
     step = scan.fine_step - SETTING_STEP
     at_an_end = (scans.best - step < scan.low) | (scans.best + step > scan.high)
@@ -149,13 +149,13 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
         for one in range(laboratories)
     )
     some &= scans.result > 0
-    used &= some[shots.owner]
+    mask &= some[shots.owner]
     if scan.final_hits:
         many = np.where(some, scans.result, np.nan)
-        weights = np.where(some[shots.owner], used / many[shots.owner], np.nan)
-        place = np.bincount(shots.owner, np.where(used, shots.place, 0.0), laboratories) / many
+        weights = np.where(some[shots.owner], mask / many[shots.owner], np.nan)
+        place = np.bincount(shots.owner, np.where(mask, shots.place, 0.0), laboratories) / many
         return HitWeights(weights=weights, effects=weights, place=place, reasons=reasons)
-    weights, effects, place = _tops_of_curves(scan, laboratories, shots, used)
+    weights, effects, place = _tops_of_curves(scan, laboratories, shots, mask)
     return HitWeights(weights=weights, effects=effects, place=place, reasons=reasons)
 
 
@@ -178,7 +178,7 @@ def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, one: int, some: b
 
 
 def _tops_of_curves(
-    scan: Scan, laboratories: int, shots: ScanShots, used: Mask
+    scan: Scan, laboratories: int, shots: ScanShots, mask: Mask
 ) -> tuple[Array, Array, Array]:
     """Return weights and effects of hits, (shot,), and positions of the maxima, (laboratory,).
 
@@ -186,7 +186,7 @@ def _tops_of_curves(
     at the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its contribution to the
     fit. The results of a laboratory without used hits are NaN.
     """
-    hits = number_shots(shots.owner, used, laboratories)
+    hits = number_shots(shots.owner, mask, laboratories)
     some = hits >= 0
     many = some.sum(axis=1)
     with np.errstate(invalid="ignore"):
@@ -217,8 +217,8 @@ def _tops_of_curves(
         slopes = np.einsum("lp,lph->lh", first, solved[:, 1:])
         bend = np.einsum("lp,lp->l", second, fitted[:, 2:])
         turned = turns & (top[:, 0] == turn)
-        moved = np.einsum("lh,lh->l", slopes, metric) / np.where(turned, -bend, np.inf)
-        effects += moved[:, None] * slopes * gain
+        shift = np.einsum("lh,lh->l", slopes, metric) / np.where(turned, -bend, np.inf)
+        effects += shift[:, None] * slopes * gain
     spread = np.where((many > 0)[shots.owner], 0.0, np.nan)
     by_shot = [spread.copy(), spread.copy()]
     for column, each in zip(by_shot, (weights, effects), strict=True):

@@ -88,9 +88,9 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
         (end**powers - top**powers) @ solved / -curve.deriv()(end) for end in (span.low, span.high)
     )
     peak = span.scale(middle, half)
-    off = metric - design @ solved @ metric
+    residual = metric - design @ solved @ metric
     free = 1 - np.sum(design * solved.T, axis=1)
-    u = float(np.linalg.norm(half * (high - low) * off / free))
+    u = float(np.linalg.norm(half * (high - low) * residual / free))
     width, stated = np.array([peak.width]), np.array([u if span.whole else 0.0])
     scattered = types_a(HITS, width, stated, place.size - powers.size)
     return Width(drop=drop, span=peak, budget=combine_components(width, scattered).row(0))

@@ -146,8 +146,8 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
     settled = False
     while not settled:
         for ring in range(rings):
-            reach = rules.fine_step if ring == 0 else rules.fit_half_width
-            around = fine[np.abs(fine - middle) < reach + LEAST]
+            limit = rules.fine_step if ring == 0 else rules.fit_half_width
+            around = fine[np.abs(fine - middle) < limit + LEAST]
             lacking = _lacking(around, rules.valid_hits, place, valid, rules.reach, out)
             if lacking:
                 return lacking
@@ -182,14 +182,14 @@ def next_hits_of_block(
     (laboratory, attempts), and is not overwritten beyond the number. `starts`, (laboratory + 1,),
     are the limits of each laboratory's shots in `place`, `valid` and `objective`.
     """
-    room = np.empty(most_asked(rules))
+    positions = np.empty(most_asked(rules))
     for one in range(number.size):
         rows = slice(starts[one], starts[one + 1])
-        request = next_hits(place[rows], valid[rows], objective[rows], rules, room)
-        left = max(rules.attempts - (starts[one + 1] - starts[one]), 0)
-        number[one] = min(request, left)
+        request = next_hits(place[rows], valid[rows], objective[rows], rules, positions)
+        remaining = max(rules.attempts - (starts[one + 1] - starts[one]), 0)
+        number[one] = min(request, remaining)
         for shot in range(number[one]):  # a slice takes seconds more to compile
-            out[one, shot] = room[shot]
+            out[one, shot] = positions[shot]
 
 
 class Scanned(NamedTuple):
@@ -324,8 +324,8 @@ def _select_complete(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array
 @njit(cache=True)
 def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
     """Return a mask of the complete positions next to the best one."""
-    off = np.abs(complete - best)
-    return (off > 1e-6) & (off < rules.fine_step + 4 * rules.reach)
+    distance = np.abs(complete - best)
+    return (distance > 1e-6) & (distance < rules.fine_step + 4 * rules.reach)
 
 
 @njit(cache=True)

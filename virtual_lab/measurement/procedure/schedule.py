@@ -71,8 +71,8 @@ def next_shots(
     fired = np.bincount(owner, minlength=percussion.size)
     if procedure.scan is None:
         hits = np.bincount(owner, valid, percussion.size).astype(int)
-        left = np.maximum(procedure.attempts - fired, 0)
-        number = np.minimum(np.maximum(procedure.valid_hits - hits, 0), left)
+        remaining = np.maximum(procedure.attempts - fired, 0)
+        number = np.minimum(np.maximum(procedure.valid_hits - hits, 0), remaining)
         return NextShots(laboratories.repeat(number), percussion.repeat(number))
     from virtual_lab.measurement.procedure.scan_kernel import next_hits_of_block
 

@@ -31,16 +31,16 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
     misfit
         Rms deviation of the edges from parabola and line, (shot, direction) [s].
     """
-    shots, ways, boards, beams, _ = edges.shape
+    shots, directions, boards, beams, _ = edges.shape
     places, middles, squares = np.empty((3, beams))
     for shot in range(shots):
-        for way in range(ways):
+        for direction in range(directions):
             rest, degrees = 0.0, 0
             for board in range(boards):
-                many, scale = _broken(edges[shot, way, board], places, middles, squares)
+                many, scale = _broken(edges[shot, direction, board], places, middles, squares)
                 broken = places[:many], middles[:many], squares[:many]
-                times[shot, way, board] = heights[shot, way, board] = nan
-                heights_u[shot, way, board] = nan
+                times[shot, direction, board] = heights[shot, direction, board] = nan
+                heights_u[shot, direction, board] = nan
                 if many < 4:  # too few for a parabola with a misfit
                     continue
                 about = broken[0].mean()
@@ -50,12 +50,12 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
                 if not abs(top) < beams:
                     continue
                 mean, lean, off_line = _line(broken)
-                times[shot, way, board] = mean + lean * top
-                heights[shot, way, board] = about + top
-                heights_u[shot, way, board] = top_u
+                times[shot, direction, board] = mean + lean * top
+                heights[shot, direction, board] = about + top
+                heights_u[shot, direction, board] = top_u
                 rest += off_line + off_top / 4
                 degrees += 2 * many - 5
-            misfit[shot, way] = sqrt(rest / degrees) if degrees > 0 else nan
+            misfit[shot, direction] = sqrt(rest / degrees) if degrees > 0 else nan
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -98,29 +98,29 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
     b1 = (q1 - d12 * b2) / d11
     b0 = (r0 - s1 * b1 - s2 * b2) / s0
     top = -b1 / (2 * b2)
-    off, scatter, gain = 0.0, 0.0, 0.0
+    misfit, scatter, gain = 0.0, 0.0, 0.0
     for i in range(places.size):
         x, y = places[i], squares[i]
         rest = y - b0 - b1 * x - b2 * x**2
-        off += (scale * rest) ** 2 / (4 * max(y, FAINTEST))
+        misfit += (scale * rest) ** 2 / (4 * max(y, FAINTEST))
         scatter += rest**2 / (places.size - 3)
         # sensitivity of the maximum to this square
         tilt, bend = x - s1 / s0, x**2 - s2 / s0
         bend = (bend - d12 / d11 * tilt) / (d22 - d12 / d11 * d12)
         tilt = (tilt - d12 * bend) / d11
         gain += ((tilt + 2 * top * bend) / (2 * b2 * max(y, FAINTEST))) ** 2
-    return top, sqrt(scatter * gain), off
+    return top, sqrt(scatter * gain), misfit
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _line(broken: Beams) -> tuple[float, float, float]:
     """Return mean and slope of the line through the middles, and the squared misfit."""
     places, middles, _ = broken
-    mean, both, spread, off = middles.mean(), 0.0, 0.0, 0.0
+    mean, both, spread, misfit = middles.mean(), 0.0, 0.0, 0.0
     for i in range(places.size):
         both += places[i] * (middles[i] - mean)
         spread += places[i] ** 2
     lean = both / spread
     for i in range(places.size):
-        off += (middles[i] - mean - lean * places[i]) ** 2
-    return mean, lean, off
+        misfit += (middles[i] - mean - lean * places[i]) ** 2
+    return mean, lean, misfit

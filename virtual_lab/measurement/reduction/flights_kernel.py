@@ -42,14 +42,14 @@ def fit_speeds(
         Drag rate κ, (row, shot) [1/m].
     """
     gates, shots = times.shape[2:]
-    reach, moments = np.empty((gates, shots)), np.empty((4, shots))
+    unit_times, moments = np.empty((gates, shots)), np.empty((4, shots))
     for row in range(batch.size):
-        for way in range(2):
-            speed = out[way, row]
-            _reaches(distances[row], SIGNS[way], drag[row], reach)
-            _line(times[batch[row], way], reach, moments, speed)
+        for direction in range(2):
+            speed = out[direction, row]
+            _fill_unit_times(distances[row], SIGNS[direction], drag[row], unit_times)
+            _line(times[batch[row], direction], unit_times, moments, speed)
             for i in range(shots):
-                speed[i] *= SIGNS[way] * clock[row]
+                speed[i] *= SIGNS[direction] * clock[row]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -72,42 +72,46 @@ def fit_heights(
     arguments are those of `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
-    reach, level, places = np.empty((3, gates, shots))
+    unit_times, level, places = np.empty((3, gates, shots))
     moments = np.empty((4, shots))
     for row in range(batch.size):
         for gate in range(gates):
             places[gate, :] = distances[row, gate]
-        for way in range(2):
-            _reaches(distances[row], SIGNS[way], drag[row], reach)
-            height, speed, slope = heights[batch[row], way], speeds[way, row], out[1 + way, row]
+        for direction in range(2):
+            _fill_unit_times(distances[row], SIGNS[direction], drag[row], unit_times)
+            height, speed, slope = (
+                heights[batch[row], direction],
+                speeds[direction, row],
+                out[1 + direction, row],
+            )
             for gate in range(gates):
                 for i in range(shots):
-                    since = reach[gate, i] / speed[i]
+                    since = unit_times[gate, i] / speed[i]
                     fallen = gravity[row] / 2 * since**2
                     level[gate, i] = height[gate, i] + zeros[row, gate] + fallen
             _line(places, level, moments, slope)
-            if way == 0:
+            if direction == 0:
                 for i in range(shots):
                     out[0, row, i] = moments[2, i] - slope[i] * moments[1, i]
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def _reaches(distances: Array, sign: float, drag: Array, reach: Array) -> None:
-    """Fill `reach` with the times to the gates for a speed of 1 at the target, (gate, shot)."""
+def _fill_unit_times(distances: Array, sign: float, drag: Array, unit_times: Array) -> None:
+    """Fill `unit_times`, (gate, shot), with the times to the gates for speed 1 at the target."""
     for gate in range(distances.size):
-        way, long = distances[gate], 0
+        distance, long = distances[gate], 0
         for i in range(drag.size):
-            x = sign * drag[i] * way
+            x = sign * drag[i] * distance
             total = SERIES[0]
             for k in range(1, len(SERIES)):
                 total = total * x + SERIES[k]
-            reach[gate, i] = way * total
+            unit_times[gate, i] = distance * total
             long += abs(x) > SERIES_BELOW
         if long:
             for i in range(drag.size):
-                x = sign * drag[i] * way
+                x = sign * drag[i] * distance
                 if abs(x) > SERIES_BELOW:
-                    reach[gate, i] = expm1(x) / (sign * drag[i])
+                    unit_times[gate, i] = expm1(x) / (sign * drag[i])
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -134,9 +138,9 @@ def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
     for gate in range(gates):
         for i in range(n):
             finite = abs(across[gate, i]) + abs(up[gate, i]) < np.inf
-            off = across[gate, i] - x_mean[i] if finite else 0.0
+            deviation = across[gate, i] - x_mean[i] if finite else 0.0
             rise = up[gate, i] - y_mean[i] if finite else 0.0
-            slope[i] += off * rise
-            square[i] += off * off
+            slope[i] += deviation * rise
+            square[i] += deviation * deviation
     for i in range(n):
         slope[i] /= square[i] if count[i] >= 2.0 else nan

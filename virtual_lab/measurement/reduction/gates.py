@@ -167,25 +167,25 @@ class GateReadings:
             contact=np.where(np.isfinite(raw.contact), level, np.nan),
         )
 
-    def _line_u(self, way: int) -> tuple[Array, Array]:
+    def _line_u(self, direction: int) -> tuple[Array, Array]:
         """Return the u of slope [s/m] and zero [s] of a line through a ball's times, (..., 1).
 
         An error of a surveyed distance shifts all balls alike and is no error of the readings, so
         the scatter is that about the mean ball. NaN with fewer than three gates or two balls.
         """
-        times = self.passages.times[..., way, :]
+        times = self.passages.times[..., direction, :]
         gates = times.shape[-1]
         whole = np.isfinite(times).all(axis=-1, keepdims=True)
         balls = whole.sum(axis=-2)
         middle = self.distances.mean(axis=-1, keepdims=True)
-        off = self.distances - middle
-        base = np.sum(off**2, axis=-1, keepdims=True)
+        deviation = self.distances - middle
+        base = np.sum(deviation**2, axis=-1, keepdims=True)
         centered = np.where(whole, times, 0.0)
         centered = centered - centered.mean(axis=-1, keepdims=True)
-        lean = np.sum(centered * off[..., None, :], axis=-1, keepdims=True) / base[..., None]
-        left = centered - lean * off[..., None, :]
-        left -= left.sum(axis=-2, keepdims=True) / np.maximum(balls, 1)[..., None]
-        square = np.sum(np.where(whole, left, 0.0) ** 2, axis=(-2, -1))[..., None]
+        lean = np.sum(centered * deviation[..., None, :], axis=-1, keepdims=True) / base[..., None]
+        residual = centered - lean * deviation[..., None, :]
+        residual -= residual.sum(axis=-2, keepdims=True) / np.maximum(balls, 1)[..., None]
+        square = np.sum(np.where(whole, residual, 0.0) ** 2, axis=(-2, -1))[..., None]
         free = np.where((balls > 1) & (gates > 2), (gates - 2) * (balls - 1), np.nan)
         variance = square / free
         return np.sqrt(variance / base), np.sqrt(variance * (1 / gates + middle**2 / base))
@@ -286,9 +286,9 @@ def heights_moved(readings: GateReadings) -> FlightModel:
         finite = np.isfinite(passages.heights)
         many = np.maximum(finite.sum(axis=-1), 1)
         middle = finite @ distances / many
-        off = np.where(finite, distances - middle[..., None], 0.0)
+        deviation = np.where(finite, distances - middle[..., None], 0.0)
         squares = np.sum(np.where(finite, passages.heights_u, 0.0) ** 2, axis=-1) / many
-        base = np.sum(off**2, axis=-1)
+        base = np.sum(deviation**2, axis=-1)
         level = np.sqrt(squares / many)[:, 0]
         slope_in, slope_out = np.sqrt(squares / np.where(base > 0, base, np.inf)).T
         still = np.zeros_like(level)

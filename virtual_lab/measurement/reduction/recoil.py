@@ -92,8 +92,8 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     no_ring = RECOIL.residual_of_counts if whole else RECOIL.residual
     searched = counts[: RECOIL.shots_searched].T
     rings, basis = _find_rings(clock, searched, span, no_ring)
-    left = np.sqrt((project(basis, searched)[1] ** 2).mean(axis=0))
-    odd = left > RECOIL.odd * np.median(left)  # a jump in one shot is not a vibration
+    rms = np.sqrt((project(basis, searched)[1] ** 2).mean(axis=0))
+    odd = rms > RECOIL.odd * np.median(rms)  # a jump in one shot is not a vibration
     if odd.any():
         rings, basis = _find_rings(clock, searched[:, ~odd], span, no_ring)
     row = np.zeros((contact.size, basis.shape[1]))
@@ -147,10 +147,10 @@ def _rates(
     for first in range(0, len(counts), RECOIL.shots_together):
         part = slice(first, first + RECOIL.shots_together)
         projection = counts[part] @ orthogonal
-        left = counts[part] - projection @ orthogonal.T
+        residual = counts[part] - projection @ orthogonal.T
         rate[part] = np.einsum("ps,sp->s", weight[:, part], projection)
-        square[part] = np.einsum("st,st->s", left, left)
-        late[part] = np.einsum("st,st->s", left[:, until:], left[:, until:])
+        square[part] = np.einsum("st,st->s", residual, residual)
+        late[part] = np.einsum("st,st->s", residual[:, until:], residual[:, until:])
     return rate, (weight**2).sum(axis=0), square, late
 
 
@@ -271,5 +271,5 @@ def _at_rest(record: EncoderRecord, contact: Array) -> tuple[Array, Array]:
     since = record.times[before] - record.times[before].mean()
     counts = record.counts[:, before]
     rate = counts @ (since / np.sum(since**2))
-    left = counts - counts.mean(axis=1, keepdims=True) - rate[:, None] * since
-    return np.asarray(rate), np.asarray(np.sqrt((left**2).mean(axis=1)))
+    residual = counts - counts.mean(axis=1, keepdims=True) - rate[:, None] * since
+    return np.asarray(rate), np.asarray(np.sqrt((residual**2).mean(axis=1)))

@@ -234,16 +234,16 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
     ]
     if not arrays:
         return Sets(None, every)
-    moved = np.zeros(max(value.shape[-2] for value in arrays), dtype=bool)
+    mask = np.zeros(max(value.shape[-2] for value in arrays), dtype=bool)
     for value in arrays:
         if is_certain(value):
             continue
         differs = value != value[..., :1, :]
-        moved |= differs.any(axis=(*range(value.ndim - 2), value.ndim - 1))
-    rows = np.flatnonzero(moved)
-    if moved[1:].all():
+        mask |= differs.any(axis=(*range(value.ndim - 2), value.ndim - 1))
+    rows = np.flatnonzero(mask)
+    if mask[1:].all():
         return Sets(None, every)
-    back = np.zeros(moved.size, dtype=np.intp)
+    back = np.zeros(mask.size, dtype=np.intp)
     back[rows] = np.arange(1, rows.size + 1)
     return Sets(np.append(0, rows), back)
 
@@ -348,15 +348,15 @@ def shot_results(
     return kind(**{name: columns[name] for name in names})
 
 
-def _mean_of(values: Array, used: Mask) -> Array:
+def _mean_of(values: Array, mask: Mask) -> Array:
     """Return the mean over the used balls, (..., 1), NaN without one.
 
     The sum is that of the balls one after another, whatever the layout of the array.
     """
-    used_values = np.where(used, values, 0.0)
+    used_values = np.where(mask, values, 0.0)
     total = sum(used_values[..., ball, None] for ball in range(used_values.shape[-1]))
     with np.errstate(invalid="ignore"):
-        return np.asarray(total / np.sum(used, axis=-1, keepdims=True))
+        return np.asarray(total / np.sum(mask, axis=-1, keepdims=True))
 
 
 def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:

@@ -110,5 +110,5 @@ def _cubic(clock: Array, counts: Array) -> tuple[Array, Array, Array]:
     """Return coefficients (power, shot), triangle of the fit, and squared residuals (shot,)."""
     orthogonal, triangle = np.linalg.qr(np.vander(clock, DEGREE + 1, increasing=True))
     projection = counts @ orthogonal
-    left = counts - projection @ orthogonal.T
-    return np.linalg.solve(triangle, projection.T), triangle, (left**2).sum(axis=1)
+    residual = counts - projection @ orthogonal.T
+    return np.linalg.solve(triangle, projection.T), triangle, (residual**2).sum(axis=1)

@@ -61,7 +61,7 @@ def balls_of_sets(
         number = ball[i]
         if number >= 0:
             faster[number] += (speed_in[i] - speed[0]) / many[number]
-            off = nominal[i] - middle[number]
-            rise += speed_out[i] / speed_in[i] * off
-            width += speed_in[i] * off
+            deviation = nominal[i] - middle[number]
+            rise += speed_out[i] / speed_in[i] * deviation
+            width += speed_in[i] * deviation
     slope[0] = rise / width

@@ -329,7 +329,7 @@ def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> b
     t -= 0.5 * lane[AT.bend] / lane[AT.rate] * t * t
     if abs(lane[AT.bend] * t) > 0.5 * abs(lane[AT.rate]):  # grazing release
         t = 0.0
-    closing, energy, reach = s_rate, 0.0, 0.0
+    closing, energy, amplitude = s_rate, 0.0, 0.0
     for m in range(modes):
         row = AT.head + m * MODE.size
         p, v, g, w2 = (
@@ -346,8 +346,8 @@ def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> b
         for m in range(modes):
             row = AT.head + m * MODE.size
             p, v = lane[row + MODE.p], lane[row + MODE.v]
-            reach += lane[row + MODE.g] * np.sqrt(v * v / lane[row + MODE.w2] + p * p)
-    lane[AT.reach] = reach
+            amplitude += lane[row + MODE.g] * np.sqrt(v * v / lane[row + MODE.w2] + p * p)
+    lane[AT.reach] = amplitude
     states[i, 2 * modes], states[i, 2 * modes + 1] = lane[AT.s] + s_rate * t, s_rate
     sums[i, 0], sums[i, 1] = lane[AT.time] + t, loss
     sums[i, 2] = 1.0 - (s_rate**2 + c * (energy + 2.0 * loss)) / speed**2
@@ -384,12 +384,12 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
             hidden = extreme < 0.1 * brush * peak
         return After.DOUBT if hidden else After.GOES_ON
     if phase == PHASE.loading:
-        left = -0.5 * rate**2 / lane[AT.bend]  # remaining way to the turn
-        if left > LIMITS.flat * near**2 * lane[AT.x]:
+        remaining = -0.5 * rate**2 / lane[AT.bend]  # remaining distance to the turn
+        if remaining > LIMITS.flat * near**2 * lane[AT.x]:
             return After.DOUBT
-        u = lane[AT.u] + left
-        lane[AT.peak] = lane[AT.x] + left
-        lane[AT.loss] += lost * u * lane[AT.force] * (1.0 + a * left / lane[AT.u])
+        u = lane[AT.u] + remaining
+        lane[AT.peak] = lane[AT.x] + remaining
+        lane[AT.loss] += lost * u * lane[AT.force] * (1.0 + a * remaining / lane[AT.u])
         _switch(lane, PHASE.unloading, b, log_k - (b - a) * log2(u), lane[AT.x] * given.near_end[i])
     elif phase == PHASE.flying:
         lane[AT.u_share], lane[AT.h_grown] = 1.0, LIMITS.afresh * lane[AT.h_mode]
@@ -447,12 +447,12 @@ def collide_lanes(
     )
     padded = -(-modes // CHUNK) * CHUNK
     size = AT.head + padded * MODE.size
-    room = np.zeros(size + 8)
-    w = room[(-room.ctypes.data // 8) % 8 :][:size]  # starts at a cache line
+    memory = np.zeros(size + 8)
+    w = memory[(-memory.ctypes.data // 8) % 8 :][:size]  # starts at a cache line
     stiff = np.any(given.series > 0.0)
     w[AT.scene : AT.scene + LANES] = -1.0
     w[AT.event : AT.event + LANES] = EVENT.clear
-    taken = left = 0
+    next_scene = finished = 0
     while True:
         for j in range(LANES):
             lane = w[j:]
@@ -465,12 +465,12 @@ def collide_lanes(
                     continue
                 counts = out[2][i]
                 counts[2], counts[3] = after == After.DOUBT, int(lane[AT.steps])
-                left += 1
+                finished += 1
                 lane[AT.scene] = -1.0
-            if taken < scenes:
-                _load(lane, taken, w2[bat[taken]], g, given, rule.turn)
-                taken += 1
-        if left == scenes:
+            if next_scene < scenes:
+                _load(lane, next_scene, w2[bat[next_scene]], g, given, rule.turn)
+                next_scene += 1
+        if finished == scenes:
             return out
         for i in range(drifts.size):
             _stage(w, padded, kicks[i], drifts[i])

@@ -150,10 +150,10 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
 
 
 @lru_cache(maxsize=64)  # a block requests the models of its bats in each round
-def _model(rung: str, bending_modes: int, body: BatBody, support: Support) -> CollisionModel:
-    if rung == "rigid":
+def _model(name: str, bending_modes: int, body: BatBody, support: Support) -> CollisionModel:
+    if name == "rigid":
         return RigidModel.of(body, support)
-    if rung == "reference":
+    if name == "reference":
         return ReferenceModel.of(body, support)
     modes = modes_of(body, support, BENDING_MODES + STIFF_MODES)
     return ModalModel.within(modes, bending_modes, held=support_words(support))
@@ -223,9 +223,9 @@ def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertaint
     return _because(faster, FASTEST, probe, allowed)
 
 
-def _check(rung: str | None, uncertainty: float | None) -> None:
-    if rung is not None and rung not in COLLISION_RUNGS:
-        raise InputError("collision", "rung", rung, f"allowed: {', '.join(COLLISION_RUNGS)}")
+def _check(name: str | None, uncertainty: float | None) -> None:
+    if name is not None and name not in COLLISION_RUNGS:
+        raise InputError("collision", "rung", name, f"allowed: {', '.join(COLLISION_RUNGS)}")
     if uncertainty is not None and not uncertainty > 0:
         raise InputError("collision", "standard_uncertainty", uncertainty, "allowed: above 0")
 

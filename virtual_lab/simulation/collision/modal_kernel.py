@@ -223,16 +223,16 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array
     _, g, w2 = bat
     p, v, r = state
     _copy(y, old)
-    start, drift, reach, surface = r[0], r[1], 0.0, 0.0
+    start, drift, amplitude, surface = r[0], r[1], 0.0, 0.0
     for i in range(p.size):
         square = v[i] ** 2 + w2[i] * p[i] ** 2
         surface += g[i] * np.sqrt(square)
-        reach += g[i] * np.sqrt(square / w2[i])
+        amplitude += g[i] * np.sqrt(square / w2[i])
     closing = drift + surface
     high: float = 0.0
     gap: float = 0.0
     steps = 0
-    while closing > 0.0 and high < limit and start + drift * high + reach >= 0.0:
+    while closing > 0.0 and high < limit and start + drift * high + amplitude >= 0.0:
         low: float = high
         high += max(h, gap / closing)
         gap = -_ring(high, bat, state, y, old)

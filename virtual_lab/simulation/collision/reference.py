@@ -208,13 +208,13 @@ class _Scene:
         """Return the time [s] after which ball and vibrating bat cannot meet again.
 
         The ball approaches the rigid bat at the speed `drift`, and the amplitude of the vibrating
-        surface is at most `reach`.
+        surface is at most `amplitude`.
         """
         n, y, rigid = len(self.shape), run.state, self.angular == 0
         place, rate = y[:n] * self.shape, y[n + 1 : -2] * self.shape
         drift = float(y[-2] - rate[rigid].sum())
-        reach = np.hypot(place[~rigid], rate[~rigid] / self.angular[~rigid]).sum()
-        ahead = float(y[n] - place[rigid].sum() + reach)
+        amplitude = np.hypot(place[~rigid], rate[~rigid] / self.angular[~rigid]).sum()
+        ahead = float(y[n] - place[rigid].sum() + amplitude)
         return run.time + ahead / -drift if drift < 0 else inf
 
 

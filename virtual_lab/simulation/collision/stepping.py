@@ -171,17 +171,17 @@ class OneByOne:
         settles gets the failure `UNSETTLED`.
         """
         states = replace(self, refinement=self.last_resort).follow(struck, window)
-        left = np.flatnonzero(~self._stays(struck, states, other))
+        remaining = np.flatnonzero(~self._stays(struck, states, other))
         for refinement in (0.5, 2.0, 4.0):
-            if not left.size:
+            if not remaining.size:
                 break
-            part = struck.part(left)
+            part = struck.part(remaining)
             new = replace(self, refinement=refinement * self.last_resort).follow(part, window)
-            stays = self._stays(part, states.part(left), new)
+            stays = self._stays(part, states.part(remaining), new)
             if refinement > 1:
-                states.put(left, new)
-            left = left[~stays & (states.failure[left] != Failure.ENDLESS)]
-        states.failure[left[states.failure[left] == Failure.SOUND]] = Failure.UNSETTLED
+                states.put(remaining, new)
+            remaining = remaining[~stays & (states.failure[remaining] != Failure.ENDLESS)]
+        states.failure[remaining[states.failure[remaining] == Failure.SOUND]] = Failure.UNSETTLED
         return states
 
     @staticmethod
@@ -251,22 +251,22 @@ class InStep:
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Return the states after all contacts that begin within `window` [s] of first touch."""
         followed, doubted = self.one_pass(struck, window)
-        left = np.flatnonzero(doubted)
+        remaining = np.flatnonzero(doubted)
         stepper = self
         for tries in range(1, self.tries):
-            if not left.size:
+            if not remaining.size:
                 break
-            part, stepper = struck.part(left), stepper.finer(self.shorter)
+            part, stepper = struck.part(remaining), stepper.finer(self.shorter)
             finer, sure = stepper._try(part, window)
             finer.redone[:] = tries
-            gap = part.efficiency_gap(finer, followed.part(left))
-            followed.put(left, finer)
+            gap = part.efficiency_gap(finer, followed.part(remaining))
+            followed.put(remaining, finer)
             sure &= (np.abs(gap) < self.agree * self.tolerance) & (finer.contacts <= tries + 1)
-            left = left[~sure]
-        if left.size:
-            exact = OneByOne().settle(struck.part(left), followed.part(left), window)
+            remaining = remaining[~sure]
+        if remaining.size:
+            exact = OneByOne().settle(struck.part(remaining), followed.part(remaining), window)
             exact.redone[:] = self.tries
-            followed.put(left, exact)
+            followed.put(remaining, exact)
         return followed
 
     def one_pass(

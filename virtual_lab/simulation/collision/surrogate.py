@@ -67,8 +67,8 @@ class Box:
         def side(axis: str, most: float = inf) -> tuple[float, float]:
             values = getattr(scenes, axis)
             low, high = float(values.min()), float(values.max())
-            room = max(0.0, 1e-3 * high - (high - low)) / 2
-            return max(low - room, 0.0), min(high + room, most)
+            margin = max(0.0, 1e-3 * high - (high - low)) / 2
+            return max(low - margin, 0.0), min(high + margin, most)
 
         box = cls(
             impact_position=side("impact_position"),

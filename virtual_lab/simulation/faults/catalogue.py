@@ -96,11 +96,11 @@ def crack(specimen: Specimen) -> Specimen:
 
     The bat cracks between the bench and the first hit.
     """
-    bat, left = specimen.bat, 0.9
+    bat, share = specimen.bat, 0.9
     material = replace(
         bat.body.material,
-        youngs_modulus=bat.body.material.youngs_modulus * left,
-        shear_modulus=bat.body.material.shear_modulus * left,
+        youngs_modulus=bat.body.material.youngs_modulus * share,
+        shear_modulus=bat.body.material.shear_modulus * share,
     )
     return replace(specimen, bat=replace(bat, bodies=(replace(bat.body, material=material),)))
 
@@ -232,9 +232,9 @@ def still_swinging(record: Any, written: FaultContext) -> Arrays:
 
     The direction is random from shot to shot. The result has the name ``counts``, (shot, sample).
     """
-    way = np.where(written.some(0.5), 1.0, -1.0)
+    direction = np.where(written.some(0.5), 1.0, -1.0)
     turned = counts_per_turn(written) / tau * 0.3 * record.times
-    return {"counts": record.counts + np.round(way[:, None] * turned)}
+    return {"counts": record.counts + np.round(direction[:, None] * turned)}
 
 
 def counts_per_turn(written: FaultContext) -> float:

@@ -83,8 +83,8 @@ def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 
         keys = [key for key in true if key.rstrip("_0123456789") == constant]
         if not keys:
             return None
-        off = {keys[-1]: true[keys[-1]] * times + plus}
-        return fitted_with(station, part, instrument.with_true(**off))
+        values = {keys[-1]: true[keys[-1]] * times + plus}
+        return fitted_with(station, part, instrument.with_true(**values))
 
     return standing
 

@@ -53,7 +53,7 @@ def write_edges(
     """
     sign, edges = 1.0 if out else -1.0, 2 * boards.beams
     passage = np.empty((3, BLOCK))
-    way, pace, drag, time = np.empty((4, edges))
+    path, pace, drag, time = np.empty((4, edges))
     for first in range(0, start.size, BLOCK):
         n = min(BLOCK, start.size - first)
         flight, (since, height, steep) = flights[:, first : first + n], passage[:, :n]
@@ -69,8 +69,8 @@ def write_edges(
                     root = (steep[i] * above) ** 2 - lean * (above**2 - reach[board, beam] ** 2)
                     half = sign * sqrt(root) / lean if root > 0 else nan
                     middle = ahead - steep[i] * above / lean
-                    way[2 * beam], way[2 * beam + 1] = middle - half, middle + half
-                time_over(way, pace, drag, time)
+                    path[2 * beam], path[2 * beam + 1] = middle - half, middle + half
+                time_over(path, pace, drag, time)
                 edge_times = records[first + i, board]
                 for edge in range(edges):
                     true = start[first + i] + sign * time[edge]
@@ -125,10 +125,10 @@ def sum_up(
             for i in range(n):
                 pace = sign * flight[WAY.pace, i]
                 u_way = edge * gains[1, i] / pace
-                off = tall[i] * sqrt(u_way**2 + (trip * gains[2, i]) ** 2)
-                late = time[i] * (edge * gains[0, i]) + off * steep[i] * pace
+                deviation = tall[i] * sqrt(u_way**2 + (trip * gains[2, i]) ** 2)
+                late = time[i] * (edge * gains[0, i]) + deviation * steep[i] * pace
                 time[i] = boards.clock[first + i] * (began[i] + sign * since[i]) + late
-                tall[i] = nan if np.isnan(late) else height[i] + off
+                tall[i] = nan if np.isnan(late) else height[i] + deviation
 
 
 @njit(cache=True)
@@ -204,11 +204,11 @@ def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, f
         spread += (place - middle) * (place - middle)
     level, lean, bend = m2 * m3 - m1 * m4, m0 * m4 - m2 * m2, m1 * m2 - m0 * m3
     normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule for the row of the slope
-    way, trip = 0.0, 0.0
+    path_gain, trip = 0.0, 0.0
     for beam in range(low, high + 1):
         place = (beam - phase) / radius
         square = 1 - place * place
         slope = (level + place * (lean + bend * place)) / (normal * max(square, 1e-2))
-        way += slope * slope * square
+        path_gain += slope * slope * square
         trip += slope * slope
-    return sqrt((1 / many + middle * middle / spread) / 2), sqrt(way / 2), sqrt(trip)
+    return sqrt((1 / many + middle * middle / spread) / 2), sqrt(path_gain / 2), sqrt(trip)

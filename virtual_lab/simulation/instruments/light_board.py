@@ -112,17 +112,24 @@ class LightBoards(BallGates[LightBoardSpec]):
         passage, contact, leaving, draws, name, slots = batch
         from virtual_lab.simulation.instruments.board_kernel import write_edges
 
-        spec, ways = self.spec, (0, 1)
-        shape = (len(ways), len(spec.distances), spec.beams, 2)
+        spec, directions = self.spec, (0, 1)
+        shape = (len(directions), len(spec.distances), spec.beams, 2)
         records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, slots)
         records += spec.tick * draws.uniform(f"{name}.start", (1, 1, 1, 1), slots)
         scraps, late = self._scraps(passage, contact, draws, name, slots)
         scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
         by_way = records.reshape(*records.shape[:3], -1)
-        for way, start in zip(ways, (contact, leaving), strict=True):
-            flown = passage.way(out=bool(way))
-            reach = passage.radius + self.trips
-            write_edges(by_way[:, way], flown, start, bool(way), self._boards(passage), reach)
+        for direction, start in zip(directions, (contact, leaving), strict=True):
+            flown = passage.way(out=bool(direction))
+            trip_distance = passage.radius + self.trips
+            write_edges(
+                by_way[:, direction],
+                flown,
+                start,
+                bool(direction),
+                self._boards(passage),
+                trip_distance,
+            )
         records[scraps] = scrapped
         records.setflags(write=False)
         return BoardRecord(times=records)
@@ -142,8 +149,8 @@ class LightBoards(BallGates[LightBoardSpec]):
         # order (direction, quantity, board, shot); the noise is overwritten by the records
         noise = draws.normal(f"{name}.sums", (2, 2, len(spec.distances)), slots)
         records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
-        for start, way, out in zip((contact, leaving), records, (False, True), strict=True):
-            sum_up(way, passage.way(out=out), start, out, boards, edge, spec.trip_spread)
+        for start, rows, out in zip((contact, leaving), records, (False, True), strict=True):
+            sum_up(rows, passage.way(out=out), start, out, boards, edge, spec.trip_spread)
         records.setflags(write=False)
         times, heights = records.transpose(1, 3, 0, 2)
         return PassageRecord(times=times, heights=heights)

@@ -190,8 +190,15 @@ class LightGates(BallGates[LightGateSpec]):
         jitter = sqrt((spec.edge_jitter**2 + spec.tick**2 / 12) / 2)
         # array of noise, which the kernel replaces by the times
         times = draws.normal(f"{name}.sums", (2, len(spec.distances)), slots)
-        for way, start in enumerate((contact, leaving)):
-            sum_up_gates(times[:, way], passage.way(out=bool(way)), start, bool(way), gates, jitter)
+        for direction, start in enumerate((contact, leaving)):
+            sum_up_gates(
+                times[:, direction],
+                passage.way(out=bool(direction)),
+                start,
+                bool(direction),
+                gates,
+                jitter,
+            )
         heights = np.full(times.shape, np.nan)
         for values in (times, heights):
             values.setflags(write=False)

@@ -97,10 +97,10 @@ class Passage:
             )
 
     def _height(
-        self, height: Array | float, way: Array, time: Array, slope: Array | float
+        self, height: Array | float, distance: Array, time: Array, slope: Array | float
     ) -> Array:
         fall = _column(self.gravity, time) / 2 * time**2
-        return np.asarray(_column(height, way) + _column(slope, way) * way - fall)
+        return np.asarray(_column(height, distance) + _column(slope, distance) * distance - fall)
 
 
 def _column(values: Array | float, like: Array) -> Array:

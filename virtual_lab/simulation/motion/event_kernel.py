@@ -125,11 +125,11 @@ def _radius(place: float, scene: Scene) -> float:
 def _move(state: Moving, time: float, shot: Own) -> Moving:
     """Return the state after a `time` [s] of free motion."""
     lost = shot.drag * hypot(state.vx, state.vz) * time
-    way = time * log1p(lost) / lost if lost > 0 else time
+    path = time * log1p(lost) / lost if lost > 0 else time
     return Moving(
-        state.x + state.vx * way,
+        state.x + state.vx * path,
         state.y + (state.vy - shot.gravity / 2 * time) * time,
-        state.z + state.vz * way,
+        state.z + state.vz * path,
         state.vx / (1 + lost),
         state.vy - shot.gravity * time,
         state.vz / (1 + lost),
@@ -194,8 +194,8 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     if near.gap <= NEAR and near.approach < 0:  # ball and bat are separating
         apart = hypot(state.x, state.z - shot.axis)
         speeds = hypot(fast, state.vy) + abs(state.rate) * apart
-        reach = shot.radius + _radius(shot.axis - apart, scene)
-        time = -PARTING * near.approach / (speeds**2 / reach + shot.gravity)
+        contact_distance = shot.radius + _radius(shot.axis - apart, scene)
+        time = -PARTING * near.approach / (speeds**2 / contact_distance + shot.gravity)
     drop = abs(state.vy - shot.gravity * until)
     while time < until:
         here = _move(state, time, shot)
@@ -231,27 +231,31 @@ def _next_solid(
         return first, ahead, normal
     along_x, along_z = state.vx / speed, state.vz / speed
     for k in range(solids.shape[0]):
-        x, low, high, reach = solids[k, 0], solids[k, 1], solids[k, 2], solids[k, 3]
+        x, low, high, contact_distance = solids[k, 0], solids[k, 1], solids[k, 2], solids[k, 3]
         beside = state.x - x
         if low < high:
-            way = (abs(beside) - reach) / abs(along_x) if beside * along_x < 0 else inf
-            if not low <= state.z + along_z * way <= high:
+            path = (abs(beside) - contact_distance) / abs(along_x) if beside * along_x < 0 else inf
+            if not low <= state.z + along_z * path <= high:
                 continue  # the posts are the ends of a bar
         else:
             towards = -(beside * along_x + (state.z - low) * along_z)
-            off = beside * along_z - (state.z - low) * along_x
-            way = towards - sqrt(reach**2 - off**2) if towards > 0 and abs(off) < reach else inf
-        if not -OVER <= way < inf:
+            offset = beside * along_z - (state.z - low) * along_x
+            path = (
+                towards - sqrt(contact_distance**2 - offset**2)
+                if towards > 0 and abs(offset) < contact_distance
+                else inf
+            )
+        if not -OVER <= path < inf:
             continue
-        way = max(way, 0.0)
-        lost = shot.drag * way
-        time = (expm1(lost) / lost if lost > 0 else 1.0) * way / speed
+        path = max(path, 0.0)
+        lost = shot.drag * path
+        time = (expm1(lost) / lost if lost > 0 else 1.0) * path / speed
         y = state.y + (state.vy - shot.gravity / 2 * time) * time
         under, bottom, top, over = solids[k, 6], solids[k, 7], solids[k, 8], solids[k, 9]
         if time < first and not (y < under or bottom < y < top or y > over):
-            first, ahead, at = time, k, state.z + along_z * way
-            off_x, off_z = beside + along_x * way, at - min(max(at, low), high)
-            normal = off_x / reach, 0.0, off_z / reach
+            first, ahead, at = time, k, state.z + along_z * path
+            off_x, off_z = beside + along_x * path, at - min(max(at, low), high)
+            normal = off_x / contact_distance, 0.0, off_z / contact_distance
     return first, ahead, normal
 
 

@@ -247,16 +247,16 @@ class _Shot:
         scene, start = self.scene, self.state
         after = move(scene, start, np.array([step]), ONE)
         here, there = ((float(s.x[0]), float(s.z[0])) for s in (start, after))
-        way = there[0] - here[0], there[1] - here[1]
+        path = there[0] - here[0], there[1] - here[1]
         speed, first = float(np.hypot(start.vx[0], start.vz[0])), inf
         for solid in self.solids:
             hit = solid.shape.segment_query(here, there, scene.ball_radius)
-            if not (hit and hit.shape) or hit.normal.dot(way) >= 0:
+            if not (hit and hit.shape) or hit.normal.dot(path) >= 0:
                 continue
             # the ball rolls over an object that it already overlaps by more than rounding
             if solid.shape.point_query(here).distance < scene.ball_radius - 1e-6:
                 continue
-            flown = hit.alpha * np.hypot(*way) + OVERLAP
+            flown = hit.alpha * np.hypot(*path) + OVERLAP
             time = float(time_after(flown, speed, scene.ball_drag[0]))
             height = move(scene, start, np.array([time]), ONE).y
             cleared = solid.frame and solid.frame.clears(height, scene.ball_radius)[0]

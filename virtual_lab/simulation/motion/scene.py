@@ -100,8 +100,8 @@ class StopSpec(Spec):
 
     def post(self, bat: PivotedBat) -> tuple[Any, Any]:
         """Return x and z of the post [m], which the bat touches with its largest radius."""
-        way = self.angle + np.arcsin(bat.widest / self.reach)
-        return self.reach * np.sin(way), bat.axis - self.reach * np.cos(way)
+        direction = self.angle + np.arcsin(bat.widest / self.reach)
+        return self.reach * np.sin(direction), bat.axis - self.reach * np.cos(direction)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

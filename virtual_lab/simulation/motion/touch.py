@@ -63,12 +63,12 @@ def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotS
     gravity = np.broadcast_to(scene.gravity, (scene.shots,))[shots]
     # avoids 0 / 0 for a ball at rest
     share = 1 / np.where(speed > 0, speed, 1.0)
-    way = distance_after(time, speed, drag) * share
+    path = distance_after(time, speed, drag) * share
     share_of_speed = np.where(speed > 0, speed_after(time, speed, drag) * share, 1.0)
     return ShotState(
-        x=state.x + state.vx * way,
+        x=state.x + state.vx * path,
         y=state.y + (state.vy - gravity / 2 * time) * time,
-        z=state.z + state.vz * way,
+        z=state.z + state.vz * path,
         vx=state.vx * share_of_speed,
         vy=state.vy - gravity * time,
         vz=state.vz * share_of_speed,
@@ -165,9 +165,9 @@ def first_touch(
     if parting:
         apart = np.hypot(state.x, state.z - bat.axis)
         speeds = np.hypot(np.hypot(state.vx, state.vz), state.vy) + np.abs(state.rate) * apart
-        reach = scene.ball_radius + bat.radius(bat.axis - apart)
+        contact_distance = scene.ball_radius + bat.radius(bat.axis - apart)
         opening = np.maximum(-nearness(scene, state).approach, 0.0)
-        start = TOUCHING.parting * opening / (speeds**2 / reach + scene.gravity)
+        start = TOUCHING.parting * opening / (speeds**2 / contact_distance + scene.gravity)
     time = np.where(start < until, start, np.inf)
     still = np.flatnonzero(start < until)
     while len(still):

@@ -25,11 +25,13 @@ def coasting(
     `ticks` [s], shape (sample,), are common to all shots.
     """
     longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
-    reach = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
-    if reach > 0.25:
-        raise ValueError(f"friction of {reach:.3g} over the record, the series needs at most 0.25")
+    friction = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
+    if friction > 0.25:
+        raise ValueError(
+            f"friction of {friction:.3g} over the record, the series needs at most 0.25"
+        )
     rounding = 1e-17
-    order = min(max(ceil(log(rounding) / log(max(reach, rounding))), 2), 14)
+    order = min(max(ceil(log(rounding) / log(max(friction, rounding))), 2), 14)
     powers = [np.asarray(rate, dtype=float)]
     for k in range(order):
         product = np.sum([powers[i] * powers[k - i] for i in range(k + 1)], axis=0)

@@ -84,8 +84,8 @@ class TrueBalls:
 
     def of(self, laboratory: int) -> TrueBalls:
         """Return the lot of one laboratory of a block."""
-        used = self.used if self.used is ... else self.used[laboratory]
-        return replace(self._of_owners(laboratory), used=used)
+        mask = self.used if self.used is ... else self.used[laboratory]
+        return replace(self._of_owners(laboratory), used=mask)
 
     def of_shots(self, owner: Owner, ball: NDArray[np.int_]) -> TrueBalls:
         """Return a lot of one ball per shot, (shot,): ball `ball` of the laboratory `owner`."""
@@ -161,13 +161,13 @@ class TrueBalls:
 
     def mean_ball(self) -> TrueBalls:
         """Return a lot of one ball, the mean of this lot, to which a measurand refers."""
-        used = np.zeros(self.mass.shape, dtype=bool)
-        used[self.used] = True
-        many = used.sum(axis=-1, keepdims=True)
+        mask = np.zeros(self.mass.shape, dtype=bool)
+        mask[self.used] = True
+        many = mask.sum(axis=-1, keepdims=True)
         return replace(
             self,
-            mass=np.where(used, self.mass, 0.0).sum(axis=-1, keepdims=True) / many,
-            restitution=np.where(used, self.restitution, 0.0).sum(axis=-1, keepdims=True) / many,
+            mass=np.where(mask, self.mass, 0.0).sum(axis=-1, keepdims=True) / many,
+            restitution=np.where(mask, self.restitution, 0.0).sum(axis=-1, keepdims=True) / many,
             used=...,
         )
 

@@ -216,11 +216,14 @@ def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.boo
 
 def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
     """Return a mask of balls that may be at the bat's height between `since` and `RECORD` [s]."""
-    reach = max(bat.profile.outer_diameter) / 2 + passage.radius
+    contact_distance = max(bat.profile.outer_diameter) / 2 + passage.radius
     up = passage.slope_out * passage.speed_out
     first, last = (bat.across + (up - passage.gravity / 2 * t) * t for t in (since, RECORD))
-    above, falls = (first > reach) & (last > reach), up <= passage.gravity * since
-    return np.asarray((since < RECORD) & ~above & ~(falls & (first < -reach)))
+    above, falls = (
+        (first > contact_distance) & (last > contact_distance),
+        up <= passage.gravity * since,
+    )
+    return np.asarray((since < RECORD) & ~above & ~(falls & (first < -contact_distance)))
 
 
 def _stop_at_frames(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) -> Passage:
@@ -236,9 +239,9 @@ def _stop_at_frames(passage: Passage, around: Surroundings, chosen: NDArray[np.b
     _, height = some.outbound(faces)
     frame = GateFrame(around.frame, 0.0)
     first = np.where(frame.clears(height, radius), np.inf, faces).min(axis=1)
-    reach = np.full(len(chosen), np.inf)
-    reach[shots] = first
-    return replace(passage, reach=reach) if np.isfinite(first).any() else passage
+    limit = np.full(len(chosen), np.inf)
+    limit[shots] = first
+    return replace(passage, reach=limit) if np.isfinite(first).any() else passage
 
 
 def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[str, Any]:

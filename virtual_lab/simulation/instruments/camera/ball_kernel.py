@@ -165,8 +165,8 @@ def _weights(
     for k in range(len(out)):
         for j in range(out.shape[1]):
             out[k, j] = 0
-    reach = 0.5 + REACH * s
-    steps = ceil(4 * reach) + 1
+    half_width = 0.5 + REACH * s
+    steps = ceil(4 * half_width) + 1
     hx, hy = np.empty(steps), np.empty(steps)
     step = 0.5 / (s * sqrt(2.0))
     for leg in range(len(times) - 1):
@@ -178,7 +178,7 @@ def _weights(
             weight = (high - low) * gauss[1, g] / 16
             x = 2 * (path[leg, 0] + t * (path[leg + 1, 0] - path[leg, 0])) - first[0]
             y = 2 * (path[leg, 1] + t * (path[leg + 1, 1] - path[leg, 1])) - first[1]
-            column, row = ceil(x - 2 * reach), ceil(y - 2 * reach)
+            column, row = ceil(x - 2 * half_width), ceil(y - 2 * half_width)
             for k in range(steps):
                 hx[k] = erf((column + k - x + 1) * step) - erf((column + k - x - 1) * step)
                 hy[k] = erf((row + k - y + 1) * step) - erf((row + k - y - 1) * step)
@@ -248,7 +248,7 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
     size = look.size
     grid = np.empty(2 * size * size, np.float32)
     planes = np.empty((size, 2, 2, size // 2), np.float32)
-    reach = 0.5 + REACH * look.blur
+    half_width = 0.5 + REACH * look.blur
     orientation = np.empty((3, 3))
     first, last = np.empty(2, np.int64), np.empty(2, np.int64)
     for r in range(len(balls.warp)):
@@ -257,8 +257,8 @@ def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
             low = high = path[0, axis]
             for point in range(1, len(path)):
                 low, high = min(low, path[point, axis]), max(high, path[point, axis])
-            first[axis] = floor(2 * (low - reach)) - 1
-            last[axis] = ceil(2 * (high + reach)) + 3
+            first[axis] = floor(2 * (low - half_width)) - 1
+            last[axis] = ceil(2 * (high + half_width)) + 3
         weights = np.empty((last[1] - first[1], last[0] - first[0]))
         for span in range(spans):
             start, end = span / spans, (span + 1) / spans

@@ -256,8 +256,8 @@ class Camera(CalibratedInstrument[CameraSpec]):
         still = 2 * sqrt((spec.blur**2 + 1 / 12) / pi)
         wide = np.hypot(still, np.linalg.norm(frames.blur, axis=1) / 4)
         u = 1.1 * np.sqrt(noise * wide / frames.outlines.radius) / abs(ball - behind)
-        off = u[:, None] * draws.normal(f"{name}.sums", 2, frames.numbers(slots))
-        x, y = (frames.outlines.middle + off).T
+        error = u[:, None] * draws.normal(f"{name}.sums", 2, frames.numbers(slots))
+        x, y = (frames.outlines.middle + error).T
         return TrackRecord(
             times=frames.as_table(frames.stamp),
             x=frames.as_table(x),

@@ -89,22 +89,22 @@ class TrueLens:
         """
         place = self.to_camera(centres)
         far = np.linalg.norm(place, axis=1)
-        way = place / far[:, None]
-        view = _turned_to(way)
+        direction = place / far[:, None]
+        view = _turned_to(direction)
         opening = radius / np.sqrt(far**2 - radius**2)
         around = np.arange(16) * np.pi / 8  # directions in which the outline is traced
         u, v = np.cos(around), np.sin(around)
         rim = u[:, None] * view[:, None, :, 0] + v[:, None] * view[:, None, :, 1]
-        centre = self.drawn(way)
-        traced = self.drawn(way[:, None] + opening[:, None, None] * rim) - centre[:, None]
+        centre = self.drawn(direction)
+        traced = self.drawn(direction[:, None] + opening[:, None, None] * rim) - centre[:, None]
         terms = np.linalg.pinv(np.stack([u, v, u * u, u * v, v * v], axis=1))
         warp = np.einsum("kp,npc->nck", terms, traced)
         return Outlines(centre=centre, warp=warp, view=view)
 
 
-def _turned_to(way: Array) -> Array:
-    """Return the smallest rotations from z to the unit vectors `way` (n, 3), (n, 3, 3)."""
-    x, y, z = way.T
+def _turned_to(direction: Array) -> Array:
+    """Return the smallest rotations from z to the unit vectors `direction` (n, 3), (n, 3, 3)."""
+    x, y, z = direction.T
     first = np.stack([1 - x * x / (1 + z), -x * y / (1 + z), -x], axis=1)
     second = np.stack([-x * y / (1 + z), 1 - y * y / (1 + z), -y], axis=1)
-    return np.stack([first, second, way], axis=2)
+    return np.stack([first, second, direction], axis=2)

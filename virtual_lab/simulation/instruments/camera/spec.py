@@ -195,8 +195,8 @@ class CameraSpec(CalibratedSpec):
             "plane": stated_constant(pose.plane, pose.plane_u),
         }
         sides = self.sensor.columns, self.sensor.rows
-        for axis, side, off in zip("xy", sides, lens.centre, strict=True):
-            middle = (side - 1) / 2 + off / pixel
+        for axis, side, offset in zip("xy", sides, lens.centre, strict=True):
+            middle = (side - 1) / 2 + offset / pixel
             stated[f"centre_{axis}"] = stated_constant(middle, lens.centre_u / pixel)
         for key, value, u in zip(DISTORTION, lens.distortion, lens.distortion_u, strict=True):
             stated[key] = stated_constant(value, u)

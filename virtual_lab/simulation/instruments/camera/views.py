@@ -50,12 +50,15 @@ def board_views(
     spec = camera.spec
     rays = _rays(camera.lens, (spec.sensor.rows, spec.sensor.columns))
     blur = np.sqrt(spec.blur**2 + 1 / 12)
-    lean, off = draws.uniform(f"{name}.lean", (views, 3)), draws.uniform(f"{name}.off", (views, 3))
+    lean, shift = (
+        draws.uniform(f"{name}.lean", (views, 3)),
+        draws.uniform(f"{name}.off", (views, 3)),
+    )
     middle = np.array([camera.lens.place[0], camera.lens.place[1], 0.0])
     for view in range(views):
         held = view > 0
         turned = rotation(held * LOOK.lean * 2 * lean[view]) @ DOWN
-        up = np.array([LOOK.aside, LOOK.aside, LOOK.nearer]) * (off[view] + [0.0, 0.0, 0.5])
+        up = np.array([LOOK.aside, LOOK.aside, LOOK.nearer]) * (shift[view] + [0.0, 0.0, 0.5])
         place = middle + held * up
         albedo = _drawn(camera.lens, board, turned, place, rays, float(blur))
         electrons = LOOK.lit * spec.sensor.full_well / LOOK.paper * albedo
@@ -71,11 +74,11 @@ def _drawn(
     """Return the mean albedo in each pixel, (row, column)."""
     axes = lens.rotation @ turned  # axes of the board as columns, in axes of the camera
     origin = lens.to_camera(place)
-    reach = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
-    on_board = (reach[..., None] * rays - origin) @ axes / board.square
+    distance = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
+    on_board = (distance[..., None] * rays - origin) @ axes / board.square
     u = on_board[..., 0] + board.columns / 2  # from the outer corner of the first square [squares]
     v = on_board[..., 1] + board.rows / 2
-    wide, high = (blur * np.hypot(*np.gradient(way)) for way in (u, v))
+    wide, high = (blur * np.hypot(*np.gradient(coordinate)) for coordinate in (u, v))
     waves = _wave(u, wide, board.columns) * _wave(v, high, board.rows)
     dark = _inside(u, wide, board.columns, 0) * _inside(v, high, board.rows, 0) * (1 + waves) / 2
     paper = _inside(u, wide, board.columns, 1) * _inside(v, high, board.rows, 1)
