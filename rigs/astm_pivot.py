@@ -118,42 +118,42 @@ class AstmPivotStation(RestingBatStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest; the times of each shot start at its trigger."""
-        fired = self.fly(plan, specimen, draws)
+        flights = self.fly(plan, specimen, draws)
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
-            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, fired)
+            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, flights)
             clock = self.gates.at(plan.owner).clock
             # to the end of the record, or until an unslowed bat would reach its stop
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
-            span = np.minimum(self.encoder.spec.duration - fired.leaving, turning) - GAP
+            span = np.minimum(self.encoder.spec.duration - flights.leaving, turning) - GAP
             streams = draws.at(plan.owner)
             encoder: Record = self.encoder.at(plan.owner).sum_up(
                 rate / clock, streams, name, slots, span=span, gap=GAP
             )
         else:
-            encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
-        timed = self.record_flights(fired, plan, draws)
+            encoder = self.encoder.read(self._recoil(specimen, flights), draws, name, slots)
+        timed = self.record_flights(flights, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
-    def _rate(self, bat: RigidBat[Any], fired: BallFlights) -> Array:
+    def _rate(self, bat: RigidBat[Any], flights: BallFlights) -> Array:
         """Return the angular rate of the rigid bat when the ball leaves it, (shot,) [rad/s]."""
-        axis, scenes = fired.bat.axis, fired.blows.scenes
-        impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.blows.efficiency)
-        impulse = impulse * np.cos(fired.tilt) * fired.flown.met
-        rate = impulse * (axis - scenes.impact_position) / fired.bat.inertia
+        axis, scenes = flights.bat.axis, flights.blows.scenes
+        impulse = scenes.ball_mass * scenes.relative_speed * (1 + flights.blows.efficiency)
+        impulse = impulse * np.cos(flights.tilt) * flights.flown.met
+        rate = impulse * (axis - scenes.impact_position) / flights.bat.inertia
         return rate - self._friction_loss(rate, impulse, bat, axis)
 
     def _friction_loss(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
         """Return the rate lost by friction under the impact load, (shot,) [rad/s]; 0 at the COP."""
         reaction = np.abs(impulse - bat.mass * (axis - bat.z_cm) * rate)
-        lost = (
+        loss = (
             self.holder.spec.friction
             * self.holder.spec.journal_radius
             * reaction
             / bat.inertia(axis)
         )
-        return np.asarray(np.sign(rate) * np.minimum(lost, np.abs(rate)))
+        return np.asarray(np.sign(rate) * np.minimum(loss, np.abs(rate)))
 
     def _loose(self, impulse: Array, rate: Array, bat: RigidBat[Any]) -> tuple[Array, float]:
         """Return the additional rate, (shot,) [rad/s], and angle [rad] in the bearing's clearance.
@@ -169,15 +169,15 @@ class AstmPivotStation(RestingBatStation):
         length = bat.inertia(bat.length - self.holder.from_knob) / (bat.mass * lever)
         return np.asarray(-reaction * yields / length), self.holder.spec.clearance / length
 
-    def _recoil(self, specimen: Specimen, fired: BallFlights) -> Callable[[slice], Array]:
+    def _recoil(self, specimen: Specimen, flights: BallFlights) -> Callable[[slice], Array]:
         """Return a function that computes true angles of the encoder, (shot, sample) [rad].
 
         It takes a slice of the shots.
         """
         body, bat = specimen.bat.body, specimen.bat.rigid
-        tilt, contact, flown = fired.tilt, fired.contact, fired.flown
-        leaving = contact + fired.blows.contact_time
-        modes, collisions = fired.blows.modes, fired.blows.collisions
+        tilt, contact, flown = flights.tilt, flights.contact, flights.flown
+        leaving = contact + flights.blows.contact_time
+        modes, collisions = flights.blows.modes, flights.blows.collisions
         assert modes is not None
         assert collisions is not None
         axis = body.length - self.holder.from_knob
@@ -190,7 +190,7 @@ class AstmPivotStation(RestingBatStation):
         start, rate = (
             (modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (displacements, velocities)
         )
-        rate = rate - self._friction_loss(rate, impulse, bat, fired.bat.axis)
+        rate = rate - self._friction_loss(rate, impulse, bat, flights.bat.axis)
         slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(
             rate,

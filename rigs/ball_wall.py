@@ -87,10 +87,10 @@ class BallWallStation(FittedStation):
         launch = here.cannon.fire(plan.speed, streams, "ball-wall.launch", plan.slot)
         loss = self._loss(plan, specimen, launch.speed)
         hit = balls.draw_hits(..., launch.speed, streams, "ball-wall.hit", plan.slot, loss)
-        back = self.wall_restitution * hit
+        rebound = self.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
-            speed_out=back * launch.speed,
+            speed_out=rebound * launch.speed,
             drag=here.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
             gravity=0.0 if self.ideal else here.hall.acceleration,
@@ -99,7 +99,7 @@ class BallWallStation(FittedStation):
         touching = wall_contact(
             speed=launch.speed,
             mass=balls.mass,
-            restitution=back,
+            restitution=rebound,
             stiffness=np.array(balls.spec.stiffness),
             exponent=np.array(balls.spec.exponent),
         ).time

@@ -125,8 +125,8 @@ class BenchStation(FittedStation):
 
         The store belongs to the lot, whose random numbers are `draws`.
         """
-        kept = None if self.ideal else self.spec.store
-        return kept.draw_humidity(draws, "lot.store") if kept else None
+        store = None if self.ideal else self.spec.store
+        return store.draw_humidity(draws, "lot.store") if store else None
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Measure the bat and weigh the balls that `plan` names.
@@ -185,12 +185,12 @@ class BenchStation(FittedStation):
             items,
         )
 
-    def _climate(self, draws: Draws, kept: Array | None) -> dict[str, ClimateReadings]:
+    def _climate(self, draws: Draws, humidity: Array | None) -> dict[str, ClimateReadings]:
         """Read the climate of hall and store at the start and the end of the test."""
         spec, density, read = self.spec, self.air.true["density"], self.climate.read
         readings = {"climate": read(spec.hall, density, draws, "bench.climate-readings")}
-        if spec.store is not None and kept is not None:
-            readings["store"] = read(spec.store, density, draws, "bench.store-readings", kept)
+        if spec.store is not None and humidity is not None:
+            readings["store"] = read(spec.store, density, draws, "bench.store-readings", humidity)
         return readings
 
 

@@ -82,9 +82,9 @@ class FilmedCannonStation(BallCannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest, and time and film the ball in both directions."""
-        flown = self.fly(plan, specimen, draws)
-        timed = self.record_flights(flown, plan, draws)
-        course, bat = self.scene(flown, plan, specimen, draws)
+        flights = self.fly(plan, specimen, draws)
+        timed = self.record_flights(flights, plan, draws)
+        course, bat = self.scene(flights, plan, specimen, draws)
         clip, truth = self.camera.watch(course, draws, CLIP, plan.slot, plan.detail, bat)
         return RigOutput(records={**timed.records, "camera": clip}, truth={**timed.truth, **truth})
 
@@ -96,13 +96,13 @@ class FilmedCannonStation(BallCannonStation):
     def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
         """Return whole frames of the first shot of a plan, (count, row, column), from 0 to 1."""
         course, bat = self.scene(self.fly(plan, specimen, draws), plan, specimen, draws)
-        taken = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat, count)
-        return np.stack([grey for _, grey in taken]) / self.camera.spec.sensor.full_scale
+        pictures = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat, count)
+        return np.stack([grey for _, grey in pictures]) / self.camera.spec.sensor.full_scale
 
     def film(self, plan: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
         """Film the first shot of a plan in whole frames, with the same events as `play`."""
-        flown = self.fly(plan, specimen, draws)
-        course, bat = self.scene(flown, plan, specimen, draws)
+        flights = self.fly(plan, specimen, draws)
+        course, bat = self.scene(flights, plan, specimen, draws)
         frames = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat)
         write_films(folder / "shot-0", frames, self.camera.spec)
 
@@ -147,8 +147,8 @@ class FilmedCannonStation(BallCannonStation):
 
     @staticmethod
     def _spin(name: str, scatter: float, plan: ShotPlan, draws: Draws) -> np.ndarray:
-        drawn = draws.normal(f"filmed-cannon.spin.{name}", 3, plan.slot)
-        return np.asarray(scatter * drawn)
+        numbers = draws.normal(f"filmed-cannon.spin.{name}", 3, plan.slot)
+        return np.asarray(scatter * numbers)
 
 
 RIG = FilmedCannon()

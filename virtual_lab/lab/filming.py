@@ -98,9 +98,9 @@ def _calibration(
     radius = constants["ball.radius"].value
     drag = float(drag_rate(air.value, coefficient.value, radius, ball_mass))
     share = hypot(air.u / (air.value or 1.0), coefficient.u / (coefficient.value or 1.0))
-    known = {name: np.asarray(each.value) for name, each in constants.items()}
-    flown = timed.correct(known, np.full(timed.raw.speed_in.shape, drag))
-    height = float(np.nan_to_num(np.ravel(flown.offset)[0])) if timed.shows_height else 0.0
+    best = {name: np.asarray(each.value) for name, each in constants.items()}
+    flights = timed.correct(best, np.full(timed.raw.speed_in.shape, drag))
+    height = float(np.nan_to_num(np.ravel(flights.offset)[0])) if timed.shows_height else 0.0
     scale_u = hypot(of("focal").u / value("focal"), of("place_z").u / value("place_z"))
     return CALIBRATION.format(
         exposure=value("exposure"),

@@ -24,8 +24,8 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high
     beam = beam_of(bat.body)
-    drawn = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
-    centre = aimed_place(drawn | {"inertia_cm": beam.inertia_cm}, procedure.pivot_from_knob)
+    properties = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
+    centre = aimed_place(properties | {"inertia_cm": beam.inertia_cm}, procedure.pivot_from_knob)
     return centre, centre
 
 
@@ -132,5 +132,5 @@ def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
             continue
         for name in filter(instruments.__contains__, catalog.sheet("rigs", rig)[0].values()):
             where = f"instruments/{name}"
-            if stated := catalog.sheet("instruments", name)[0].get("identity"):
-                yield name, validate(stated, f"{where} [identity]", InstrumentIdentity)
+            if identity := catalog.sheet("instruments", name)[0].get("identity"):
+                yield name, validate(identity, f"{where} [identity]", InstrumentIdentity)

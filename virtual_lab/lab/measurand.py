@@ -48,20 +48,22 @@ def measurands(
     def curve_at(place: Array, whose: NDArray[np.intp]) -> TrueCurve:
         return true_curve(station, specimen, procedure, place, ... if one_lot else whose)
 
-    at, back = np.unique(owner + 1j * reduced.place, return_inverse=True)
+    at, inverse = np.unique(owner + 1j * reduced.place, return_inverse=True)
     curve = curve_at(at.imag, at.real.astype(np.intp))
-    weighed = np.where(np.isfinite(weights), weights, 0.0)
-    some = np.bincount(owner, weighed != 0, laboratories) > 0
+    finite_weights = np.where(np.isfinite(weights), weights, 0.0)
+    some = np.bincount(owner, finite_weights != 0, laboratories) > 0
     true_values: dict[str, Array] = {
-        name: np.asarray(np.bincount(owner, values[back] * weighed, laboratories), dtype=float)
+        name: np.asarray(
+            np.bincount(owner, values[inverse] * finite_weights, laboratories), dtype=float
+        )
         for name, values in curve.quantities.items()
     }
     visited = Visits(owner, reduced.place, reduced.valid)
-    true = curve.objective(control)[back], curve.metric(control)[back]
+    true = curve.objective(control)[inverse], curve.metric(control)[inverse]
     true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.normalized:
         plain = replace(curve, procedure=procedure.as_found)
-        true = true[0], plain.metric()[back]  # at the position of the result
+        true = true[0], plain.metric()[inverse]  # at the position of the result
         true_values[AS_FOUND] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)

@@ -68,10 +68,10 @@ class RoundRobin:
 
         A surrogate has one stiffness of the ball, so there is none for lots of different stiffness.
         """
-        rules, ball, drawn = setup.rules.spec, setup.ball.spec, setup.bat.spec
+        rules, ball, bat = setup.rules.spec, setup.ball.spec, setup.bat.spec
         if setup.made or ball.stiffness_spread:
             return cls(setup=setup)
-        collision = collision_of(drawn, ball, rules).with_box(box_of(rules, drawn, ball))
+        collision = collision_of(bat, ball, rules).with_box(box_of(rules, bat, ball))
         return cls(setup=replace(setup, collision=collision))
 
     def laboratory(self, seed: int, number: int = 0) -> Laboratory:

@@ -68,7 +68,7 @@ def alterations(folder: Path) -> list[Alteration]:
     complete = {"records", "truth"}  # nothing may be added to them
     present = contents(folder)
     present.pop(SEAL, None)
-    added = {
+    additions = {
         name: kind
         for name, kind in present.items()
         if name not in sealed and complete & {*name.split("/")}
@@ -81,7 +81,7 @@ def alterations(folder: Path) -> list[Alteration]:
         ),
         *(
             Alteration(name, "", "added" if kind == "file" else f"added, a {kind},")
-            for name, kind in added.items()
+            for name, kind in additions.items()
         ),
     ]
 

@@ -116,12 +116,12 @@ class TestSetup:
         bats = [
             catalog.load_bat(each) if isinstance(each, str) else each for each in (bat, control_bat)
         ]
-        drawn, control = bats
-        assert drawn is not None
+        bat_entry, control = bats
+        assert bat_entry is not None
         rig = rig or rules.spec.rig
         instruments = {**dict(identities(_rigs(rig).values())), **particulars.instruments}
         return cls(
-            bat=drawn,
+            bat=bat_entry,
             ball=catalog.load("balls", rules.spec.ball, BallSpec),
             rules=rules,
             rig=rig,

@@ -133,8 +133,8 @@ class TestDay:
             reduced = reduced.judge_hits(acceptance, readings)
         if not whole:
             assert self.reduced is not None
-            joined = Reduction.concatenate([self.reduced, reduced])
-            reduced = replace(joined, latest=reduced.owner)
+            reduction = Reduction.concatenate([self.reduced, reduced])
+            reduced = replace(reduction, latest=reduced.owner)
         return replace(self, reduced=reduced, readings=readings if whole else None)
 
     def collect_records(self, first: int = 0) -> SessionBlock:

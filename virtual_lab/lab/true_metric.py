@@ -97,8 +97,8 @@ class TrueCurve:
         elif correction.method == "ratio":
             e = correction.standard * (e / e0)
         else:  # the ball's share of the lost energy is proportional to 1 - e0²
-            lost = (1 - e**2) / (1 - e0**2)
-            sprung = np.sqrt(1 - lost * (1 - correction.standard**2))
+            loss_ratio = (1 - e**2) / (1 - e0**2)
+            sprung = np.sqrt(1 - loss_ratio * (1 - correction.standard**2))
             e = np.where(e > e0, sprung, correction.standard * (e / e0))
         return e, (1 + e) / (1 + self.recoil_factor) - 1
 
@@ -126,10 +126,10 @@ def results_of_curves(
         hits = np.bincount(owner, valid, laboratories)
         total = np.bincount(owner, np.where(valid, metric, 0.0), laboratories)
         return np.where(hits > 0, total / np.where(hits > 0, hits, 1), np.nan)
-    pairs, first, back = np.unique(
+    pairs, first, inverse = np.unique(
         owner + 1j * np.round(place, 6), return_index=True, return_inverse=True
     )
-    whole = np.flatnonzero(np.bincount(back, valid) >= procedure.valid_hits)
+    whole = np.flatnonzero(np.bincount(inverse, valid) >= procedure.valid_hits)
     whose = pairs.real[whole].astype(np.intp)  # sorted
     many = np.bincount(whose, minlength=laboratories)
     turn = np.arange(whole.size) - (np.cumsum(many) - many)[whose]

@@ -254,18 +254,18 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
         effects=at_hits(outcome.effects),
         places=at_hits(np.round(reduced.place, 6)),
     )
-    few = max(CACHED // (variants.sets * hits.shape[1]), 1)
+    block_size = max(CACHED // (variants.sets * hits.shape[1]), 1)
     parts = [
-        _results(reduced, readings, weighing, earlier, slice(first, first + few), variants)
-        for first in range(0, laboratories, few)
+        _results(reduced, readings, weighing, earlier, slice(first, first + block_size), variants)
+        for first in range(0, laboratories, block_size)
     ]
     results = {name: Budgets.concatenate([each[name] for each, _ in parts]) for name in parts[0][0]}
     some = np.bincount(owner, mask, laboratories) > 0
-    lost = shortfalls(
+    shortfall = shortfalls(
         rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.shot_metric
     )
     for name in DECIDING & results.keys():
-        results[name] = with_choice(results[name], lost)
+        results[name] = with_choice(results[name], shortfall)
     metric = results["metric"]
     checked = check(
         Evidence(
@@ -277,7 +277,7 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
             some=some,
             variants=variants,
             hits=hits,
-            apart=np.concatenate([apart for _, apart in parts]),
+            apart=np.concatenate([difference for _, difference in parts]),
         )
     )
     reason_table = (

@@ -53,10 +53,10 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
     The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
     path = np.asarray(np.asarray(speed) * time)
-    lost = np.asarray(drag) * path
+    loss = np.asarray(drag) * path
     # log1p(x) / x, with the limit 1 at 0
-    share = np.log1p(lost) / np.where(lost == 0, 1.0, lost)
-    return np.asarray(path * np.where(lost == 0, 1.0, share))
+    share = np.log1p(loss) / np.where(loss == 0, 1.0, loss)
+    return np.asarray(path * np.where(loss == 0, 1.0, share))
 
 
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:

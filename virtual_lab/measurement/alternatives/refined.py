@@ -53,8 +53,8 @@ def too_wide(linear: Budget) -> Component | None:
     sources, and sources with u = 0 are ignored. Return None if draws of all sources are possible.
     """
     parts = [part for line in linear.components for part in (line.parts or (line,)) if part.u]
-    few = min(parts, key=lambda part: part.dof, default=None)
-    return few if few and few.dof < LEAST_FREEDOM else None
+    component = min(parts, key=lambda part: part.dof, default=None)
+    return component if component and component.dof < LEAST_FREEDOM else None
 
 
 def model_of(
@@ -69,7 +69,7 @@ def model_of(
     indices = np.flatnonzero(outcome.used)
     model, effects = reduced.model(readings, indices[None]), outcome.effects[indices]
     inputs: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}
-    added = {
+    errors = {
         part.name: Input(0.0, part.u, part.dof, evaluation="A")
         for part in linear.components
         if not part.parts and part.name not in inputs
@@ -81,12 +81,12 @@ def model_of(
 
     best = hits({name: np.array([each.value]) for name, each in inputs.items()})
 
-    def metric(**drawn: Array) -> Array:
-        rows = next(iter(drawn.values())).size
+    def metric(**columns: Array) -> Array:
+        rows = next(iter(columns.values())).size
         parts = [
-            hits({name: values[first : first + ROWS] for name, values in drawn.items()})
+            hits({name: values[first : first + ROWS] for name, values in columns.items()})
             for first in range(0, rows, ROWS)
         ]
-        return linear.value - best + np.concatenate(parts) + sum(drawn[name] for name in added)
+        return linear.value - best + np.concatenate(parts) + sum(columns[name] for name in errors)
 
-    return metric, dict[InputName, Any]((inputs | added).items())
+    return metric, dict[InputName, Any]((inputs | errors).items())

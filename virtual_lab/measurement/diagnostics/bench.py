@@ -45,9 +45,11 @@ def sports(evidence: Evidence) -> Iterator[Raised]:
         "the ball": evidence.block.ball_sport,
         "the procedure": evidence.procedure.sport,
     }
-    stated = {what: sport for what, sport in entries.items() if sport and sport != CHECK_STANDARD}
-    if len(set(stated.values())) > 1:
-        words = ", ".join(f"{what} is for {sport}" for what, sport in stated.items())
+    sports_by_item = {
+        what: sport for what, sport in entries.items() if sport and sport != CHECK_STANDARD
+    }
+    if len(set(sports_by_item.values())) > 1:
+        words = ", ".join(f"{what} is for {sport}" for what, sport in sports_by_item.items())
         yield Raised(
             name="sports",
             where=np.ones(evidence.laboratories, dtype=bool),
@@ -165,8 +167,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     times = record.times.reshape(evidence.laboratories, -1, record.times.shape[1])
     swings, odd = np.diff(times, axis=2), odd_swings(times)
     counted = counted_releases(odd)
-    apart = swings.mean(axis=2) / np.median(swings, axis=2) - 1
-    number, mean = counted.sum(axis=1), apart.mean(axis=1, where=counted)
+    excess = swings.mean(axis=2) / np.median(swings, axis=2) - 1
+    number, mean = counted.sum(axis=1), excess.mean(axis=1, where=counted)
     compared = number >= FEWEST_RELEASES
     unknown = np.full(evidence.laboratories, np.inf)
     period = (
@@ -174,7 +176,7 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     )
     moves = np.where(np.isfinite(period), np.abs(period), np.inf)
     if compared.any():
-        spread = apart.std(axis=1, ddof=1, where=counted & compared[:, None])
+        spread = excess.std(axis=1, ddof=1, where=counted & compared[:, None])
         yield pairs(
             "pendulum-even",
             lambda i: (
@@ -187,24 +189,24 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
             moves=moves,
             compared=compared,
         )
-        yield _worst_release(np.where(counted, apart, np.nan), moves)
+        yield _worst_release(np.where(counted, excess, np.nan), moves)
     yield from _odd_releases(swings, odd, counted)
 
 
-def _worst_release(apart: Array, moves: Array) -> Pairs:
+def _worst_release(excess: Array, moves: Array) -> Pairs:
     """Return the pair of the release that differs most from the mean of the others.
 
-    `apart` is (laboratory, release), NaN: not counted. The scatter is that of the other releases; a
-    laboratory with too few of them is not compared.
+    `excess` is (laboratory, release), NaN: not counted. The scatter is that of the other releases;
+    a laboratory with too few of them is not compared.
     """
-    number = np.isfinite(apart).sum(axis=1)
+    number = np.isfinite(excess).sum(axis=1)
     compared = number > FEWEST_RELEASES
-    mean = np.nanmean(apart, axis=1, keepdims=True)
-    worst = np.nanargmax(np.abs(apart - mean), axis=1)
-    others = apart.copy()
-    others[np.arange(len(apart)), worst] = np.nan
+    mean = np.nanmean(excess, axis=1, keepdims=True)
+    worst = np.nanargmax(np.abs(excess - mean), axis=1)
+    others = excess.copy()
+    others[np.arange(len(excess)), worst] = np.nan
     other_count = np.where(compared, number - 1.0, 2.0)
-    deviation = np.nanmax(np.abs(apart - mean), axis=1) * number / other_count
+    deviation = np.nanmax(np.abs(excess - mean), axis=1) * number / other_count
     spread = np.sqrt(np.nanvar(others, axis=1) * other_count / np.maximum(other_count - 1, 1))
     return pairs(
         "pendulum-even",
@@ -231,7 +233,7 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
     irregular: Mask = np.asarray(odd.any(axis=2))
     # odd releases are used if too few others remain
     too_many: Mask = np.asarray((irregular & counted).any(axis=1))
-    out: Mask = np.asarray((irregular & ~counted).any(axis=1))
+    any_left_out: Mask = np.asarray((irregular & ~counted).any(axis=1))
 
     def describe(i: int) -> str:
         release = int(irregular[i].argmax())
@@ -244,7 +246,7 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
             f"releases with such a swing: {many} of {irregular.shape[1]}, {outcome}"
         )
 
-    yield Raised(name="pendulum-even", where=out, sentence=describe)
+    yield Raised(name="pendulum-even", where=any_left_out, sentence=describe)
     yield Raised(name="pendulum-even", where=too_many, sentence=describe, invalidates=True)
 
 
@@ -336,21 +338,21 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
     The comparison has one difference per laboratory. Nothing is yielded without a climate record,
     or if the calibration states no density.
     """
-    stated = evidence.block.calibration.get(DENSITY)
-    if stated is None or "climate" not in evidence.block.records["bench"]:
+    calibration = evidence.block.calibration.get(DENSITY)
+    if calibration is None or "climate" not in evidence.block.records["bench"]:
         return
-    read = evidence.reduced.constants[DENSITY]
-    difference = read.value - stated.value
+    measured = evidence.reduced.constants[DENSITY]
+    difference = measured.value - calibration.value
     moves = np.abs(evidence.sensitivities.get(DENSITY, np.full(difference.shape, np.inf)))
     yield pairs(
         "air-density",
         lambda i: (
-            f"the air density is {read.value[i]:.3f} kg/m³ according to bench/climate, but "
-            f"{stated.value[i]:.3f} kg/m³ according to the calibration"
+            f"the air density is {measured.value[i]:.3f} kg/m³ according to bench/climate, but "
+            f"{calibration.value[i]:.3f} kg/m³ according to the calibration"
         ),
         difference,
-        types_a("climate", difference, read.u, read.dof)
-        + types_a("stated", difference, stated.u, stated.dof),
+        types_a("climate", difference, measured.u, measured.dof)
+        + types_a("stated", difference, calibration.u, calibration.dof),
         least=DENSITY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
     )
@@ -364,11 +366,17 @@ def store(evidence: Evidence) -> Iterator[Raised]:
     The flag never rules out a verdict: the result is that of the balls as they were, or is
     normalized by their e0.
     """
-    asked, readings = evidence.procedure.conditioning, climate_readings(evidence.block, STORE)
-    if asked is None or readings is None:
+    conditioning, readings = (
+        evidence.procedure.conditioning,
+        climate_readings(evidence.block, STORE),
+    )
+    if conditioning is None or readings is None:
         return
     humidity = climate(evidence.block, readings)["humidity"][0].mean(axis=1)
-    low, high = asked.humidity - asked.tolerance, asked.humidity + asked.tolerance
+    low, high = (
+        conditioning.humidity - conditioning.tolerance,
+        conditioning.humidity + conditioning.tolerance,
+    )
     yield Raised(
         name=STORE,
         where=~((low <= humidity) & (humidity <= high)),

@@ -100,11 +100,11 @@ def _diameters(
         mass, ball = mass[evidence.owner], ball[:, None, None]
         readings = readings.part(np.arange(ball.size)[:, None, None])
     drag = drag_of(x, of_ball(mass, np.maximum(ball, 0)))
-    flown, shots = readings.correct(x, drag), ball.size
+    flights, shots = readings.correct(x, drag), ball.size
     distances = readings.distances
     grows = np.exp(drag.reshape(shots, 1) * distances)
-    into, back = (each.reshape(shots, 1) for each in (flown.speed_in, flown.speed_out))
-    speed = np.stack([into * grows, back / grows], axis=1)
+    speed_in, speed_out = (each.reshape(shots, 1) for each in (flights.speed_in, flights.speed_out))
+    speed = np.stack([speed_in * grows, speed_out / grows], axis=1)
     owner = (
         evidence.owner
         if stage == "impact"

@@ -80,9 +80,9 @@ class Checked:
     def flags(self, laboratory: int) -> Iterator[Flag]:
         """Yield the flags in one laboratory, at most one per check: the most serious one."""
         for answers in self.answers:
-            raised = [flag for each in answers if (flag := each.row(laboratory))]
-            if raised:
-                yield max(raised, key=lambda flag: flag.invalidates)
+            candidates = [flag for each in answers if (flag := each.row(laboratory))]
+            if candidates:
+                yield max(candidates, key=lambda flag: flag.invalidates)
 
     def pairs(self, laboratory: int) -> Iterator[Discrepancy]:
         """Yield the differences in one laboratory that were compared with their uncertainties."""

@@ -30,22 +30,22 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
     at the bat if a gate did not detect it incoming. In a sound block both are raised nowhere.
     """
     hits = evidence.reduced.preparation.balls.ball[:, 0]
-    lost = np.sum(hits < 0, axis=1)
+    wall_misses = np.sum(hits < 0, axis=1)
     yield Raised(
         name="ball-seen",
-        where=lost > 0,
+        where=wall_misses > 0,
         sentence=lambda i: (
-            f"the gates missed the incoming or the returning ball in {lost[i]} of "
+            f"the gates missed the incoming or the returning ball in {wall_misses[i]} of "
             f"{hits.shape[1]} hits at the wall"
         ),
     )
-    missed = evidence.per_laboratory(~evidence.readings.flights.raw.complete)
+    bat_misses = evidence.per_laboratory(~evidence.readings.flights.raw.complete)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
         name="ball-seen",
-        where=missed > 0,
+        where=bat_misses > 0,
         sentence=lambda i: (
-            f"a gate missed the incoming ball in {missed[i]:.0f} of {fired[i]:.0f} shots"
+            f"a gate missed the incoming ball in {bat_misses[i]:.0f} of {fired[i]:.0f} shots"
         ),
     )
 
@@ -158,10 +158,10 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             continue
         with np.errstate(divide="ignore"):
             moves = np.where(compared, 1 / evidence.metric.u, 0.0)
-        apart = np.where(mask, lever * (fit.by_half - fit.rate), 0.0)
+        difference = np.where(mask, lever * (fit.by_half - fit.rate), 0.0)
         u = np.where(mask, np.abs(lever) * fit.by_half_u, 0.0)
         rounding = np.where(mask, RATE_ROUNDING * lever * fit.rate, 0.0)
-        change = evidence.per_laboratory(apart)
+        change = evidence.per_laboratory(difference)
         yield pairs(
             "encoder-halves",
             _halves_said(evidence, channel, change * moves, mask),
@@ -173,7 +173,7 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             compared=compared,
         )
         yield _worst_shot(
-            evidence, channel, mask & compared[evidence.owner], apart, u, rounding, moves
+            evidence, channel, mask & compared[evidence.owner], difference, u, rounding, moves
         )
 
 
@@ -190,7 +190,7 @@ def _worst_shot(
     evidence: Evidence,
     channel: str,
     mask: Mask,
-    apart: Array,
+    difference: Array,
     u: Array,
     rounding: Array,
     moves: Array,
@@ -202,8 +202,8 @@ def _worst_shot(
     every = pairs(
         "encoder-halves",
         str,
-        apart[shots],
-        types_a("fit", apart[shots], u[shots]),
+        difference[shots],
+        types_a("fit", difference[shots], u[shots]),
         least=np.abs(rounding[shots]),
         moves=moves[owner],
         among=among[owner],
@@ -219,7 +219,7 @@ def _worst_shot(
         number = int(np.sum(evidence.owner[:shot] == i))
         return (
             f"the half of shot {number + 1}'s impact/{channel} record nearest contact, used alone, "
-            f"shifts the result by {apart[shot] * moves[i]:+.2f} of its u"
+            f"shifts the result by {difference[shot] * moves[i]:+.2f} of its u"
         )
 
     return Pairs(
@@ -238,8 +238,8 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
     fit, step, model = getattr(evidence.model.readings, which), 1e-4, evidence.model
 
     def metric(factor: float) -> Array:
-        turned = replace(fit, rate=fit.rate * factor)
-        variant = replace(model, readings=replace(model.readings, **{which: turned}))
+        scaled_fit = replace(fit, rate=fit.rate * factor)
+        variant = replace(model, readings=replace(model.readings, **{which: scaled_fit}))
         return variant(evidence.best)["metric"]
 
     shots = evidence.reduced.shot_numbers
@@ -256,9 +256,9 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     them; one is enough if the aim marks give the scatter of the impact position. Nothing is yielded
     if no laboratory has enough.
     """
-    apart = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
-    both = evidence.reduced.valid & np.isfinite(apart)
-    mean, _, number = evidence.mean_of(apart, both)
+    difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
+    both = evidence.reduced.valid & np.isfinite(difference)
+    mean, _, number = evidence.mean_of(difference, both)
     marks = _marks_along(evidence)
     compared = number >= (FEWEST_SHOTS if marks is None else 1)
     if not compared.any():
@@ -267,7 +267,7 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     mask = np.where(hits >= 0, both[hits], False)
     weights = mask / np.maximum(mask.sum(axis=1, keepdims=True), 1)
     shared = evidence.variants.components(weighted_sums(differences, weights))
-    square, degrees = _scatter(evidence, apart, both, shared, marks)
+    square, degrees = _scatter(evidence, difference, both, shared, marks)
     yield pairs(
         "recoil-and-rebound",
         lambda i: (
@@ -302,14 +302,14 @@ def _marks_along(evidence: Evidence) -> Array | None:
 
 
 def _scatter(
-    evidence: Evidence, apart: Array, both: Mask, shared: Components, marks: Array | None
+    evidence: Evidence, difference: Array, both: Mask, shared: Components, marks: Array | None
 ) -> tuple[Array, Array]:
     """Return the variance of a shot and its degrees of freedom, from shots and from aim marks.
 
     Recoil and rebound of a shot differ mainly because of its position along the bat, and the marks
     give the scatter of this position better than a few shots.
     """
-    _, u, number = evidence.mean_of(apart, both)
+    _, u, number = evidence.mean_of(difference, both)
     degrees = np.maximum(number - 1.0, 0.0)
     square = np.where(degrees > 0, u**2 * number, 0.0)
     if marks is not None and AIM_ALONG in shared.names:

@@ -59,8 +59,8 @@ def _traces(record: Record) -> tuple[Mask, Mask]:
     back leaves half a trace.
     """
     if isinstance(record, EncoderRecord):
-        turned = np.asarray(np.ptp(record.counts, axis=1) > 0)
-        return turned, turned
+        rotates = np.asarray(np.ptp(record.counts, axis=1) > 0)
+        return rotates, rotates
     if isinstance(record, GateRecord | BoardRecord):
         shots, ways = record.times.shape[:2]
         detected = np.isfinite(record.times).reshape(*record.times.shape[:3], -1).any(axis=3)

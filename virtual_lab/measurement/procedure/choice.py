@@ -81,9 +81,9 @@ def variances_within(
     position [m] and `metric` its value, all (hit,). The variance is NaN if no position of a
     laboratory has two hits.
     """
-    of, back = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
-    many = np.bincount(back)
-    deviation = metric - (np.bincount(back, metric) / many)[back]
+    of, inverse = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
+    many = np.bincount(inverse)
+    deviation = metric - (np.bincount(inverse, metric) / many)[inverse]
     whose = of.real.astype(np.intp)
     freedom = np.bincount(whose, many - 1, laboratories)
     square = np.bincount(owner, deviation**2, laboratories)

@@ -61,10 +61,10 @@ def judge(
     requires for the measured bat.
     """
     criteria = _criteria(procedure, results, readings, percussion, turn_rate)
-    missed = np.array([~met for met, _, _ in criteria])
+    violations = np.array([~met for met, _, _ in criteria])
     reasons = np.full(len(results.speed), "", dtype=object)
-    for shot in np.flatnonzero(missed.any(axis=0)):
-        _, sentence, value = criteria[int(missed[:, shot].argmax())]
+    for shot in np.flatnonzero(violations.any(axis=0)):
+        _, sentence, value = criteria[int(violations[:, shot].argmax())]
         reasons[shot] = sentence(float(value[shot]))
     return Judgement(reasons=tuple(reasons))
 
@@ -242,15 +242,15 @@ def _recoil(
             100 * unclear,
         )
     if windows.agreement is not None:
-        apart = np.abs(results.recoil_efficiency - results.rebound_efficiency)
+        difference = np.abs(results.recoil_efficiency - results.rebound_efficiency)
         yield (
-            ~(apart > windows.agreement),
+            ~(difference > windows.agreement),
             _up_to(
                 "e_A from recoil and from rebound differ by {0:.{d}f}, allowed {2:.{d}f}",
                 windows.agreement,
                 4,
             ),
-            apart,
+            difference,
         )
 
 
@@ -274,8 +274,8 @@ def _swing(
     windows, swing = procedure.windows, readings.swing
     if swing is None:
         return
-    turned = results.swing_rate
-    yield np.isfinite(turned), lambda _: "the encoder shows no rotation before contact", turned
+    rate = results.swing_rate
+    yield np.isfinite(rate), lambda _: "the encoder shows no rotation before contact", rate
     yield _fit_criterion(swing)
     if windows.bat_speed_tolerance is not None:
         # the bat's speed is named 6 in from the tip, so the window is taken there
@@ -288,13 +288,13 @@ def _swing(
             return beyond(text, speed, middle - most, middle + most, 2)
 
         yield (
-            np.abs(turned - turn_rate) * lever <= tolerance,
+            np.abs(rate - turn_rate) * lever <= tolerance,
             describe,
-            turned * lever / MPH,
+            rate * lever / MPH,
         )
     most = windows.contact_angle
     if most is not None:
-        angle = np.abs(swing.angle * turned / swing.rate)
+        angle = np.abs(swing.angle * rate / swing.rate)
         yield (
             angle <= most,
             _up_to(

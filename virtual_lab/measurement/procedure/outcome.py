@@ -216,8 +216,8 @@ def _tops_of_curves(
         second = powers[2:] * powers[1:-1] * top ** powers[:-2]
         slopes = np.einsum("lp,lph->lh", first, solved[:, 1:])
         bend = np.einsum("lp,lp->l", second, fitted[:, 2:])
-        turned = turns & (top[:, 0] == turn)
-        shift = np.einsum("lh,lh->l", slopes, metric) / np.where(turned, -bend, np.inf)
+        is_turn = turns & (top[:, 0] == turn)
+        shift = np.einsum("lh,lh->l", slopes, metric) / np.where(is_turn, -bend, np.inf)
         effects += shift[:, None] * slopes * gain
     spread = np.where((many > 0)[shots.owner], 0.0, np.nan)
     by_shot = [spread.copy(), spread.copy()]

@@ -91,8 +91,8 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     residual = metric - design @ solved @ metric
     free = 1 - np.sum(design * solved.T, axis=1)
     u = float(np.linalg.norm(half * (high - low) * residual / free))
-    width, stated = np.array([peak.width]), np.array([u if span.whole else 0.0])
-    scattered = types_a(HITS, width, stated, place.size - powers.size)
+    width, width_u = np.array([peak.width]), np.array([u if span.whole else 0.0])
+    scattered = types_a(HITS, width, width_u, place.size - powers.size)
     return Width(drop=drop, span=peak, budget=combine_components(width, scattered).row(0))
 
 

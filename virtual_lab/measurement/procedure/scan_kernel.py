@@ -230,8 +230,8 @@ def scans_of_block(
             continue
         best = complete[best_of(complete, rules.valid_hits, at, good, goal, rules)]
         scans.best[one] = best
-        beside = complete[_next_to(best, complete, rules)]
-        scans.below[one], scans.above[one] = (beside < best).any(), (beside > best).any()
+        neighbours = complete[_next_to(best, complete, rules)]
+        scans.below[one], scans.above[one] = (neighbours < best).any(), (neighbours > best).any()
         if rules.final_hits:
             fresh = np.empty(at.size, np.int64)
             many = fresh_hits(best, at, good, rules, fresh)
@@ -277,10 +277,10 @@ def shortfalls_of_block(
             continue
         best = best_of(complete, rules.valid_hits, at, good, read, rules)
         for other in np.flatnonzero(_next_to(complete[best], complete, rules)):
-            behind = (means[other] - means[best]) / u
-            share, density = erfc(-behind / sqrt(2)) / 2, exp(-(behind**2) / 2) / sqrt(2 * pi)
-            mean[one] += u * (behind * share + density)
-            square[one] += u**2 * ((1 + behind**2) * share + behind * density)
+            deficit = (means[other] - means[best]) / u
+            share, density = erfc(-deficit / sqrt(2)) / 2, exp(-(deficit**2) / 2) / sqrt(2 * pi)
+            mean[one] += u * (deficit * share + density)
+            square[one] += u**2 * ((1 + deficit**2) * share + deficit * density)
 
 
 @njit(cache=True)
@@ -336,13 +336,13 @@ def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: fl
     """
     hopeful = np.ones(places.size, np.bool_)
     for k in range(places.size):
-        lost, back = 0, 0
+        misses, rebounds = 0, 0
         for shot in range(place.size):
             if is_at(place[shot], places[k], reach):
-                came = np.isfinite(objective[shot])
-                back += came
-                lost += not came
-        hopeful[k] = lost < hits or back > lost
+                is_rebound = np.isfinite(objective[shot])
+                rebounds += is_rebound
+                misses += not is_rebound
+        hopeful[k] = misses < hits or rebounds > misses
     return places[hopeful]
 
 

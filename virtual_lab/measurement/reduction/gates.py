@@ -143,14 +143,14 @@ class GateReadings:
         times = self.passages.times
         first, near = self.distances[..., 0, None], self.distances[..., -1, None]
         span = first - near
-        into = times[..., INBOUND, -1] - times[..., INBOUND, 0]
-        back = times[..., OUTBOUND, 0] - times[..., OUTBOUND, -1]
+        time_in = times[..., INBOUND, -1] - times[..., INBOUND, 0]
+        time_out = times[..., OUTBOUND, 0] - times[..., OUTBOUND, -1]
         with np.errstate(divide="ignore"):  # a slow clock may show two gates at the same tick
-            speed_in, speed_out = span / into, span / back
+            speed_in, speed_out = span / time_in, span / time_out
         return RawFlights(
             speed_in=speed_in,
             speed_out=speed_out,
-            contact=times[..., INBOUND, -1] + near * into / span,
+            contact=times[..., INBOUND, -1] + near * time_in / span,
             misfit=self.passages.misfit,
             complete=np.asarray(np.isfinite(times[..., INBOUND, :]).all(axis=-1)),
         )

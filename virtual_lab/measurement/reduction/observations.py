@@ -150,8 +150,8 @@ def counted_releases(odd: Mask) -> Mask:
     records do not show which are right.
     """
     even = ~odd.any(axis=2)
-    few = even.sum(axis=1) < max(2, even.shape[1] / 2)
-    return np.asarray(even | few[:, None])
+    too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
+    return np.asarray(even | too_few[:, None])
 
 
 def _exactly(value: Array) -> Estimates:

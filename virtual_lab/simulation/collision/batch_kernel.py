@@ -141,14 +141,14 @@ def _forces_in_series(w: Array) -> None:
     wide()
     for j in range(LANES):
         x, power, series = w[AT.x + j], w[AT.power + j], w[AT.compliance + j]
-        given = max(x, LIMITS.least_u)
-        u = given * w[AT.u_share + j]
+        approach = max(x, LIMITS.least_u)
+        u = approach * w[AT.u_share + j]
         force = exp2(max(w[AT.log_k + j] + power * log2(u), LIMITS.least_log))
         slope = power * force / u
-        change = max((given - u - series * force) / (1.0 + series * slope), -0.5 * u)
+        change = max((approach - u - series * force) / (1.0 + series * slope), -0.5 * u)
         force += slope * change
         w[AT.u + j] = u + change
-        w[AT.u_share + j] = (u + change) / given
+        w[AT.u_share + j] = (u + change) / approach
         w[AT.force + j] = force if x > 0.0 else 0.0
 
 
@@ -369,7 +369,7 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
     event, phase, rate = lane[AT.event], lane[AT.phase], lane[AT.rate]
-    lost = 1.0 / (a + 1.0) - 1.0 / (b + 1.0)  # energy lost in the ball [peak force times u]
+    loss_share = 1.0 / (a + 1.0) - 1.0 / (b + 1.0)  # energy lost in the ball [peak force times u]
     if event in (EVENT.clear, EVENT.lost):
         return After.DONE if event == EVENT.clear else After.DOUBT
     if event == EVENT.turned_back:
@@ -389,13 +389,13 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
             return After.DOUBT
         u = lane[AT.u] + remaining
         lane[AT.peak] = lane[AT.x] + remaining
-        lane[AT.loss] += lost * u * lane[AT.force] * (1.0 + a * remaining / lane[AT.u])
+        lane[AT.loss] += loss_share * u * lane[AT.force] * (1.0 + a * remaining / lane[AT.u])
         _switch(lane, PHASE.unloading, b, log_k - (b - a) * log2(u), lane[AT.x] * given.near_end[i])
     elif phase == PHASE.flying:
         lane[AT.u_share], lane[AT.h_grown] = 1.0, LIMITS.afresh * lane[AT.h_mode]
         _switch(lane, PHASE.loading, a, log_k, near * rate)
     elif rate > 0.0:
-        lane[AT.loss] -= lost * lane[AT.u] * lane[AT.force]
+        lane[AT.loss] -= loss_share * lane[AT.u] * lane[AT.force]
         _switch(lane, PHASE.loading, a, log_k, near * rate)
     else:
         counts[i, 0] += 1

@@ -136,8 +136,13 @@ def choose(
 
 def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     """Return the rigid and the modal rungs, fastest first, with their errors on the probe."""
-    modes, held = modes_of(body, support, BENDING_MODES + STIFF_MODES), support_words(support)
-    stepped = [ModalModel.within(modes, n, held=held) for n in (*MODE_COUNTS, PROBING.modes)]
+    modes, support_text = (
+        modes_of(body, support, BENDING_MODES + STIFF_MODES),
+        support_words(support),
+    )
+    stepped = [
+        ModalModel.within(modes, n, held=support_text) for n in (*MODE_COUNTS, PROBING.modes)
+    ]
     *by_model, true = _collide_probe(modes, stepped, probe)
     rigid = RigidModel.of(body, support)
     by_model.insert(0, rigid.collide(probe))

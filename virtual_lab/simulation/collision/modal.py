@@ -103,11 +103,11 @@ def collide_bats(
             for (model, scenes), table in zip(batch, tables, strict=True)
         ]
     )
-    followed = batch[0][0].stepper.follow(struck)
+    final = batch[0][0].stepper.follow(struck)
     for (model, scenes), rows in zip(batch, struck.by_bat(), strict=True):
-        scenes.require_sound(followed.failure[rows], model.held)
+        scenes.require_sound(final.failure[rows], model.held)
     return [
-        _collisions(model, scenes, shape, struck.part(rows), followed.part(rows))
+        _collisions(model, scenes, shape, struck.part(rows), final.part(rows))
         for (model, scenes), shape, rows in zip(batch, shapes, struck.by_bat(), strict=True)
     ]
 
@@ -133,15 +133,15 @@ def _struck(model: ModalModel, scenes: Scenes, table: Array, most: int) -> Colli
 
 
 def _collisions(
-    model: ModalModel, scenes: Scenes, shape: Array, struck: CollisionBatch, followed: FinalStates
+    model: ModalModel, scenes: Scenes, shape: Array, struck: CollisionBatch, final: FinalStates
 ) -> Collisions:
     modes = model.modes
     rigid, flexible = modes.rigid, modes.count - modes.rigid
-    states, most = followed.states, struck.shapes.shape[1]
+    states, most = final.states, struck.shapes.shape[1]
     s, s_rate = states[:, -2], states[:, -1]
     # the impulse determines all rigid motion
     impulse = (struck.speed - s_rate) / struck.inverse_mass
-    drift = (struck.speed * followed.time - s) / struck.inverse_mass
+    drift = (struck.speed * final.time - s) / struck.inverse_mass
     displacements, velocities = np.empty_like(shape), np.empty_like(shape)
     np.multiply(shape[:, :rigid], drift[:, None], out=displacements[:, :rigid])
     np.multiply(shape[:, :rigid], impulse[:, None], out=velocities[:, :rigid])
@@ -154,13 +154,13 @@ def _collisions(
         collision_efficiency=e_A,
         modal_displacements=displacements,
         modal_velocities=velocities,
-        contact_time=followed.time,
+        contact_time=final.time,
         impulse=impulse,
-        contacts=followed.contacts,
-        reloads=followed.reloads,
-        redone=followed.redone,
+        contacts=final.contacts,
+        reloads=final.reloads,
+        redone=final.redone,
         energy=energy_split(
-            modes, displacements, velocities, e_A, followed.loss, momentum * struck.speed / 2
+            modes, displacements, velocities, e_A, final.loss, momentum * struck.speed / 2
         ),
     )
 

@@ -75,12 +75,12 @@ class PatchTable:
         starts, steps = (np.array([part[k] for part in self._knots]) for k in (0, 1))
         tile = ((z - starts[where]) / (steps - starts)[where]).astype(np.intp) // TILE
         tiles = 1 + tile.max(initial=0)
-        each, back = np.unique(where * tiles + tile, return_inverse=True)
+        tile_numbers, inverse = np.unique(where * tiles + tile, return_inverse=True)
         shapes = [
-            self._spline(int(number // tiles), int(number % tiles))(z[back == k])
-            for k, number in enumerate(each)
+            self._spline(int(number // tiles), int(number % tiles))(z[inverse == k])
+            for k, number in enumerate(tile_numbers)
         ]
-        order = np.argsort(back, kind="stable")
+        order = np.argsort(inverse, kind="stable")
         table = np.empty((z.size, shapes[0].shape[1] if shapes else 0))
         if shapes:
             table[order] = np.concatenate(shapes)

@@ -157,10 +157,10 @@ class OneByOne:
             self._steps(struck),
             window,
         )
-        followed = FinalStates.first_try(states, sums, counts)
-        closed = np.abs(followed.open_energy) < STAYS  # False for NaN
-        followed.failure[(followed.failure == Failure.SOUND) & ~closed] = Failure.OPEN
-        return followed
+        final = FinalStates.first_try(states, sums, counts)
+        closed = np.abs(final.open_energy) < STAYS  # False for NaN
+        final.failure[(final.failure == Failure.SOUND) & ~closed] = Failure.OPEN
+        return final
 
     def settle(
         self, struck: CollisionBatch, other: FinalStates, window: float = WINDOW
@@ -250,7 +250,7 @@ class InStep:
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
         """Return the states after all contacts that begin within `window` [s] of first touch."""
-        followed, doubted = self.one_pass(struck, window)
+        final, doubted = self.one_pass(struck, window)
         remaining = np.flatnonzero(doubted)
         stepper = self
         for tries in range(1, self.tries):
@@ -259,23 +259,23 @@ class InStep:
             part, stepper = struck.part(remaining), stepper.finer(self.shorter)
             finer, sure = stepper._try(part, window)
             finer.redone[:] = tries
-            gap = part.efficiency_gap(finer, followed.part(remaining))
-            followed.put(remaining, finer)
+            gap = part.efficiency_gap(finer, final.part(remaining))
+            final.put(remaining, finer)
             sure &= (np.abs(gap) < self.agree * self.tolerance) & (finer.contacts <= tries + 1)
             remaining = remaining[~sure]
         if remaining.size:
-            exact = OneByOne().settle(struck.part(remaining), followed.part(remaining), window)
+            exact = OneByOne().settle(struck.part(remaining), final.part(remaining), window)
             exact.redone[:] = self.tries
-            followed.put(remaining, exact)
-        return followed
+            final.put(remaining, exact)
+        return final
 
     def one_pass(
         self, struck: CollisionBatch, window: float = WINDOW
     ) -> tuple[FinalStates, NDArray[np.bool_]]:
         """Return the states after one pass, and a mask (n,) of the scenes to integrate again."""
-        followed, sure = self._try(struck, window)
-        often = (followed.contacts > 1) | (followed.reloads > 1)
-        return followed, ~sure | often | (followed.time > self.long)
+        final, sure = self._try(struck, window)
+        often = (final.contacts > 1) | (final.reloads > 1)
+        return final, ~sure | often | (final.time > self.long)
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[FinalStates, NDArray[np.bool_]]:
         """Return the states after one pass, and a mask (n,) of the scenes without doubt."""
@@ -305,8 +305,8 @@ class InStep:
             (self.splitting.kicks, self.splitting.drifts),
             StepRule(self.growth, self.turn, self.brush, window),
         )
-        followed = FinalStates.first_try(states, sums, counts)
-        return followed, (counts[:, 2] == 0) & (np.abs(followed.open_energy) < self.tolerance)
+        final = FinalStates.first_try(states, sums, counts)
+        return final, (counts[:, 2] == 0) & (np.abs(final.open_energy) < self.tolerance)
 
 
 FINE = InStep(

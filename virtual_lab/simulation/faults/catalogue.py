@@ -113,8 +113,8 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
-    back = truth.get("rebound_speed", truth.get("ball_restitution", 0) * speed)
-    speeds = np.stack([speed, np.abs(back)], axis=1)[:, :, None, None]
+    rebound_speed = truth.get("rebound_speed", truth.get("ball_restitution", 0) * speed)
+    speeds = np.stack([speed, np.abs(rebound_speed)], axis=1)[:, :, None, None]
     shape = (*times.shape[1:3], 2)
     turn = tau * (written.chance(f".{written.stage.value}", shape) - 0.5)
     late = 1.5e-3 * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
@@ -188,10 +188,10 @@ def drifting(record: Any, written: FaultContext) -> Arrays:
     seconds.
     """
     times, slot = record.times.copy(), written.plan.slot
-    back = times[:, Edge.OUT]
-    start = back[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
+    rebounds = times[:, Edge.OUT]
+    start = rebounds[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
     faster = (1 + 0.06 * slot / max(slot.max(), 1))[:, None, None]
-    times[:, Edge.OUT] = start + (back - start) / faster
+    times[:, Edge.OUT] = start + (rebounds - start) / faster
     return {"times": times}
 
 
@@ -219,12 +219,12 @@ def loose(record: Any, written: FaultContext) -> Arrays:
     """
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))
-    followed = np.empty_like(counts)
+    with_play = np.empty_like(counts)
     last = counts[:, 0]
     for sample in range(counts.shape[1]):
         last = np.clip(last, counts[:, sample] - width, counts[:, sample])
-        followed[:, sample] = last
-    return {"counts": followed}
+        with_play[:, sample] = last
+    return {"counts": with_play}
 
 
 def still_swinging(record: Any, written: FaultContext) -> Arrays:
@@ -233,8 +233,8 @@ def still_swinging(record: Any, written: FaultContext) -> Arrays:
     The direction is random from shot to shot. The result has the name ``counts``, (shot, sample).
     """
     direction = np.where(written.some(0.5), 1.0, -1.0)
-    turned = counts_per_turn(written) / tau * 0.3 * record.times
-    return {"counts": record.counts + np.round(direction[:, None] * turned)}
+    rotation = counts_per_turn(written) / tau * 0.3 * record.times
+    return {"counts": record.counts + np.round(direction[:, None] * rotation)}
 
 
 def counts_per_turn(written: FaultContext) -> float:

@@ -120,11 +120,11 @@ class LightBoards(BallGates[LightBoardSpec]):
         scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
         by_way = records.reshape(*records.shape[:3], -1)
         for direction, start in zip(directions, (contact, leaving), strict=True):
-            flown = passage.way(out=bool(direction))
+            flights = passage.way(out=bool(direction))
             trip_distance = passage.radius + self.trips
             write_edges(
                 by_way[:, direction],
-                flown,
+                flights,
                 start,
                 bool(direction),
                 self._boards(passage),

@@ -45,10 +45,10 @@ class Passage:
 
     def outbound(self, distance: Array) -> tuple[Array, Array]:
         """Return time after release [s], NaN without a rebound, and height [m]."""
-        back = distance - _column(self.parted_plane, distance)
+        path = distance - _column(self.parted_plane, distance)
         speed = np.where(self.speed_out > 0, self.speed_out, np.nan)
-        time = time_after(back, _column(speed, distance), _column(self.drag, distance))
-        return time, self._height(self.parted_height, back, time, self.slope_out)
+        time = time_after(path, _column(speed, distance), _column(self.drag, distance))
+        return time, self._height(self.parted_height, path, time, self.slope_out)
 
     @property
     def parted_plane(self) -> Array | float:
@@ -70,10 +70,12 @@ class Passage:
         rows = np.flatnonzero(np.isfinite(self.reach) | (plane >= distances.min(axis=-1)))
         gates = np.broadcast_to(distances, (plane.size, distances.shape[-1]))[rows]
         never = gates < plane[rows, None]
-        gone = np.stack([never, never | (gates > self.reach[rows, None])], axis=1)
+        is_unreached = np.stack([never, never | (gates > self.reach[rows, None])], axis=1)
         columns = {name: getattr(record, name).copy() for name in record.columns}
         for values in columns.values():
-            hidden = gone.reshape(gone.shape + (1,) * (values.ndim - gone.ndim))
+            hidden = is_unreached.reshape(
+                is_unreached.shape + (1,) * (values.ndim - is_unreached.ndim)
+            )
             values[rows] = np.where(hidden, np.nan, values[rows])
             values.setflags(write=False)
         return replace(record, **columns)

@@ -28,6 +28,8 @@ def play_closed_form(scene: ShotScene) -> PlayedShots:
     refused = np.zeros(scene.shots, dtype=why.dtype)
     refused[hit] = why
     starts = np.flatnonzero(refused == "")
-    begun = Pieces.of(starts, np.zeros(len(starts)), Target.START, scene.start.part(starts))
+    first_pieces = Pieces.of(starts, np.zeros(len(starts)), Target.START, scene.start.part(starts))
     struck = Pieces.of(hit, time[hit], Target.BAT, after, near.place, near.approach)
-    return PlayedShots(refused=refused, pieces=Pieces.concatenate([begun, struck.part(why == "")]))
+    return PlayedShots(
+        refused=refused, pieces=Pieces.concatenate([first_pieces, struck.part(why == "")])
+    )

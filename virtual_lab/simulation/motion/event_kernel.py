@@ -124,15 +124,15 @@ def _radius(place: float, scene: Scene) -> float:
 @njit(cache=True, error_model="numpy")
 def _move(state: Moving, time: float, shot: Own) -> Moving:
     """Return the state after a `time` [s] of free motion."""
-    lost = shot.drag * hypot(state.vx, state.vz) * time
-    path = time * log1p(lost) / lost if lost > 0 else time
+    loss = shot.drag * hypot(state.vx, state.vz) * time
+    path = time * log1p(loss) / loss if loss > 0 else time
     return Moving(
         state.x + state.vx * path,
         state.y + (state.vy - shot.gravity / 2 * time) * time,
         state.z + state.vz * path,
-        state.vx / (1 + lost),
+        state.vx / (1 + loss),
         state.vy - shot.gravity * time,
-        state.vz / (1 + lost),
+        state.vz / (1 + loss),
         state.angle + state.rate * time,
         state.rate,
     )
@@ -192,9 +192,9 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     near, time = _nearness(state, shot, scene), 0.0
     fast = hypot(state.vx, state.vz)
     if near.gap <= NEAR and near.approach < 0:  # ball and bat are separating
-        apart = hypot(state.x, state.z - shot.axis)
-        speeds = hypot(fast, state.vy) + abs(state.rate) * apart
-        contact_distance = shot.radius + _radius(shot.axis - apart, scene)
+        axis_distance = hypot(state.x, state.z - shot.axis)
+        speeds = hypot(fast, state.vy) + abs(state.rate) * axis_distance
+        contact_distance = shot.radius + _radius(shot.axis - axis_distance, scene)
         time = -PARTING * near.approach / (speeds**2 / contact_distance + shot.gravity)
     drop = abs(state.vy - shot.gravity * until)
     while time < until:
@@ -248,8 +248,8 @@ def _next_solid(
         if not -OVER <= path < inf:
             continue
         path = max(path, 0.0)
-        lost = shot.drag * path
-        time = (expm1(lost) / lost if lost > 0 else 1.0) * path / speed
+        loss = shot.drag * path
+        time = (expm1(loss) / loss if loss > 0 else 1.0) * path / speed
         y = state.y + (state.vy - shot.gravity / 2 * time) * time
         under, bottom, top, over = solids[k, 6], solids[k, 7], solids[k, 8], solids[k, 9]
         if time < first and not (y < under or bottom < y < top or y > over):

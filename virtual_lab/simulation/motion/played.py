@@ -90,7 +90,7 @@ class PlayedShots:
         whole = np.full((len(ShotState._fields), scene.shots, len(moments)), np.nan)
         for column, moment in enumerate(moments):
             # pieces are sorted by time, so the last one that has begun overwrites the others
-            begun = self.pieces.part(self.pieces.time <= moment)
-            here = move(scene, begun.state, moment - begun.time, begun.shot)
-            whole[:, begun.shot, column] = np.array(here)
+            current = self.pieces.part(self.pieces.time <= moment)
+            here = move(scene, current.state, moment - current.time, current.shot)
+            whole[:, current.shot, column] = np.array(here)
         return ShotState(*whole)

@@ -256,8 +256,8 @@ class _Shot:
             # the ball rolls over an object that it already overlaps by more than rounding
             if solid.shape.point_query(here).distance < scene.ball_radius - 1e-6:
                 continue
-            flown = hit.alpha * np.hypot(*path) + OVERLAP
-            time = float(time_after(flown, speed, scene.ball_drag[0]))
+            distance = hit.alpha * np.hypot(*path) + OVERLAP
+            time = float(time_after(distance, speed, scene.ball_drag[0]))
             height = move(scene, start, np.array([time]), ONE).y
             cleared = solid.frame and solid.frame.clears(height, scene.ball_radius)[0]
             if time < first and not cleared:
@@ -282,10 +282,10 @@ class _Shot:
 
     def _rebound(self, mean: Array) -> Pieces:
         """Take the ball's velocity from pymunk, scaled from the step's mean to its end."""
-        went = np.array(self.ball.velocity)
-        if not (went - mean).any():
+        velocity = np.array(self.ball.velocity)
+        if not (velocity - mean).any():
             raise RuntimeError(f"pymunk saw no contact with a frame at {self.now:.9g} s")
         assert self.ahead
         share = np.hypot(self.state.vx[0], self.state.vz[0]) / np.hypot(*mean)
-        self.state = self.state._replace(vx=share * went[:1], vz=share * went[1:])
+        self.state = self.state._replace(vx=share * velocity[:1], vz=share * velocity[1:])
         return self._piece(self.ahead.kind)

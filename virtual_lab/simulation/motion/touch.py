@@ -163,9 +163,11 @@ def first_touch(
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until
     if parting:
-        apart = np.hypot(state.x, state.z - bat.axis)
-        speeds = np.hypot(np.hypot(state.vx, state.vz), state.vy) + np.abs(state.rate) * apart
-        contact_distance = scene.ball_radius + bat.radius(bat.axis - apart)
+        axis_distance = np.hypot(state.x, state.z - bat.axis)
+        speeds = (
+            np.hypot(np.hypot(state.vx, state.vz), state.vy) + np.abs(state.rate) * axis_distance
+        )
+        contact_distance = scene.ball_radius + bat.radius(bat.axis - axis_distance)
         opening = np.maximum(-nearness(scene, state).approach, 0.0)
         start = TOUCHING.parting * opening / (speeds**2 / contact_distance + scene.gravity)
     time = np.where(start < until, start, np.inf)
@@ -186,11 +188,11 @@ def first_touch(
         late = time[still] >= until[still]
         time[still[late]] = np.inf
         still = still[~late]
-    met = np.flatnonzero(np.isfinite(time))
-    fast = np.hypot(state.vx[met], state.vz[met])
+    hits = np.flatnonzero(np.isfinite(time))
+    fast = np.hypot(state.vx[hits], state.vz[hits])
     for _ in range(TOUCHING.polishing):
-        near = nearness(scene, move(scene, state.part(met), time[met], shots[met]))
+        near = nearness(scene, move(scene, state.part(hits), time[hits], shots[hits]))
         sharp = near.approach > TOUCHING.sharp * fast
         later = np.where(sharp, near.gap / np.where(sharp, near.approach, 1.0), 0.0)
-        time[met] = np.maximum(time[met] + later, 0.0)
+        time[hits] = np.maximum(time[hits] + later, 0.0)
     return time

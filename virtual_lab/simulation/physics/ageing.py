@@ -29,9 +29,9 @@ def loss_of_restitution(
     passing = np.zeros_like(losses)
     for turn in range(1, losses.shape[1]):  # one step for all balls
         passing[:, turn] = remaining * (passing[:, turn - 1] + losses[:, turn - 1])
-    gone = (1 - ageing.recovering) * lasting + ageing.recovering * passing
+    loss_by_rank = (1 - ageing.recovering) * lasting + ageing.recovering * passing
     loss = np.empty(ball.shape)
-    loss[in_turn] = gone[row, rank]
+    loss[in_turn] = loss_by_rank[row, rank]
     return loss
 
 

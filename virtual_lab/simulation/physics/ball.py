@@ -161,8 +161,8 @@ class HuntCrossley:
         if c == 0:
             return wall_contact(*(np.array(number) for number in (mass, speed, k, a, 1.0)))
 
-        def depth(end: float, gone: Array) -> Array:
-            work = (-np.exp(end) * np.expm1(-gone) - gone) / c**2  # per unit mass
+        def depth(end: float, progress: Array) -> Array:
+            work = (-np.exp(end) * np.expm1(-progress) - progress) / c**2  # per unit mass
             return np.asarray(((a + 1) * mass / k * work) ** (1 / (a + 1)))
 
         x, gauss = np.polynomial.legendre.leggauss(200)
@@ -172,10 +172,10 @@ class HuntCrossley:
         for end in (touch, -_solve_release(c * speed)):
             u = depth(end, end * s ** (a + 1))
             times.append(np.sum(weight * (s / u) ** a) * mass * abs(end) / (c * k))
-        gone = np.linspace(0, touch, 10_001)
+        progress = np.linspace(0, touch, 10_001)
         return WallContact(
             compression=depth(touch, np.array(touch)),
-            force=np.asarray((k * depth(touch, gone) ** a * np.exp(touch - gone)).max()),
+            force=np.asarray((k * depth(touch, progress) ** a * np.exp(touch - progress)).max()),
             compression_time=np.asarray(times[0]),
             expansion_time=np.asarray(times[1]),
         )

@@ -231,8 +231,8 @@ def beam_of(
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
-    held = support_place(support or Free(), body.length)
-    return _beam(replace(body, hoop=None), held, order, element_size)
+    support_z = support_place(support or Free(), body.length)
+    return _beam(replace(body, hoop=None), support_z, order, element_size)
 
 
 @lru_cache(maxsize=1024)  # the bats of a block are requested in each round
@@ -248,8 +248,8 @@ def rigid_bat(body: BatBody) -> RigidBat[float]:
 
 
 @lru_cache(maxsize=16)
-def _beam(body: BatBody, held: float | None, order: int, element_size: float) -> Beam:
-    keep = (0.0, body.length) if held is None else (0.0, held, body.length)
+def _beam(body: BatBody, support_z: float | None, order: int, element_size: float) -> Beam:
+    keep = (0.0, body.length) if support_z is None else (0.0, support_z, body.length)
     places = (*body.profile.z, *(lump.z for lump in body.lumps))
     mesh = mesh_through(places, keep, size=element_size, order=order)
     mass, stiffness = _assemble(mesh, body)

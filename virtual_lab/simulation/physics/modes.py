@@ -219,11 +219,11 @@ def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
         case Pinned(stiffness=k) if isfinite(k):
             return everything
         case Pinned(z=z):
-            held = [int(np.flatnonzero(nodes == z)[0])]
+            support_dofs = [int(np.flatnonzero(nodes == z)[0])]
         case Clamped(z=z):
             node = int(np.flatnonzero(nodes == z)[0])
-            held = [node, nodes.size + node]
-    return np.setdiff1d(everything, held)
+            support_dofs = [node, nodes.size + node]
+    return np.setdiff1d(everything, support_dofs)
 
 
 def _bending_modes(

@@ -156,8 +156,8 @@ class TrueBalls:
         """Return the lot with the e0 of each ball reduced by its mean `loss` over its hits."""
         number, size = self.numbers(owner, ball), self.mass.size
         hits = np.bincount(number, minlength=size)
-        lost = np.bincount(number, loss, size) / np.maximum(hits, 1)
-        return replace(self, restitution=self.restitution - lost.reshape(self.mass.shape))
+        mean_loss = np.bincount(number, loss, size) / np.maximum(hits, 1)
+        return replace(self, restitution=self.restitution - mean_loss.reshape(self.mass.shape))
 
     def mean_ball(self) -> TrueBalls:
         """Return a lot of one ball, the mean of this lot, to which a measurand refers."""
@@ -245,8 +245,8 @@ def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
 
     Density, stiffness and density tilt vary by the spread of the sheet.
     """
-    drawn = draws.normal("bat", (3,)).reshape(-1, 3)
-    return TrueBat(name=spec.name, bodies=tuple(_make_body(spec, *row) for row in drawn.tolist()))
+    numbers = draws.normal("bat", (3,)).reshape(-1, 3)
+    return TrueBat(name=spec.name, bodies=tuple(_make_body(spec, *row) for row in numbers.tolist()))
 
 
 def _make_body(spec: BatSpec, density: float, modulus: float, tilt: float) -> BatBody:
@@ -299,10 +299,10 @@ def draw_balls(
     (laboratory,); None: that of the sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
-    drawn, spread = draw_lot(spec, lot or draws, store), spec.spread
-    level = np.asarray(drawn.restitution.value)[..., None]
+    lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread
+    level = np.asarray(lot_spec.restitution.value)[..., None]
     return TrueBalls(
-        spec=drawn,
+        spec=lot_spec,
         mass=spec.mass + spread.mass * mass,
         restitution=np.minimum(level + spread.restitution * restitution, 1.0),
         store=store,

@@ -193,16 +193,16 @@ class RestingBatStation(CannonStation):
         across = launch.across - here.holder.height
         tilt = contact_angle(struck, place, across)
         blows = here.blows(plan.detail, struck, place, launch.speed * np.cos(tilt), e0)
-        back, up = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
+        speed_out, slope_out = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
         passage = Passage(
             speed_in=launch.speed,
-            speed_out=back,
+            speed_out=speed_out,
             drag=here.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
             gravity=here.gravity,
             height=launch.across,
             slope_in=launch.slope,
-            slope_out=up,
+            slope_out=slope_out,
         )
         rigid, profile = struck.bat.rigid, struck.bat.body.profile
         axis = np.broadcast_to(rigid.length - here.holder.from_knob, place.shape)

@@ -106,17 +106,17 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
     played = play_pymunk(scene) if pymunk else play_events(scene)
     chosen = _all_met(played) if pymunk else _beyond_one_blow(played)
     pieces, turns = played.pieces, _turns(played.pieces, len(shots)).part(chosen)
-    late, met = np.zeros(count), np.ones(count, dtype=bool)
-    late[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
-    met[shots[chosen]] = pieces.struck[turns.first] == Target.BAT
+    delay, hit_bat = np.zeros(count), np.ones(count, dtype=bool)
+    delay[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
+    hit_bat[shots[chosen]] = pieces.struck[turns.first] == Target.BAT
     whole = _columns(passage, count)
     whole |= {"plane_out": whole["plane"].copy(), "height_out": whole["height"].copy()}
     whole.setdefault("reach", np.full(count, np.inf))
     for name, values in _as_flown(scene, some, pieces, turns).items():
         whole[name][shots[chosen]] = values
-    if met.all() and np.isinf(whole["reach"]).all():
+    if hit_bat.all() and np.isinf(whole["reach"]).all():
         whole.pop("reach")
-    return FlownShots(replace(passage, **whole), late, met, _kicks(pieces, shots))
+    return FlownShots(replace(passage, **whole), delay, hit_bat, _kicks(pieces, shots))
 
 
 def scene_of(
@@ -127,8 +127,8 @@ def scene_of(
     The scene ends at the time `after` [s], a number or (shot,), past the contact of the closed
     form. Its e_A is that of `bat` for all contacts of a shot.
     """
-    held = PivotedBat(bat.profile, bat.axis, bat.inertia)
-    touching = -np.sqrt((held.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
+    pivoted = PivotedBat(bat.profile, bat.axis, bat.inertia)
+    touching = -np.sqrt((pivoted.radius(bat.place) + passage.radius) ** 2 - bat.across**2)
     span = time_before(AHEAD, passage.speed_in, passage.drag)
     up = bat.across - passage.height
     return ShotScene(
@@ -142,7 +142,7 @@ def scene_of(
         ball_mass=bat.mass,
         ball_drag=np.broadcast_to(passage.drag, bat.mass.shape),
         ball_radius=passage.radius,
-        bat=held,
+        bat=pivoted,
         efficiency=lambda _place, _speed, shots: bat.efficiency[shots],
         duration=span + after,
         gravity=passage.gravity,
@@ -186,8 +186,8 @@ def _beyond_closed_form(
     beyond |= _caught(passage, bat, around.stop)
     with np.errstate(divide="ignore", invalid="ignore"):
         gate = around.hiding(radius)[..., 0]
-        back = reaches_frame(gate, passage.speed_out, passage.slope_out, height)
-    return beyond, back & (passage.speed_out > 0)
+        rebound_mask = reaches_frame(gate, passage.speed_out, passage.slope_out, height)
+    return beyond, rebound_mask & (passage.speed_out > 0)
 
 
 def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.bool_] | bool:
@@ -322,16 +322,16 @@ def _as_flown(
 ) -> dict[str, Array]:
     """Return the columns that a scene replaces in the `planned` flights."""
     first, shot = turns.first, pieces.shot[turns.first]
-    begun = pieces.state.part(first - 1)
-    before = move(scene, begun, pieces.time[first] - pieces.time[first - 1], shot)
+    start_state = pieces.state.part(first - 1)
+    before = move(scene, start_state, pieces.time[first] - pieces.time[first - 1], shot)
     state, up = pieces.state.part(turns.back), np.asarray(scene.frames[0].up)[shot]
     contact = scene.start.x[shot] + AHEAD  # position of the contact in closed form
     ends = np.append(pieces.state.x, -np.inf)[turns.frame]
-    missed = pieces.struck[first] != Target.BAT
+    is_miss = pieces.struck[first] != Target.BAT
     return {
         "speed_in": before.vx,
         "plane": contact - before.x,
-        "height": np.where(missed, before.y - up, np.asarray(planned.height)[shot]),
+        "height": np.where(is_miss, before.y - up, np.asarray(planned.height)[shot]),
         "speed_out": -state.vx,
         "slope_out": -state.vy / np.where(state.vx == 0, np.nan, state.vx),
         "plane_out": contact - state.x,

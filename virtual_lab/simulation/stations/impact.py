@@ -106,9 +106,9 @@ def thrown_back(
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
-    back = efficiency * across * cosine - along * sine + bat_speed
+    rebound_speed = efficiency * across * cosine - along * sine + bat_speed
     up = efficiency * across * sine + along * cosine
-    return back, np.asarray(up / np.where(back == 0, np.nan, back))
+    return rebound_speed, np.asarray(up / np.where(rebound_speed == 0, np.nan, rebound_speed))
 
 
 def error_free(
@@ -152,8 +152,8 @@ def _recoil(
     speed, yielding = scenes.relative_speed, np.empty(len(scenes))  # 1 / effective mass
     for body, shots in struck:
         modes = _rigid_modes(body, support)
-        place, back = np.unique(scenes.impact_position[shots], return_inverse=True)
-        yielding[shots] = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)[back]
+        place, inverse = np.unique(scenes.impact_position[shots], return_inverse=True)
+        yielding[shots] = np.sum(patch_shape(modes, place, PATCH) ** 2, axis=1)[inverse]
     bat_speed = impulse * yielding
     ball_speed = impulse / scenes.ball_mass - speed
     return TrueRecoil(

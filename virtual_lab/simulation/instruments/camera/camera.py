@@ -86,13 +86,13 @@ class Camera(CalibratedInstrument[CameraSpec]):
         count = spec.frames_in + spec.frames_out
         stamps = (first[:, None] + np.arange(count) + phase[:, None]) / rate
         times = stamps / clock
-        lost = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
+        missing = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
         shot = np.repeat(np.arange(shots), count)
         position = course.at(shot, times.ravel())
         image = lens.drawn(lens.to_camera(position + lift))
         inside = (image >= -0.5).all(axis=1)
         inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
-        recorded = (inside.reshape(shots, count) | whole) & ~lost
+        recorded = (inside.reshape(shots, count) | whole) & ~missing
         row, column = np.nonzero(recorded)
         time = times[row, column]
         ends = time + exposure / 2 * np.array([[-1.0], [1.0]])

@@ -109,10 +109,10 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         """
         spec = self.spec
         gathered = electrons * self.response + np.float32(spec.dark_current * exposure)
-        held = np.minimum(gathered, np.float32(spec.full_well)) + self.offset
+        charge = np.minimum(gathered, np.float32(spec.full_well)) + self.offset
         variance = self.gain**2 * (gathered + np.float32(spec.read_noise**2))
         if spec.whole_counts:
             variance += np.float32(1 / 12)
         noise = draws.normal(name, electrons.shape).astype(np.float32)
-        grey = self.gain * held + spec.black_level + np.sqrt(variance / count) * noise
+        grey = self.gain * charge + spec.black_level + np.sqrt(variance / count) * noise
         return np.asarray(np.clip(grey, 0.0, spec.full_scale), np.float32)

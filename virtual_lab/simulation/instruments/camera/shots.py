@@ -118,6 +118,6 @@ class Course:
         """Return the ball's axes as rows, (n, 3, 3), and its spin, (n, 3) [rad/s]."""
         before = np.minimum(time - self.contact[shot], 0.0)[:, None]
         after = np.maximum(time - self.leaving[shot], 0.0)[:, None]
-        turned = rotation(self.spin_out[shot] * after) @ rotation(self.spin_in[shot] * before)
-        axes = np.swapaxes(turned @ rotation(self.stand[shot]), -1, -2)
+        orientation = rotation(self.spin_out[shot] * after) @ rotation(self.spin_in[shot] * before)
+        axes = np.swapaxes(orientation @ rotation(self.stand[shot]), -1, -2)
         return axes, np.where(before < 0, self.spin_in[shot], self.spin_out[shot] * (after > 0))

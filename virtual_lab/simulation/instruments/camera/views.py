@@ -56,23 +56,23 @@ def board_views(
     )
     middle = np.array([camera.lens.place[0], camera.lens.place[1], 0.0])
     for view in range(views):
-        held = view > 0
-        turned = rotation(held * LOOK.lean * 2 * lean[view]) @ DOWN
+        is_tilted = view > 0
+        orientation = rotation(is_tilted * LOOK.lean * 2 * lean[view]) @ DOWN
         up = np.array([LOOK.aside, LOOK.aside, LOOK.nearer]) * (shift[view] + [0.0, 0.0, 0.5])
-        place = middle + held * up
-        albedo = _drawn(camera.lens, board, turned, place, rays, float(blur))
+        place = middle + is_tilted * up
+        albedo = _drawn(camera.lens, board, orientation, place, rays, float(blur))
         electrons = LOOK.lit * spec.sensor.full_well / LOOK.paper * albedo
         grey = camera.sensor.expose(
             electrons[None], [[0, 0]], draws, f"{name}.view", np.array([view]), spec.clock.exposure
         )
-        yield grey[0], board.corners() @ turned.T + place
+        yield grey[0], board.corners() @ orientation.T + place
 
 
 def _drawn(
-    lens: TrueLens, board: Board, turned: Array, place: Array, rays: Array, blur: float
+    lens: TrueLens, board: Board, orientation: Array, place: Array, rays: Array, blur: float
 ) -> Array:
     """Return the mean albedo in each pixel, (row, column)."""
-    axes = lens.rotation @ turned  # axes of the board as columns, in axes of the camera
+    axes = lens.rotation @ orientation  # axes of the board as columns, in axes of the camera
     origin = lens.to_camera(place)
     distance = (axes[:, 2] @ origin) / (rays @ axes[:, 2])
     on_board = (distance[..., None] * rays - origin) @ axes / board.square
@@ -122,8 +122,8 @@ def _inks(dictionary: str, count: int) -> Array:
 
     words = aruco.getPredefinedDictionary(getattr(aruco, f"DICT_{dictionary}"))
     cells = words.markerSize + 2
-    drawn = [aruco.generateImageMarker(words, marker, cells) < 128 for marker in range(count)]
-    return np.pad(np.array(drawn, dtype=np.float64), ((0, 0), (2, 2), (2, 2)))
+    markers = [aruco.generateImageMarker(words, marker, cells) < 128 for marker in range(count)]
+    return np.pad(np.array(markers, dtype=np.float64), ((0, 0), (2, 2), (2, 2)))
 
 
 def _wave(place: Array, width: Array, number: int) -> Array:
