@@ -33,7 +33,7 @@ def other_support(
 
     `OtherSupport.which` is "free" if the procedure names "pivoted", otherwise "pivoted". The
     collision efficiency is the measured one. Each result is a number without unit, the mean over
-    the hits of `outcome` with its weights.
+    the hits of `outcome` with its weights; without such hits it is 0.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # the lot's mean ball, from the recoil factor with the support named by the rules

@@ -47,7 +47,8 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
     """Return corrected readings by name, each as a pair of values and standard uncertainties.
 
     The names are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. The
-    values are (laboratory, reading); their u is common to the readings, (laboratory, 1).
+    values are (laboratory, reading); their u is common to the readings, (laboratory, 1). Raises
+    `KeyError` for a calibration constant of the logger that is missing.
     """
     values = {}
     for name in ALLOWED:
@@ -65,7 +66,8 @@ def measured_density(block: SessionBlock) -> Estimates | None:
     """Return the mean density of the air during each test [kg/m³], with u, (laboratory,).
 
     Return None without readings of the climate. The u contains that of the instruments, that of the
-    formula, and the change between the readings as a uniform distribution (GUM 4.3.7).
+    formula, and the change between the readings as a uniform distribution (GUM 4.3.7). Errors are
+    those of `climate_readings` and `climate`.
     """
     record = climate_readings(block)
     if record is None:

@@ -90,7 +90,8 @@ def counting_noise(counts: Array) -> float:
 def empty_rates(shots: int) -> RateFit:
     """Return results that are all NaN, (shot,), for `shots` shots without a known contact.
 
-    The arrays of ring frequencies and decays have no entries.
+    The arrays of ring frequencies and decays have no entries, and `counting` is the rms error of
+    whole counts.
     """
     none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(

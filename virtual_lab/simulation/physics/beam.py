@@ -237,7 +237,10 @@ def beam_of(
 
 @lru_cache(maxsize=1024)  # the bats of a block are requested in each round
 def rigid_bat(body: BatBody) -> RigidBat[float]:
-    """Return a bat as a rigid body: length, mass, and moments of mass about the tip [SI]."""
+    """Return a bat as a rigid body: length, mass, and moments of mass about the tip [SI].
+
+    Lumps such as a knob are included.
+    """
     beam = beam_of(body)
     return RigidBat(
         length=beam.length,
