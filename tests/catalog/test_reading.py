@@ -143,16 +143,16 @@ def _sources(document: Any) -> Iterator[str]:
 def test_every_source_key_is_explained() -> None:
     """Every source key of a number is explained, and every explanation is used."""
     explained = tomllib.loads((DATA / "sources.toml").read_text("utf-8"))
-    used: dict[str, Path] = {}
+    file_of_key: dict[str, Path] = {}
     for path in sorted(DATA.rglob("*/*.toml")):
         document = tomllib.loads(path.read_text("utf-8"))
-        used.update(dict.fromkeys(_sources(document), path))
+        file_of_key.update(dict.fromkeys(_sources(document), path))
     for path in sorted(DATA.glob("*/*.csv")):
         with path.open(encoding="utf-8", newline="") as file:
             rows = csv.DictReader(line for line in file if not line.startswith("#"))
-            used.update(dict.fromkeys((r["source"] for r in rows if r.get("source")), path))
-    assert {key: str(path) for key, path in used.items() if key not in explained} == {}
-    assert set(explained) - set(used) == set()
+            file_of_key.update(dict.fromkeys((r["source"] for r in rows if r.get("source")), path))
+    assert {key: str(path) for key, path in file_of_key.items() if key not in explained} == {}
+    assert set(explained) - set(file_of_key) == set()
     assert all(entry["text"] for entry in explained.values())
 
 

@@ -327,12 +327,12 @@ def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
     since = spec.sample_times() / clock - contact / truth["speed"][0] - truth["contact_time"][0]
     since = since[since > 1e-4]
     model = ModalModel.of(body, Pinned(axis))
-    left = model.collide(
+    collisions = model.collide(
         scenes_of(struck, asked.ball, truth["place"], truth["speed"], truth["ball_restitution"])
     )
     bends = slice(model.modes.rigid, None)
     slope, omega = model.modes.rotation(axis)[bends], model.modes.angular_frequencies[bends]
-    q, v = left.modal_displacements[0, bends], left.modal_velocities[0, bends]
+    q, v = collisions.modal_displacements[0, bends], collisions.modal_velocities[0, bends]
     decay, turn = body.damping_ratio * omega, omega * np.sqrt(1 - body.damping_ratio**2)
     time = since[:, None]
     waves = q * np.cos(turn * time) + (v + decay * q) / turn * np.sin(turn * time)
@@ -534,7 +534,8 @@ def flown(x: Mapping[str, float], stage: str, seen: Any) -> tuple[Array, Array, 
     far = np.array([x[f"{stage}.gates.distance_{gate}"] for gate in range(gates)])
     clock = x[f"{stage}.gates.clock"]
     speed_in, speed_out = (
-        sign * clock * slopes(seen.times[:, way], far)[0] for way, sign in ((0, -1), (1, 1))
+        sign * clock * slopes(seen.times[:, direction], far)[0]
+        for direction, sign in ((0, -1), (1, 1))
     )
     if f"{stage}.gates.height_0" not in x:
         return speed_in, speed_out, np.full(len(speed_in), np.nan)
@@ -598,8 +599,8 @@ def test_air_slows_a_ball_from_the_gates_to_the_bat(
     ideal = few(played("r161", Reality.IDEAL, procedure=procedure).certification.session, 6)
     other = "density" if name == "drag_coefficient" else "drag_coefficient"
     blown = with_constant(ideal, f"hall.air.{other}", {"density": 1.2}.get(other, 0.4))
-    moved = {"density": 1.2}.get(name, 0.4)
-    (still, readings), (windy, _) = effect(blown, f"hall.air.{name}", moved)
+    values = {"density": 1.2}.get(name, 0.4)
+    (still, readings), (windy, _) = effect(blown, f"hall.air.{name}", values)
     if other == "density":  # drag coefficient of air above zero
         still, readings = reduce_session(ideal)
     x = {key: known.value for key, known in ideal.calibration.items()}
@@ -655,9 +656,9 @@ def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> N
     x = {name: known.value[0] for name, known in reduced.constants.items()}
     name = "impact.cannon.along"
     bat = reduced.preparation.bat.select((0, 0, 0))
-    moved, model = {**x, name: x[name] + 1e-3}, reduced.single_model(readings)
-    balls, settings = measured_balls(moved, model.balls), reduced.procedure.reduction_settings
-    beside = shot_results(ShotResults, moved, bat, balls, readings, settings, used=model.used)
+    shifted, model = {**x, name: x[name] + 1e-3}, reduced.single_model(readings)
+    balls, settings = measured_balls(shifted, model.balls), reduced.procedure.reduction_settings
+    beside = shot_results(ShotResults, shifted, bat, balls, readings, settings, used=model.used)
     lever = bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
     expected = (1 + reduced.shots.collision_efficiency) * lever / (lever - 1e-3) - 1
     expected -= 0.006 / 0.0254 * 1e-3  # slope of e_A along the barrel on the sheet

@@ -48,8 +48,8 @@ SIX = np.full(6, 1 / 6)
 
 def gates(stage: str, speed_out: np.ndarray, speed_in: np.ndarray | float = SPEED) -> GateReadings:
     """Return the records of two gates for balls with `speed_in` and `speed_out`."""
-    shots, way = speed_out.size, FAR - NEAR
-    into = np.stack([np.zeros(shots), np.broadcast_to(way / speed_in, shots)], axis=1)
+    shots, path = speed_out.size, FAR - NEAR
+    into = np.stack([np.zeros(shots), np.broadcast_to(path / speed_in, shots)], axis=1)
     back = np.stack([1 + FAR / speed_out, 1 + NEAR / speed_out], axis=1)
     passages = Passages(
         times=np.stack([into, back], axis=1),
@@ -243,10 +243,10 @@ def test_played_results_scatter_as_the_closed_form_says(scheme: str) -> None:
     variances = {
         name: np.mean([each.error[name] ** 2 for each in results]) for name in ("BPF", "e")
     }
-    room = 3.5 * sqrt(2 / len(results))
-    assert variances["BPF"] == pytest.approx((BPF * s) ** 2 * square, rel=room)
+    tolerance = 3.5 * sqrt(2 / len(results))
+    assert variances["BPF"] == pytest.approx((BPF * s) ** 2 * square, rel=tolerance)
     form = (BPF * MEAN_E0 * s) ** 2 * (square - 1 / BALLS)
-    assert variances["e"] == pytest.approx(form, rel=room)
+    assert variances["e"] == pytest.approx(form, rel=tolerance)
     for name in results[0].error:
         errors = np.mean([each.error[name] ** 2 for each in results])
         lines = [
@@ -256,7 +256,7 @@ def test_played_results_scatter_as_the_closed_form_says(scheme: str) -> None:
             if part.name == "balls.repeatability"
         ]
         print(scheme, name, errors, np.mean(lines))
-        assert errors == pytest.approx(np.mean(lines), rel=room), name
+        assert errors == pytest.approx(np.mean(lines), rel=tolerance), name
 
 
 @pytest.mark.parametrize(

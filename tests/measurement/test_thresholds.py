@@ -76,12 +76,12 @@ def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
     calibration = dict(session.calibration)
     key = "impact.pivot.from_knob"
     calibration[key] = replace(calibration[key], value=6 * 0.0254 + off)
-    moved = SessionBlock.of(replace(session, calibration=calibration))
+    block = SessionBlock.of(replace(session, calibration=calibration))
     if refused:
         with pytest.raises(InputError, match="pivot_from_knob"):
-            prepare(moved)
+            prepare(block)
     else:
-        assert prepare(moved).procedure.spec.pivot_from_knob == pytest.approx(0.1524)
+        assert prepare(block).procedure.spec.pivot_from_knob == pytest.approx(0.1524)
 
 
 @pytest.mark.parametrize(("bad", "flagged"), [(1, False), (2, True)])

@@ -238,8 +238,8 @@ def true_constants_are_known_ones(bench: Bench) -> None:
     station = bench.rig.commission(Streams(SEED))
     for key, known in station.calibration.items():
         if known.u > 0:
-            off = abs(station.true_constants[key] - known.value)
-            assert 0 < off < 6 * known.u, key  # by chance: 2e-9 per constant
+            deviation = abs(station.true_constants[key] - known.value)
+            assert 0 < deviation < 6 * known.u, key  # by chance: 2e-9 per constant
     for key in station.true_constants.keys() & station.calibration.keys():
         known = station.calibration[key]
         assert abs(station.true_constants[key] - known.value) <= 6 * known.u, key

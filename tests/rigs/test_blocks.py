@@ -164,15 +164,15 @@ def test_a_station_of_a_block_knows_what_each_laboratory_knows(rig: str) -> None
 @pytest.mark.parametrize("rig", ["astm-pivot", "ball-cannon", "ncaa-swing"])
 def test_the_truth_of_a_block_is_that_of_each_laboratory(rig: str) -> None:
     """For two of 40, with balls set aside: the mean ball to rounding, all else bit for bit."""
-    used = np.random.default_rng(1).random((40, BALLS)) > 0.3
-    used[:, 0] = True
+    mask = np.random.default_rng(1).random((40, BALLS)) > 0.3
+    mask[:, 0] = True
     block = Laboratories.of(rig, NUMBERS[:40])
-    lots = replace(block.specimen.balls, used=used)
+    lots = replace(block.specimen.balls, used=mask)
     found = block.station.outcome(block.plan, replace(block.specimen, balls=lots))
     for at in (0, 39):
         alone = Laboratories.of(rig, int(NUMBERS[at]))
-        balls = replace(alone.specimen.balls, used=used[at])
-        assert balls.mean_ball().mass == pytest.approx(balls.mass[used[at]].mean(), rel=1e-15)
+        balls = replace(alone.specimen.balls, used=mask[at])
+        assert balls.mean_ball().mass == pytest.approx(balls.mass[mask[at]].mean(), rel=1e-15)
         true = alone.station.outcome(alone.plan, replace(alone.specimen, balls=balls))
         for name, own in _outcomes(true):
             assert np.array_equal(dict(_outcomes(found))[name][at * SHOTS :][:SHOTS], own), name

@@ -33,9 +33,9 @@ def test_a_radar_guns_constants_are_in_the_budget() -> None:
     """
     tested = certify("r161", procedure="bbcor", rig="radar-range", seed=1)
     parts = {part.name: part.contribution for part in tested.certification.metric.components}
-    shots, used = tested.certification.shots, tested.certification.outcome.used
+    shots, mask = tested.certification.shots, tested.certification.outcome.used
     e_A, r, e, e0, v = (
-        getattr(shots, name)[used].mean()
+        getattr(shots, name)[mask].mean()
         for name in (
             "collision_efficiency",
             "recoil_factor",
@@ -46,7 +46,7 @@ def test_a_radar_guns_constants_are_in_the_budget() -> None:
     )
     slope = -0.001 / 0.44704  # slope of e0 of this ball [s/m], within 2 % in this lot
     known = {name: of.value for name, of in tested.certification.session.calibration.items()}
-    area, mass = np.pi * known["ball.radius"] ** 2, shots.ball_mass[used].mean()
+    area, mass = np.pi * known["ball.radius"] ** 2, shots.ball_mass[mask].mean()
     air = known["hall.air.density"] * known["hall.air.drag_coefficient"]
     kappa = air * area / (2 * mass)
     by_distance = ((1 + r) * e_A * 2 + e / e0 * slope * v) * kappa * 2e-3

@@ -169,23 +169,23 @@ def test_scatter_that_constants_explain_is_subtracted() -> None:
     The dof are those of the whole variance times (remaining s²/s²)².
     """
     hits, weights = np.array([0.0, 4.0, 1.0, 3.0]), np.full(4, 0.25)
-    moved = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0]])
-    whole, left = 10 / 3, 10 / 3 - 10 / 3
-    part = component(scatter(hits, weights, np.zeros(4), moved))
-    assert part.contribution == pytest.approx(left, abs=1e-7)
-    half = component(scatter(hits, weights, np.zeros(4), moved / sqrt(2)))
+    effects = np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 2.0, -2.0]])
+    whole, remaining = 10 / 3, 10 / 3 - 10 / 3
+    part = component(scatter(hits, weights, np.zeros(4), effects))
+    assert part.contribution == pytest.approx(remaining, abs=1e-7)
+    half = component(scatter(hits, weights, np.zeros(4), effects / sqrt(2)))
     assert half.contribution**2 == pytest.approx(whole / 2 / 4, rel=1e-12)
     assert half.dof == pytest.approx(3 / 4, rel=1e-12)
     # shift of all hits alike, which explains no scatter; an excess leaves none
     alike = scatter(hits, weights, np.zeros(4), np.full((1, 4), 5.0))
     assert component(alike) == component(scatter(hits, weights, np.zeros(4)))
-    assert component(scatter(hits, weights, np.zeros(4), 9 * moved)).contribution == 0
+    assert component(scatter(hits, weights, np.zeros(4), 9 * effects)).contribution == 0
     # position with a single hit: scatter of the other position, less the explained part
     alone = scatter(
         np.append(hits, 9.0),
         np.full(5, 0.2),
         np.array([0, 0, 0, 0, 1]),
-        np.pad(moved / 2, (0, 1))[:2],
+        np.pad(effects / 2, (0, 1))[:2],
     )
     assert component(alone).contribution ** 2 == pytest.approx(0.2 * 0.75 * whole, rel=1e-12)
 
@@ -274,8 +274,8 @@ def test_hits_weigh_in_the_scatter_by_their_effect_on_the_result() -> None:
     .98 · 1.5 + .08 · 8 for the hits and .7 (.5 - .5) = 0 for the constant.
     """
     variants = Variants.of(stacked({"k": Estimate(value=0.0, u=0.1)}))
-    moved = np.array([0.5, -0.5, 0.0, 0.0])
-    hits = np.array([1.0, 3.0, 2.0, 6.0]) + np.outer([0.0, 1.0, -1.0], moved)
+    effect = np.array([0.5, -0.5, 0.0, 0.0])
+    hits = np.array([1.0, 3.0, 2.0, 6.0]) + np.outer([0.0, 1.0, -1.0], effect)
     weights, effects = np.full(4, 0.25), np.array([0.7, 0.7, -0.2, -0.2])
     places = np.array([[1, 1, 2, 2]])
     result = means_of_hits(variants, hits[None], weights[None], places, effects[None]).row(0)

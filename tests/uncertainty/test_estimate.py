@@ -53,9 +53,9 @@ def test_mean_and_u_agree_with_textbook_sums(readings: list[float], shift: float
     scatter = sqrt(sum((x - centre) ** 2 for x in readings) / (n - 1) / n)
     assert mean.value == pytest.approx(centre, abs=1e-9)
     assert mean.u == pytest.approx(scatter, abs=1e-9)
-    moved = mean_of_readings([x + shift for x in readings])
-    assert moved.value == pytest.approx(centre + shift, abs=1e-9)
-    assert moved.u == pytest.approx(scatter, abs=1e-9)
+    shifted = mean_of_readings([x + shift for x in readings])
+    assert shifted.value == pytest.approx(centre + shift, abs=1e-9)
+    assert shifted.u == pytest.approx(scatter, abs=1e-9)
 
 
 def test_resolution_hides_the_scatter() -> None:

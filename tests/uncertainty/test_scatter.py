@@ -40,9 +40,9 @@ def numbers(each: HitVariance) -> list[float]:
 def test_variances_join_by_degrees_of_freedom() -> None:
     """The variance of a hit is (5 · 2 + 50 · 4) / 55, less the .5 that a constant explains."""
     joined = of_six(variance(1.5, 2.0, 5.0), 0.5, 5.0).pool_with(variance(3.5, 4.0, 50.0))
-    left, all_seen = (5 * 1.5 + 50 * 3.5) / 55, (5 * 2 + 50 * 4) / 55
-    assert joined.u**2 == pytest.approx(left / HITS)
-    assert joined.dof == pytest.approx(55 * (left / all_seen) ** 2)
+    unexplained, all_seen = (5 * 1.5 + 50 * 3.5) / 55, (5 * 2 + 50 * 4) / 55
+    assert joined.u**2 == pytest.approx(unexplained / HITS)
+    assert joined.dof == pytest.approx(55 * (unexplained / all_seen) ** 2)
 
 
 def test_the_variance_of_a_hit_is_that_of_numpy() -> None:

@@ -344,12 +344,12 @@ def test_a_pendulum_passage_lost_or_doubled_in_every_release_makes_a_test_invali
     between = record.times[:, middle - 1 : middle + 1].mean(axis=1)
     twice = np.insert(record.times, middle, between, axis=1)
     swings = record.times.shape[1] - 1
-    for times, left in ((lost, swings - 1), (twice, swings + 1)):
+    for times, remaining in ((lost, swings - 1), (twice, swings + 1)):
         certification = certify_session(changed(session, "bench", "pendulum", times=times))
         (flag,) = [each for each in certification.flags if each.name == "pendulum-even"]
         assert flag.invalidates
         stated_size = float(flag.sentence.split("%")[0].rpartition(" ")[2])
-        assert stated_size == pytest.approx(100 * (swings / left - 1), abs=0.05)
+        assert stated_size == pytest.approx(100 * (swings / remaining - 1), abs=0.05)
 
 
 @pytest.mark.parametrize(("off", "raised"), [(3.3, False), (-3.7, True), (9.0, True)])
@@ -686,11 +686,11 @@ def test_chords_use_the_speed_at_the_gate(sound: Session, size: float, flagged: 
         far, near = (calibration[f"{stage}.gates.distance_{gate}"].value for gate in (0, 1))
         place = np.array([far, near])
         half = np.empty(times.shape)
-        for way, sign in ((0, -1), (1, 1)):
-            lasted = np.abs(times[:, way, 1] - times[:, way, 0])[:, None]
+        for direction, sign in ((0, -1), (1, 1)):
+            lasted = np.abs(times[:, direction, 1] - times[:, direction, 0])[:, None]
             ends = np.exp(sign * kappa * place)
             speed = np.abs(ends[:, :1] - ends[:, 1:]) / (kappa * lasted)  # speed at the target
-            half[:, way] = size * radius / (speed / ends)
+            half[:, direction] = size * radius / (speed / ends)
         edges = np.stack([times - half, times + half], axis=-1)
         session = changed(session, stage, "gates", times=edges)
     assert ("chords" in [flag.name for flag in certify_session(session).flags]) == flagged

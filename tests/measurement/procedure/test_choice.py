@@ -56,11 +56,11 @@ def test_the_result_is_raised_by_the_mean_shortfall() -> None:
         np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2))
     )
     block = with_choice(budgets, lost)
-    raised, left = block.row(0), block.row(1)
+    raised, unchanged = block.row(0), block.row(1)
     assert raised.value == pytest.approx(0.5003)
     assert raised.u == pytest.approx(4e-4)
     assert [part.name for part in raised.components] == [CHOICE]
-    assert left == budgets.row(1)
+    assert unchanged == budgets.row(1)
     assert with_choice(budgets, Shortfalls(np.zeros(2), np.zeros(2))) is budgets
 
 
@@ -80,10 +80,10 @@ def test_the_interval_misses_the_truth_equally_often_on_both_sides() -> None:
         fresh = curve(np.full(6, best), top) + SCATTER * rng.standard_normal(6)
         metric, valid = np.append(metric, fresh), np.ones(place.size, dtype=bool)
         outcome = outcome_of(BBCOR, place, valid, metric)
-        used, weights = outcome.used, outcome.weights[outcome.used]
+        mask, weights = outcome.used, outcome.weights[outcome.used]
         nothing = np.zeros((1, 0, weights.size))
-        scatter = Scatter.of_hits(metric[None, used], weights[None], place[None, used], nothing)
-        value = np.array([metric[used] @ weights])
+        scatter = Scatter.of_hits(metric[None, mask], weights[None], place[None, mask], nothing)
+        value = np.array([metric[mask] @ weights])
         result = combine_components(value, types_a(HITS, value, scatter.u, scatter.dof))
         low, high = with_choice(result, of_one(place, metric)).row(0).interval_95
         true = curve(np.unique(PLACES), top).max()

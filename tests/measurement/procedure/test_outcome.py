@@ -140,8 +140,8 @@ def test_the_effects_are_the_derivatives_by_each_hit() -> None:
 
     outcome = outcome_of(BESR, PLACES, ALL, besr, speed_of(besr, PLACES))
     steps = 1e-5 * np.eye(PLACES.size)
-    moved = [(result(besr + step) - result(besr - step)) / 2e-5 for step in steps]
-    assert outcome.effects == pytest.approx(moved, rel=1e-5, abs=1e-6)
+    derivatives = [(result(besr + step) - result(besr - step)) / 2e-5 for step in steps]
+    assert outcome.effects == pytest.approx(derivatives, rel=1e-5, abs=1e-6)
     assert np.abs(outcome.effects - outcome.weights).max() > 0.01
     alone = outcome_of(RULES, PLACES, ALL, besr)
     assert np.array_equal(alone.effects, alone.weights)

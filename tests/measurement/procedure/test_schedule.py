@@ -24,8 +24,8 @@ INCH = 0.0254
 
 def curve(place: np.ndarray, top: float, left: float, right: float) -> np.ndarray:
     """Return a unimodal curve of two half parabolas with different widths about `top` [m]."""
-    off = place - top
-    return 0.5 - (off / np.where(off < 0, left, right)) ** 2
+    distance = place - top
+    return 0.5 - (distance / np.where(distance < 0, left, right)) ** 2
 
 
 class Test:
@@ -123,9 +123,9 @@ def test_a_scan_without_any_rebound_ends() -> None:
 def test_the_final_hits_are_fresh_ones() -> None:
     """The earlier hits at the best position chose it, so they are no part of the result."""
     test = Test(BBCOR, lambda z: curve(z, 0.15, 0.2, 0.2))
-    used = np.flatnonzero(test.outcome.used)
-    assert used.tolist() == list(range(test.place.size - 6, test.place.size))
-    assert np.array_equal(test.rounds[-1], test.place[used])
+    indices = np.flatnonzero(test.outcome.used)
+    assert indices.tolist() == list(range(test.place.size - 6, test.place.size))
+    assert np.array_equal(test.rounds[-1], test.place[indices])
     assert int((test.place == test.place[-1]).sum()) == 12
 
 

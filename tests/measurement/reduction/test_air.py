@@ -75,8 +75,8 @@ def test_a_certificate_states_the_climate_or_the_density_of_the_sheet() -> None:
     before = certificate(certify_session(with_climate(session)))
     assert before.conditions == ()
     assert before.air_density_kg_per_m3.u == 0.02
-    moved = abs(document.metric.value - before.metric.value)
-    assert 0 < moved < 0.05 * before.metric.u
+    shift = abs(document.metric.value - before.metric.value)
+    assert 0 < shift < 0.05 * before.metric.u
 
 
 @pytest.mark.parametrize(

@@ -232,23 +232,23 @@ def test_a_scrap_of_the_sabot_is_detected_or_harmless(beams: int, ahead: float) 
         struck = np.s_[0, 0, 0, first : first + beams, 0]
         early = np.array(record.times[struck]) - ahead / 60.8
         board_passages, measured_flight = reduced(changed(record, struck, early))
-        off = abs(float(measured_flight.speed_in[0]) / 60.8 - 1)
-        assert board_passages.misfit[0, 0] * 60.8 > WINDOW or off < 1e-5, (first, off)
+        deviation = abs(float(measured_flight.speed_in[0]) / 60.8 - 1)
+        assert board_passages.misfit[0, 0] * 60.8 > WINDOW or deviation < 1e-5, (first, deviation)
     assert np.isfinite(record.times[0, 0, 0, 16:20]).all()
 
 
 def test_a_doubled_edge_is_detected() -> None:
     """A flickering beam clears 5 mm of flight late, at any one board and in either direction."""
     record = record_of(**GOOD)
-    for way, speed in ((0, 60.8), (1, 14.0)):
+    for direction, speed in ((0, 60.8), (1, 14.0)):
         for board in range(3):
-            beams = np.flatnonzero(np.isfinite(record.times[0, way, board, :, 0]))
+            beams = np.flatnonzero(np.isfinite(record.times[0, direction, board, :, 0]))
             middle = beams[len(beams) // 2]
-            edge = np.s_[0, way, board, middle, 1]
+            edge = np.s_[0, direction, board, middle, 1]
             late = float(record.times[edge]) + 5e-3 / speed
             board_passages, _ = reduced(changed(record, edge, late))
-            assert board_passages.misfit[0, way] * speed > WINDOW
-            assert board_passages.misfit[0, 1 - way] * (74.8 - speed) < WINDOW / 10
+            assert board_passages.misfit[0, direction] * speed > WINDOW
+            assert board_passages.misfit[0, 1 - direction] * (74.8 - speed) < WINDOW / 10
 
 
 def test_a_shot_is_reduced_as_if_alone() -> None:
@@ -352,15 +352,15 @@ def test_moved_heights_have_the_covariance_of_a_line(blind: int | None) -> None:
     readings = GateReadings(
         stage="impact", passages=board_passages, distances=distances, shows_height=True
     )
-    moved = heights_moved(readings)(KNOWN, np.array([DRAG]))
+    shifts = heights_moved(readings)(KNOWN, np.array([DRAG]))
     parts = np.stack(
         [
-            (getattr(moved, name) - getattr(still, name))[:, 0]
+            (getattr(shifts, name) - getattr(still, name))[:, 0]
             for name in ("offset", "slope_in", "slope_out")
         ]
     )
-    used = [d for place, d in enumerate(DISTANCES) if place != blind]
-    design = np.vander(used, 2, increasing=True)
+    gate_distances = [d for place, d in enumerate(DISTANCES) if place != blind]
+    design = np.vander(gate_distances, 2, increasing=True)
     line = np.linalg.inv(design.T @ design)
     expected = np.zeros((3, 3))
     expected[:2, :2] = sigma[0] ** 2 * line

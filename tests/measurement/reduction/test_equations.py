@@ -66,9 +66,9 @@ class Numbers(NamedTuple):
     def of(cls, reduced: Reduction) -> "Numbers":
         """Return the weighted means over the hits of a result."""
         outcome = reduced.outcome
-        used, weights = outcome.used, outcome.weights
+        mask, weights = outcome.used, outcome.weights
         means = (
-            float(values[used] @ weights[used])
+            float(values[mask] @ weights[mask])
             for values in (reduced.shot_metric, reduced.shots.asked_recoil_factor)
         )
         return cls(*means, place=float(reduced.preparation.percussion[0]))
@@ -102,8 +102,8 @@ def test_a_mistake_in_any_equation_shows(
             moves = procedure != ASTM or name == "centre_of_percussion"
             assert (abs(numbers[1] / numbers[0] - 1) > 0.05) == moves, name
         else:
-            off = abs(wrong.metric / true - 1)
-            assert off > 1e-3 if procedure in USED[name] else off < 1e-9, name
+            deviation = abs(wrong.metric / true - 1)
+            assert deviation > 1e-3 if procedure in USED[name] else deviation < 1e-9, name
 
 
 @pytest.mark.parametrize("procedure", [ASTM, BESR, PROPOSED])

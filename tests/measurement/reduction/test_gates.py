@@ -28,7 +28,7 @@ def flown(speed: float, places: np.ndarray, *, drag: float, towards: bool) -> np
 
     velocity = -speed if towards else speed
     events = [lambda t, s, place=place: s[0] - place for place in places]
-    way = solve_ivp(
+    solution = solve_ivp(
         motion,
         (0, -0.1 if towards else 0.1),
         [0.0, velocity],
@@ -36,7 +36,7 @@ def flown(speed: float, places: np.ndarray, *, drag: float, towards: bool) -> np
         rtol=1e-12,
         atol=1e-14,
     )
-    return np.array([times[0] for times in way.t_events])
+    return np.array([times[0] for times in solution.t_events])
 
 
 def record_of(speed_in: float, speed_out: float, drag: float) -> GateRecord:
@@ -64,8 +64,8 @@ def test_the_reduction_is_exact_in_thick_air() -> None:
     The passages are those of a point, without a radius.
     """
     places, drag = np.array([FAR, NEAR]), 2.0
-    ways = ((20, True), (15, False))
-    times = [flown(speed, places, drag=drag, towards=way) for speed, way in ways]
+    directions = ((20, True), (15, False))
+    times = [flown(speed, places, drag=drag, towards=direction) for speed, direction in directions]
     record = GateRecord(times=0.2 + np.repeat(np.stack(times)[None, ..., None], 2, axis=3))
     measured = flights(SURVEYED, "impact", passages(record), np.array([drag]))
     assert measured.speed_in == pytest.approx(20, rel=1e-9)
@@ -99,8 +99,8 @@ def test_three_gates_show_the_uncertainty_of_a_speed() -> None:
     """
     places, sigma, speed, balls = np.array([0.5, 0.35, 0.2]), 2e-6, 30.0, 4000
     rng = np.random.default_rng(5)
-    off = np.array([0.0, 3e-4, 0.0])
-    ways = np.stack([0.1 - (places + off) / speed, 0.2 + (places + off) / speed])
+    deviation = np.array([0.0, 3e-4, 0.0])
+    ways = np.stack([0.1 - (places + deviation) / speed, 0.2 + (places + deviation) / speed])
     noise = sigma * np.sqrt(2) * rng.standard_normal((balls, 2, 3, 2))  # edge noise, two per gate
     constants = {f"impact.gates.distance_{k}": Estimate(value=d) for k, d in enumerate(places)}
     raw_u = GateReadings.of(

@@ -44,7 +44,7 @@ def swing(release: float, damping: float) -> tuple[np.ndarray, float, float]:
         return float(state[0])
 
     passes.direction = 1.0
-    way = solve_ivp(
+    solution = solve_ivp(
         lambda _, s: [s[1], -square * sin(s[0]) - damping * s[1]],
         (0, 25),
         [-release, 0.0],
@@ -52,7 +52,7 @@ def swing(release: float, damping: float) -> tuple[np.ndarray, float, float]:
         rtol=1e-11,
         atol=1e-13,
     )
-    times, speeds = way.t_events[0][: SWINGS + 1], way.y_events[0][: SWINGS + 1, 1]
+    times, speeds = solution.t_events[0][: SWINGS + 1], solution.y_events[0][: SWINGS + 1, 1]
     # amplitudes from the energy at the passage: ω² = 4 Ω² sin²(θ/2)
     first, last = 2 * np.arcsin(speeds[[0, -1]] / 2 / square**0.5)
     return times, float(first), float(last)

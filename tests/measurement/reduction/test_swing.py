@@ -99,9 +99,9 @@ def test_whole_counts_scatter_by_the_stated_uncertainty() -> None:
     slope = np.sqrt((3 + 5 * (3 * x) ** 2 + 7 * (7.5 * x**2 - 1.5) ** 2) / (span * 20e3)) * 2 / span
     said = np.sqrt(1 / 12) * slope
     assert np.median(fit.rate_u) == pytest.approx(said, rel=0.03)
-    off = fit.rate - rates * COUNTS
+    deviation = fit.rate - rates * COUNTS
     # tolerance of 25 %: rounding is no white noise at one rate, only over many rates
-    assert np.sqrt((off**2).mean()) == pytest.approx(said, rel=0.25)
+    assert np.sqrt((deviation**2).mean()) == pytest.approx(said, rel=0.25)
 
 
 def test_a_ball_that_was_not_seen_has_no_rate() -> None:

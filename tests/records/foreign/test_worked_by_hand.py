@@ -57,18 +57,18 @@ def turning(contact: np.ndarray, rings: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the rate [counts/s] of each shot 0.7 ms after contact, and the residual squares."""
     encoder = table("encoder.csv")
     ms = encoder["t [ms]"].to_numpy()
-    used = ms > 1e3 * contact.max() + 3
-    t = ms[used] / 1e3 - ms[used][0] / 1e3
-    start = contact + 0.7e-3 - ms[used][0] / 1e3
+    mask = ms > 1e3 * contact.max() + 3
+    t = ms[mask] / 1e3 - ms[mask][0] / 1e3
+    start = contact + 0.7e-3 - ms[mask][0] / 1e3
     columns = [t**0, t, t**2, t**3]
     for frequency, decay in rings:
         columns.append(np.exp(-decay * t) * np.cos(2 * pi * frequency * t))
         columns.append(np.exp(-decay * t) * np.sin(2 * pi * frequency * t))
     matrix = np.column_stack(columns)
-    counts = encoder.drop(columns="t [ms]").to_numpy()[used]
+    counts = encoder.drop(columns="t [ms]").to_numpy()[mask]
     fitted, *_ = np.linalg.lstsq(matrix, counts, rcond=None)
-    left = float(((counts - matrix @ fitted) ** 2).sum())
-    return fitted[1] + 2 * fitted[2] * start + 3 * fitted[3] * start**2, left
+    residual = float(((counts - matrix @ fitted) ** 2).sum())
+    return fitted[1] + 2 * fitted[2] * start + 3 * fitted[3] * start**2, residual
 
 
 @cache

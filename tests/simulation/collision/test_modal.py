@@ -177,8 +177,8 @@ def test_at_release_the_ball_touches_the_bat_surface(body: BatBody) -> None:
     ∫∫F follows from the rigid rotation about the pin. The tolerance is 1e-4 of a compression.
     """
     model, scenes = ModalModel.of(body, Pinned(PIVOT)), scattered(60, 2.0, 24, seed=5)
-    left = model.collide(scenes)
+    collisions = model.collide(scenes)
     shapes = patch_shape(model.modes, scenes.impact_position, model.patch)
-    pushed = left.modal_displacements[:, 0] / shapes[:, 0]
-    way = scenes.relative_speed * left.contact_time - pushed / scenes.ball_mass
-    assert way == pytest.approx((shapes * left.modal_displacements).sum(axis=1), abs=1e-6)
+    pushed = collisions.modal_displacements[:, 0] / shapes[:, 0]
+    path = scenes.relative_speed * collisions.contact_time - pushed / scenes.ball_mass
+    assert path == pytest.approx((shapes * collisions.modal_displacements).sum(axis=1), abs=1e-6)

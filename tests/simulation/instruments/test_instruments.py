@@ -396,10 +396,10 @@ def test_the_encoder_shows_the_angle_within_one_count() -> None:
     assert record.times.tolist() == (np.arange(500) / 1000).tolist()
     assert np.array_equal(record.counts, np.rint(record.counts))
     exact = encoder.scale * 4000 / (2 * pi) * angle
-    off = record.counts - exact
-    assert np.abs(off).max() < 1
+    deviation = record.counts - exact
+    assert np.abs(deviation).max() < 1
     # triangular distribution of rest phase plus rounding, both uniform of one count: 2/12
-    assert abs(off[:, 1:].var() - 1 / 6) < 0.02
+    assert abs(deviation[:, 1:].var() - 1 / 6) < 0.02
     assert abs(encoder.scale - 1) < 5e-3
     assert encoder.scale != 1
 
@@ -572,13 +572,13 @@ def test_scrap_of_the_sabot_trips_some_beams_of_the_first_board_before_the_ball(
         _edges_of(replace(spec, sabot_rate=rate), speed=60.0, shots=40) for rate in (0.0, 0.5)
     )
     early = clean - scrapped
-    moved = np.abs(early) > 1e-9
-    assert not moved[:, 1].any()  # direction: back
-    assert not moved[:, 0, 1:].any()  # other boards
-    assert not moved[..., 1].any()  # edges at which the ball clears a beam
-    assert 10 <= moved.any(axis=(1, 2, 3, 4)).sum() <= 30
-    assert early[moved].min() >= 0.03 / 60.0 - 1e-9
-    assert set(moved[:, 0, 0, :, 0].sum(axis=1)) <= {0, 1, 2, 3, 4}
+    is_early = np.abs(early) > 1e-9
+    assert not is_early[:, 1].any()  # direction: back
+    assert not is_early[:, 0, 1:].any()  # other boards
+    assert not is_early[..., 1].any()  # edges at which the ball clears a beam
+    assert 10 <= is_early.any(axis=(1, 2, 3, 4)).sum() <= 30
+    assert early[is_early].min() >= 0.03 / 60.0 - 1e-9
+    assert set(is_early[:, 0, 0, :, 0].sum(axis=1)) <= {0, 1, 2, 3, 4}
 
 
 def _edges_of(spec: LightBoardSpec, *, speed: float, shots: int) -> NDArray[np.float64]:

@@ -101,7 +101,7 @@ def test_summed_boards_scatter_as_their_edges_do(
     for quantity, each, sums in zip(("in", "out", "offset", "slope"), full, summed, strict=True):
         assert np.array_equal(np.isfinite(each), np.isfinite(sums)), quantity
         # 68 % quantile: a few shots at the rim of a curtain have tails that no such model has
-        usual = [float(np.nanquantile(np.abs(off), 0.68)) for off in (each, sums)]
+        usual = [float(np.nanquantile(np.abs(deviation), 0.68)) for deviation in (each, sums)]
         assert usual[1] == pytest.approx(usual[0], rel=WITHIN), quantity
         # number of independent thresholds: 80, one set per laboratory
         apart = np.nanmedian(sums) - np.nanmedian(each)
@@ -241,8 +241,8 @@ def test_a_summed_recoil_scatters_as_its_counts_do(bat: str, place: float) -> No
                 )
                 record = fit_recoil(record, contact)
             turn = station.encoder.scale * station.encoder.spec.counts_per_turn / 2 / np.pi
-            off = record.rate / turn * station.gates.clock - true
-            errors[detail].append(off)
+            deviation = record.rate / turn * station.gates.clock - true
+            errors[detail].append(deviation)
     full, summed = (
         np.concatenate(errors[detail]) for detail in (RecordDetail.FULL, RecordDetail.SUMMED)
     )
@@ -273,8 +273,8 @@ def test_a_summed_swing_scatters_as_its_counts_do() -> None:
                 )
                 far, near = boards.distances[[0, -1]]
                 speed = (far - near) / inward(board_passages)
-                reach = (axis - 0.15) / speed / turn
-                record = fit_swing(record, board_passages.times[:, 0, -1] + near / speed, reach)
+                limit = (axis - 0.15) / speed / turn
+                record = fit_swing(record, board_passages.times[:, 0, -1] + near / speed, limit)
                 angles.append(record.angle / turn - truth["angle"])
             true = truth["bat_speed"] / (axis - truth["place"])
             errors[detail].append(record.rate / turn * station.gates.clock / true - 1)
@@ -313,8 +313,8 @@ def test_the_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) 
     square = 1 - place**2
     weight = np.sqrt(1 / np.maximum(square, 1e-2))
     slopes = np.array([np.polyfit(place, one, 2, w=weight)[1] for one in np.eye(place.size)])
-    way, trip = gains(np.array([7.25 - missing]), 40, radius)[1:, 0]
-    assert way == pytest.approx(sqrt((slopes**2 * square).sum() / 2), rel=1e-9)
+    path_gain, trip = gains(np.array([7.25 - missing]), 40, radius)[1:, 0]
+    assert path_gain == pytest.approx(sqrt((slopes**2 * square).sum() / 2), rel=1e-9)
     assert trip == pytest.approx(sqrt((slopes**2).sum()), rel=1e-9)
 
 

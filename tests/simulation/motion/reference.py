@@ -101,13 +101,13 @@ def _watched(scene: ShotScene) -> list[tuple[Any, Callable[..., Any]]]:
             return "stop", np.nan, np.nan, np.nan
 
         pairs.append((_falling(lambda y: float(stop.angle - y[6])), turn))
-        way = stop.angle + np.arcsin(max(scene.bat.profile.outer_diameter) / 2 / stop.reach)
+        direction = stop.angle + np.arcsin(max(scene.bat.profile.outer_diameter) / 2 / stop.reach)
         post = FrameSpec(
             bottom=-1.0, top=1.0, tip_side=0.0, knob_side=1.0,
             radius=stop.radius, restitution=stop.restitution,
         )  # fmt: skip
-        where = float(scene.bat.axis - stop.reach * np.cos(way))
-        frame = GateFrame(post, float(stop.reach * np.sin(way)))
+        where = float(scene.bat.axis - stop.reach * np.cos(direction))
+        frame = GateFrame(post, float(stop.reach * np.sin(direction)))
         pairs.append(_solid(scene, frame, where, where, "stop"))
     for frame in scene.frames:
         ends = frame.spec.tip_side - frame.spec.radius, frame.spec.knob_side + frame.spec.radius
@@ -140,12 +140,12 @@ def _solid(
         y[3:6] -= (1 + spec.restitution) * (y[3:6] @ normal) * normal
         return kind, np.nan, np.nan, np.nan
 
-    reach = frame.spec.radius + scene.ball_radius
+    contact_distance = frame.spec.radius + scene.ball_radius
 
     def gap(y: Array) -> float:
         nonlocal passing
         beside = low < high and not low < y[2] < high  # contacts of a post
-        distance = float(np.linalg.norm(away(y))) - reach
+        distance = float(np.linalg.norm(away(y))) - contact_distance
         passing &= distance < 1e-9
         return 1.0 if beside or passing else distance
 
@@ -172,10 +172,10 @@ def _gap(scene: ShotScene, state: Array) -> float:
     offset, foot = _offset(scene, state)
     along = np.array([np.sin(state[6]), 0.0, -np.cos(state[6])])
     place = np.array([scene.bat.axis - foot @ along])
-    reach = scene.bat.radius(place)[0] + scene.ball_radius
+    contact_distance = scene.bat.radius(place)[0] + scene.ball_radius
     if not 0 <= place[0] <= scene.bat.length:
         return 1.0  # ball beyond the ends
-    return float(np.linalg.norm(offset) - reach)
+    return float(np.linalg.norm(offset) - contact_distance)
 
 
 def _hit(scene: ShotScene, shot: int, state: Array) -> tuple[str, float, float, float]:

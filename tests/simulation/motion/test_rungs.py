@@ -131,9 +131,9 @@ def test_a_square_hit_on_a_bat_at_rest_agrees_with_the_textbook() -> None:
     z = np.array([5, 8]) * INCH
     played = scene(z=z, gravity=0.0)
     outcome = play(played, "closed-form")
-    way = 0.9 - RADIUS - played.bat.radius(z)
-    speed = 26.8 * np.exp(-0.006 * way)
-    time, e_A = time_before(way, speed, 0.006), rigid(z)
+    path = 0.9 - RADIUS - played.bat.radius(z)
+    speed = 26.8 * np.exp(-0.006 * path)
+    time, e_A = time_before(path, speed, 0.006), rigid(z)
     hit = outcome.first(Target.BAT)
     assert hit.time == pytest.approx(time, rel=1e-12)
     assert hit.place == pytest.approx(z, rel=1e-15)
@@ -141,8 +141,8 @@ def test_a_square_hit_on_a_bat_at_rest_agrees_with_the_textbook() -> None:
     assert hit.state.vx == pytest.approx(-e_A * speed, rel=1e-12)
     recoil = MASS * (AXIS - z) * (1 + e_A) * speed / INERTIA
     assert hit.state.rate == pytest.approx(recoil, rel=1e-12)
-    left = speed_after(0.2 - time, e_A * speed, 0.006)
-    assert -end(outcome, played)[3] == pytest.approx(left, rel=1e-12)
+    final_speed = speed_after(0.2 - time, e_A * speed, 0.006)
+    assert -end(outcome, played)[3] == pytest.approx(final_speed, rel=1e-12)
 
 
 @EVERY
@@ -279,7 +279,7 @@ def test_the_post_of_the_stop_throws_a_ball_back(rung: str) -> None:
     outcome = play(played, rung)
     assert struck(outcome) == [Target.STOP]
     hit = outcome.first(Target.STOP)
-    way = angle + np.arcsin(played.bat.widest / 0.4)
-    post = 0.4 * np.sin(way), AXIS - 0.4 * np.cos(way)
+    direction = angle + np.arcsin(played.bat.widest / 0.4)
+    post = 0.4 * np.sin(direction), AXIS - 0.4 * np.cos(direction)
     gap = np.hypot(hit.state.x[0] - post[0], hit.state.z[0] - post[1])
     assert gap == pytest.approx(0.03 + RADIUS, abs=1e-8)

@@ -48,7 +48,7 @@ def test_a_bat_rings_out_as_a_damped_oscillator() -> None:
         after = RELEASE[shot] <= TICKS
         expected = np.zeros(after.sum())
         for mode, omega in enumerate(frequency):
-            moved = solve_ivp(
+            solution = solve_ivp(
                 lambda _, y, w=omega: [y[1], -2 * ratio * w * y[1] - w**2 * y[0]],
                 (RELEASE[shot], TICKS[-1]),
                 [start[shot, mode], velocity[shot, mode]],
@@ -56,5 +56,5 @@ def test_a_bat_rings_out_as_a_damped_oscillator() -> None:
                 rtol=1e-10,
                 atol=1e-14,
             )
-            expected += turn[shot, mode] * moved.y[0]
+            expected += turn[shot, mode] * solution.y[0]
         assert curve[after] == pytest.approx(expected, abs=1e-10)

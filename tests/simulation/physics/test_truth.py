@@ -27,8 +27,8 @@ def test_the_mean_ball_is_that_of_the_balls_used() -> None:
     """Of balls of 140, 150 and 190 g the last is set aside: 145 g, and likewise for e0."""
     lot = draw_balls(load("balls", "baseball-2003", BallSpec).spec, 3, Streams(1))
     mass, e0 = np.array([0.140, 0.150, 0.190]), np.array([0.54, 0.56, 0.70])
-    used = np.array([True, True, False])
-    mean = replace(lot, mass=mass, restitution=e0, used=used).mean_ball()
+    mask = np.array([True, True, False])
+    mean = replace(lot, mass=mass, restitution=e0, used=mask).mean_ball()
     assert mean.mass == pytest.approx([0.145], rel=1e-12)
     assert mean.restitution == pytest.approx([0.55], rel=1e-12)
 

@@ -81,9 +81,9 @@ def test_a_ball_that_a_frame_throws_back_has_a_missing_and_a_wrong_time() -> Non
     assert hit.any()
     far = times(output)[hit, :, FAR].mean(axis=-1)
     face = gates[NEAR] + station.frame.radius + specimen.balls.spec.radius
-    way = gates[FAR] - face
+    path = gates[FAR] - face
     speed = output.truth["speed"][hit]
-    wild = way / speed + way / (station.frame.restitution * speed)
+    wild = path / speed + path / (station.frame.restitution * speed)
     assert np.diff(far, axis=1)[:, 0] == pytest.approx(wild, rel=0.03)
     assert np.isnan(output.truth["collision_efficiency"][hit]).all()
 

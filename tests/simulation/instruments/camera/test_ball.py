@@ -52,10 +52,10 @@ def test_a_plain_ball_has_the_exact_spectrum(
 ) -> None:
     """Every pixel, at any blur and motion, with the centre between pixels."""
     size = 2 * int(radius) + 48
-    centre, way = np.array([size / 2 + 0.31, size / 2 - 0.17]), np.array(motion)
-    path = [[centre - way / 2, centre + way / 2]]
+    centre, travel = np.array([size / 2 + 0.31, size / 2 - 0.17]), np.array(motion)
+    path = [[centre - travel / 2, centre + travel / 2]]
     ball = render_balls(path, radius, [[0, 0]], (size, size), sigma=sigma, look=PLAIN)
-    exact = folded_spectrum(centre, way, radius, sigma, size)
+    exact = folded_spectrum(centre, travel, radius, sigma, size)
     assert np.abs(ball.cover[0] - exact).max() < CONTRAST
     assert np.abs(ball.radiance[0] / 0.9 - exact).max() < CONTRAST
 
@@ -125,9 +125,9 @@ def test_a_stitched_ball_is_the_sum_of_its_samples(light: Light) -> None:
             orientation=body,
         )
         exact = raster(body, centre, motion, 14.0, 0.6, light, size)
-        off = ball.radiance[0] - exact
-        assert np.abs(off).max() < 2e-3
-        assert np.sqrt((off**2).mean()) < 3e-4
+        deviation = ball.radiance[0] - exact
+        assert np.abs(deviation).max() < 2e-3
+        assert np.sqrt((deviation**2).mean()) < 3e-4
         assert exact[12:28, 12:28].std() > 0.02  # contrast of the seams
 
 
@@ -173,13 +173,13 @@ def test_an_outline_may_be_an_ellipse() -> None:
     warp[0, :, :2] = [[20.0, 3.0], [-1.0, 16.0]]
     ball = render_balls([[[40.0, 40.0]]], 1.0, [[0, 0]], (81, 81), sigma=0.6, look=PLAIN, warp=warp)
     cover = ball.cover[0].astype(float)
-    off = np.arange(81) - 40
+    offset = np.arange(81) - 40
     area = cover.sum()
     assert area == pytest.approx(np.pi * (20 * 16 + 3), rel=1e-4)
     moments = [
-        (cover.sum(axis=0) @ off**2) / area,
-        (cover.sum(axis=1) @ off**2) / area,
-        off @ cover @ off / area,
+        (cover.sum(axis=0) @ offset**2) / area,
+        (cover.sum(axis=1) @ offset**2) / area,
+        offset @ cover @ offset / area,
     ]
     blur = 0.6**2 + 1 / 12
     wanted = [(20**2 + 3**2) / 4 + blur, (16**2 + 1) / 4 + blur, (-20 + 3 * 16) / 4]

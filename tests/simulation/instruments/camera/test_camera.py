@@ -61,8 +61,10 @@ def test_windows_show_the_ball_at_its_true_position() -> None:
         size = len(window)
         hidden = clip.background[top : top + size, left : left + size] - window
         x, y = truth["frame_outline"][shot, frame]
-        reach = truth["frame_radius"][shot, frame] + 8
-        if not (left + reach < x < left + size - reach and top + reach < y < top + size - reach):
+        margin = truth["frame_radius"][shot, frame] + 8
+        if not (
+            left + margin < x < left + size - margin and top + margin < y < top + size - margin
+        ):
             continue
         rows, columns = np.mgrid[:size, :size]
         moment = hidden.sum()
@@ -92,9 +94,9 @@ def test_positions_scatter_by_the_stated_uncertainty() -> None:
         course(200), Streams(4), "track", np.arange(200), RecordDetail.SUMMED
     )
     assert isinstance(track, TrackRecord)
-    off = (track.x - truth["frame_outline"][..., 0]) / track.u
-    off = off[np.isfinite(off)]
-    assert abs(np.mean(off**2) - 1) < 5 * np.sqrt(2 / off.size)
+    deviation = (track.x - truth["frame_outline"][..., 0]) / track.u
+    deviation = deviation[np.isfinite(deviation)]
+    assert abs(np.mean(deviation**2) - 1) < 5 * np.sqrt(2 / deviation.size)
 
 
 def test_a_frame_lost_leaves_a_gap_in_the_time_stamps() -> None:

@@ -29,8 +29,8 @@ def test_the_projection_is_that_of_opencv() -> None:
     points = Streams(2).uniform("points", (50, 3)) * [0.8, 0.5, 0.2]
     turn = cv2.Rodrigues(lens.rotation)[0]
     matrix = np.array([[lens.focal, 0, lens.centre[0]], [0, lens.focal, lens.centre[1]], [0, 0, 1]])
-    moved = -lens.rotation @ lens.place
-    theirs = cv2.projectPoints(points, turn, moved, matrix, lens.distortion)[0].reshape(-1, 2)
+    translation = -lens.rotation @ lens.place
+    theirs = cv2.projectPoints(points, turn, translation, matrix, lens.distortion)[0].reshape(-1, 2)
     assert np.abs(lens.drawn(lens.to_camera(points)) - theirs).max() < 1e-9
     assert np.abs(rotation(turn.ravel()) - lens.rotation).max() < 1e-12
 

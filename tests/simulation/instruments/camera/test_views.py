@@ -35,9 +35,9 @@ def test_opencv_finds_the_corners_and_the_lens() -> None:
         true = lens.drawn(lens.to_camera(places))
         order = np.linalg.norm(true[:, None] - corners, axis=2).argmin(axis=1)
         assert len(set(order)) == len(order)
-        off = corners[order] - true
-        assert off.std() < 0.06
-        assert np.abs(off.mean(axis=0)).max() < 0.06
+        deviation = corners[order] - true
+        assert deviation.std() < 0.06
+        assert np.abs(deviation.mean(axis=0)).max() < 0.06
         plane.append(BOARD.corners().astype(np.float32))
         images.append(corners[order].astype(np.float32))
         flat.append(places)

@@ -153,8 +153,8 @@ def test_calibration_and_errors_have_the_same_constants() -> None:
     calibration = camera.calibration()
     for key, value in camera.errors().items():
         # tolerance: the true position also turns with the tilt, 2 m away
-        reach = 5 * calibration[key].u + 5e-3 * key.startswith("translation")
-        assert abs(value - calibration[key].value) <= reach, key
+        tolerance = 5 * calibration[key].u + 5e-3 * key.startswith("translation")
+        assert abs(value - calibration[key].value) <= tolerance, key
     ideal = camera_of(spec.ideal(), QUIET)
     for key, value in ideal.errors().items():
         assert value == pytest.approx(ideal.calibration()[key].value, abs=1e-9), key
