@@ -41,7 +41,7 @@ def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]])
     vl.operating(bat, procedures=[rules])
     vl.bias(rules).rows[0]["bat"]
     vl.faults("aim-along", procedures=["bbcor"])
-    vl.twin(folder, days=1000, seed=2).plot("twin.png")
+    vl.twin(folder, days=1000, full_days=200).plot("twin.png")
     vl.daily(ball=vl.ball("check-ball"), rules=[1, 2], drift=0.001)
     vl.slope(bats=["r161", bat])
     vl.percussion(bat).save(folder)

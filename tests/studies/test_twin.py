@@ -14,6 +14,7 @@ from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.twin.days import TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.readings import READINGS, holm, largest_deviation, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.studies.twin.twin import certify_records, summed_days
 
@@ -86,7 +87,7 @@ def test_the_truth_behind_the_records_does_not_matter(tmp_path: Path) -> None:
         pack(ours.certification.session).write(records)
         (tmp_path / name / "truth").mkdir()
         (tmp_path / name / "truth" / "truth.json").write_text(truth)
-        answers.append(vl.twin(tmp_path / name, days=100, progress=quiet).document)
+        answers.append(vl.twin(tmp_path / name, days=100, full_days=0, progress=quiet).document)
     assert answers[0] == answers[1]
     assert answers[0]["quantities"][0]["quantity"] == "metric"
 
@@ -128,8 +129,47 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
         scattered_as_stated(statement, seed=1)
 
 
-def test_the_picture_and_the_text(tmp_path: Path) -> None:
-    result = vl.twin(FOREIGN, days=100, progress=quiet)
+def test_holm_adjusts_each_tail_for_those_that_remain() -> None:
+    """An example by hand: .005 x 4, .01 x 3, .03 x 2, .04 x 1, none below the one before."""
+    assert holm(np.array([0.01, 0.04, 0.03, 0.005])) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+
+
+def test_the_largest_deviation_is_that_of_grubbs() -> None:
+    values = np.array([1.0, 2.0, 3.0, 10.0])  # mean 4, s² = 50/3; 6 / √(1 - 1/4) / s
+    assert largest_deviation(values, np.zeros(4)) == pytest.approx(6 / np.sqrt(0.75 * 50 / 3))
+    assert np.isnan(largest_deviation(values, np.arange(4)))
+    assert np.isnan(largest_deviation(np.ones(4), np.zeros(4)))
+
+
+def test_altered_records_look_unlike_their_twins(certification, days) -> None:
+    """One wall hit, and the gates at the bat, which then show balls that are too large."""
+    session = certification.session
+    wall, bat = (session.records[stage]["gates"].times.copy() for stage in ("balls", "impact"))
+    wall[0, 1] += 1e-3 * np.array([[2.0], [1.0]])
+    bat[..., 1] += 10e-6
+    records = {
+        stage: {
+            name: replace(record, times=times) if name == "gates" else record
+            for name, record in session.records[stage].items()
+        }
+        for stage, times in (("balls", wall), ("impact", bat))
+    }
+    altered = certify_session(replace(session, records={**session.records, **records}))
+    sound, _ = unlike_readings(certification, days, 9)
+    odd, _ = unlike_readings(altered, days, 9)
+    tails = [{row.reading: row.tail for row in rows} for rows in (sound, odd)]
+    for reading in ("wall hits", "chords"):
+        assert tails[0][reading] > 0.1, reading
+        assert tails[1][reading] == pytest.approx(0.1), reading
+
+
+def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
+    result = vl.twin(FOREIGN, days=100, full_days=0, progress=quiet)
+    rows, played = unlike_readings(certification, days, 3)
+    result = replace(result, full_days=played, readings=tuple(rows))
+    assert result.document["smallest_tail"] == 1.0  # five readings, three days
+    assert [row.reading for row in rows] == list(READINGS)
+    assert "The smallest that 3 days can show is 1.000." in result.text
     result.plot(tmp_path / "twin.png")
     assert (tmp_path / "twin.png").read_bytes().startswith(b"\x89PNG")
     assert "beside 100 days of its twin" in result.text

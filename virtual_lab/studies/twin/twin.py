@@ -1,14 +1,16 @@
-"""The twin of a laboratory: days played from its records, to check its stated uncertainty.
+"""The twin of a laboratory: days played from its records, to check what it states.
 
 Each day has the bat, the balls and the scatter that the records state, and other errors of the
-calibration constants within their stated uncertainties. The study reads records only, never a
-sealed truth.
+calibration constants within their stated uncertainties. The errors of many days show whether the
+stated uncertainty is right, and days with every edge and count show which readings are unusual.
+The study reads records only, never a sealed truth.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import chi2
@@ -16,15 +18,19 @@ from scipy.stats import chi2
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, figure_file
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder, Seed
 from virtual_lab.records.session import SESSION
 from virtual_lab.studies.foreign import certify_folder
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.readings import LEVEL, TwinReading, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RECORDS = "records"  # folder of the records in a result folder
 TOLERANCE = 0.1  # largest harmless error of a stated u: that of its coverage is then below 2 %
@@ -32,6 +38,10 @@ FEWEST = 100  # smallest number of days; their standard deviation then has an er
 WORDS = (
     "Twin: the day played again with the bat, balls and instruments that the records state.\n"
     "Error: result of such a day minus the stated value. SI: unit of the quantity, 1 or m/s."
+)
+READING_WORDS = (
+    "Tail probability: share of the days with an equally extreme reading; adjusted for the number\n"
+    f"of readings (Holm). Below {LEVEL:g} a reading is unlike its twins."
 )
 
 
@@ -83,8 +93,15 @@ class Twin(StudyResult):
     days: int  # number of days whose instruments write sums
     invalid: int  # number of these days without a valid result
     rows: list[TwinQuantity]
+    full_days: int = 0  # number of days with every edge and count that gave a result
+    readings: tuple[TwinReading, ...] = ()  # () without such days
 
     name = "twin"
+
+    @property
+    def smallest(self) -> float:
+        """The smallest adjusted tail probability that the number of full days can show."""
+        return min(len(self.readings) / (1 + self.full_days), 1.0)
 
     @property
     def title(self) -> str:
@@ -95,7 +112,18 @@ class Twin(StudyResult):
     def text(self) -> str:
         """The tables, with the words beneath them."""
         days = f"{self.invalid} of the {self.days} days were INVALID and are left out."
-        return "\n\n".join([self.title, table_text(self.rows), f"{WORDS}\n{days}"])
+        parts = [self.title, table_text(self.rows), f"{WORDS}\n{days}"]
+        if self.readings:
+            least = f"The smallest that {self.full_days} days can show is {self.smallest:.3f}."
+            parts += [table_text(self.readings), f"{READING_WORDS}\n{least}"]
+            parts.append("\n".join(f"{row.reading}: {row.meaning}" for row in self.readings))
+        return "\n\n".join(parts)
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """The tables of the quantities and of the readings."""
+        readings = {"twin-readings": frame(self.readings)} if self.readings else {}
+        return {self.name: self.table, **readings}
 
     @property
     def document(self) -> Json:
@@ -106,28 +134,48 @@ class Twin(StudyResult):
             "days": self.days,
             "invalid": self.invalid,
             "quantities": [dict(record(row)) for row in self.rows],
+            "full_days": self.full_days,
+            "smallest_tail": self.smallest if self.readings else None,
+            "readings": [dict(record(row)) for row in self.readings],
         }
 
     def draw(self, path: Path) -> None:
-        """Draw the stated u of each quantity over the standard deviation of its errors."""
+        """Draw the stated u over the standard deviation of the errors, and the tails."""
         names = [row.quantity.replace("_", " ") for row in self.rows]
         with figure_file(path, 2.4) as figure:
-            axes = figure.subplots()
+            panels = figure.subplots(1, 2 if self.readings else 1, squeeze=False)[0]
+            axes = panels[0]
             figure.suptitle(as_drawn(self.title), fontsize=8)
             ratio = np.array([row.ratio for row in self.rows])
             ends = np.array([(row.u / row.high, row.u / row.low) for row in self.rows])
             spread = np.abs(ends.T - ratio)
             axes.errorbar(ratio, names, xerr=spread, capsize=3, fmt="ok", markersize=3)
             axes.axvline(1, color="0.5", linewidth=0.6)
-            axes.set(xlabel="stated $u$ / standard deviation of the twin's errors", ymargin=0.1)
+            axes.set(xlabel="stated $u$ / standard deviation of the errors", ymargin=0.1)
             axes.invert_yaxis()
+            for tails in panels[1:]:
+                of_readings = [row.reading for row in self.readings]
+                adjusted = [row.adjusted for row in self.readings]
+                tails.plot(adjusted, of_readings, "ok", markersize=3)
+                tails.axvline(LEVEL, color="0.5", linewidth=0.6)
+                words = f"adjusted tail probability; line: {LEVEL:g}, unlike its twins"
+                tails.set(xscale="log", xlabel=words, xlim=(self.smallest / 2, 1.5), ymargin=0.1)
+                tails.invert_yaxis()
 
 
-def twin(folder: Folder, *, days: int = 1000, seed: Seed = 1, progress: Progress = quiet) -> Twin:
+def twin(
+    folder: Folder,
+    *,
+    days: int = 1000,
+    full_days: int = 250,
+    seed: Seed = 1,
+    progress: Progress = quiet,
+) -> Twin:
     """Play a laboratory's day again as its records state it, and check its uncertainty.
 
-    The table has one row per quantity, the metric first: the stated u beside the standard deviation
-    of the errors of many days. Records are read, but never a sealed truth.
+    The first table has one row per quantity, the metric first: the stated u beside the standard
+    deviation of the errors of many days. The second one has the readings that could look unlike
+    those of the days. Records are read, but never a sealed truth.
 
     Parameters
     ----------
@@ -135,7 +183,10 @@ def twin(folder: Folder, *, days: int = 1000, seed: Seed = 1, progress: Progress
         Result folder of ``certify``, its folder ``records``, or the folder of another laboratory
         with its ``laboratory.toml``.
     days
-        Number of days; at least 100.
+        Number of days whose instruments write sums; at least 100.
+    full_days
+        Number of days whose instruments write every edge and count, to compare the readings; 0 or
+        at least 100. With 250 days a reading can be pointed at. Records of sums have none.
     seed
         Seed of the days.
     progress
@@ -149,15 +200,24 @@ def twin(folder: Folder, *, days: int = 1000, seed: Seed = 1, progress: Progress
     """
     if days < FEWEST:
         raise InputError("", "days", days, f"allowed: at least {FEWEST}")
+    if full_days and full_days < FEWEST:
+        raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST}")
     certification = certify_records(Path(folder))
-    playing = scattered_as_stated(stated_by(certification), seed)
+    statement = stated_by(certification)
+    playing = scattered_as_stated(statement, seed)
     rows, invalid = summed_days(certification, playing, days, progress)
+    readings: list[TwinReading] = []
+    played = 0
+    if full_days and statement.replayed:
+        readings, played = unlike_readings(certification, playing, full_days, progress)
     return Twin(
         bat=certification.session.bat,
         procedure=certification.procedure.name,
         days=days,
         invalid=invalid,
         rows=rows,
+        full_days=played,
+        readings=tuple(readings),
     )
 
 

@@ -1,0 +1,189 @@
+"""Readings that look unlike those of the twin's days, from days with every edge and count.
+
+Each reading is one number of a test, chosen so that it does not depend on the scale of a scatter,
+which the twin takes from the same records. Its tail probability is its rank among the days.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from virtual_lab.measurement.certification import Certification, Certifications, evaluate
+from virtual_lab.measurement.reduction.gates import INBOUND
+from virtual_lab.measurement.session_reduction import reduce_block
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.tables import column
+from virtual_lab.records import BoardRecord, GateRecord, Record
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.studies.twin.days import TwinDays
+from virtual_lab.units import Array
+
+LEVEL = 0.02  # adjusted tail probability below which a reading is pointed at
+FIRST = 2**20  # number of the first full day, above those whose instruments write sums
+TWO_SIDED = {"chords", "rebound and recoil"}
+READINGS = {
+    "hits": "largest deviation of a hit from the others at its position, in their scatter",
+    "wall hits": "largest deviation of a wall hit from the others of its ball, in their scatter",
+    "fit": "largest misfit of an encoder's or a board's record, over the median of the shots",
+    "chords": "diameter of the ball by the gates at the bat, over that by the gates at the wall",
+    "rebound and recoil": "mean e_A from the recoil minus that from the rebound",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwinReading:
+    """A reading of the records beside those of the twin's days."""
+
+    reading: str = column("reading")
+    value: float = column("value", form=".4g")
+    low: float = column("days: 2.5 %", form=".4g")
+    median: float = column("median", form=".4g")
+    high: float = column("97.5 %", form=".4g")
+    tail: float = column("tail probability", form=".3f")
+    adjusted: float = column("adjusted", form=".3f")  # for the number of readings, by Holm
+    finding: str = column("finding")
+    meaning: str
+
+
+def unlike_readings(
+    certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
+) -> tuple[list[TwinReading], int]:
+    """Return one row per reading, and the number of days that gave a result.
+
+    Parameters
+    ----------
+    certification
+        The test, with records of every edge and count.
+    playing
+        Days of its twin.
+    days
+        Number of days to play, each with every edge and count.
+    progress
+        Function that is called with the number of days played and in total.
+    """
+    block = certification.block
+    own = readings_of(evaluate(block, *reduce_block(block)))
+    twins: list[Mapping[str, float]] = []
+    for day in range(days):
+        played = playing.play(FIRST + day, RecordDetail.FULL)
+        if played.sound.all():
+            twins.append(readings_of(played.certified))
+        progress("full days", day + 1, days)
+    rows: dict[str, tuple[float, Array]] = {}
+    for name, value in own.items():
+        of_days = np.array([each.get(name, np.nan) for each in twins])
+        of_days = of_days[np.isfinite(of_days)]
+        if np.isfinite(value) and of_days.size:
+            rows[name] = value, of_days
+    tails = {name: _tail(name, *row) for name, row in rows.items()}
+    adjusted = dict(zip(tails, holm(np.array(list(tails.values()))), strict=True))
+    return [
+        _row(name, *row, tails[name], float(adjusted[name])) for name, row in rows.items()
+    ], len(twins)
+
+
+def _row(name: str, value: float, days: Array, tail: float, adjusted: float) -> TwinReading:
+    low, median, high = np.quantile(days, (0.025, 0.5, 0.975)).tolist()
+    return TwinReading(
+        reading=name,
+        value=value,
+        low=low,
+        median=median,
+        high=high,
+        tail=tail,
+        adjusted=adjusted,
+        finding="unlike its twins" if adjusted < LEVEL else "",
+        meaning=READINGS[name],
+    )
+
+
+def _tail(name: str, value: float, days: Array) -> float:
+    """Return the share of the days, and of the value itself, that are as extreme as a value."""
+    if name in TWO_SIDED:
+        middle = np.median(days)
+        value, days = abs(value - middle), np.abs(days - middle)
+    return float((1 + np.sum(days >= value)) / (1 + days.size))
+
+
+def holm(tails: Array) -> Array:
+    """Return tail probabilities (n,) adjusted for their number (Holm 1979)."""
+    order = np.argsort(tails, kind="stable")
+    steps = np.maximum.accumulate((tails.size - np.arange(tails.size)) * tails[order])
+    adjusted = np.empty(tails.size)
+    adjusted[order] = np.minimum(steps, 1.0)
+    return adjusted
+
+
+def readings_of(certified: Certifications) -> dict[str, float]:
+    """Return the `READINGS` of a block of one test that its records hold.
+
+    A value is NaN if too few shots show it.
+    """
+    reduced, readings, block = certified.reduced, certified.readings, certified.block
+    valid, balls = reduced.valid, reduced.preparation.balls
+    wall = balls.flights.raw
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.ravel(wall.speed_out / wall.speed_in)
+    seen = np.ravel(balls.ball) >= 0
+    of_ball = np.ravel(balls.ball) + 1j * np.ravel(balls.nominal_speed)
+    place = np.round(reduced.place[valid], 6)
+    rows = {
+        "hits": largest_deviation(reduced.shot_metric[valid], place),
+        "wall hits": largest_deviation(ratio[seen], of_ball[seen]),
+    }
+    turn = readings.recoil or readings.swing
+    raw = readings.flights.raw
+    misfits = turn.residual if turn is not None else np.ravel(np.max(raw.misfit, axis=-1))
+    misfits = misfits[np.isfinite(misfits)]
+    if misfits.size:
+        rows["fit"] = float(misfits.max() / np.median(misfits))
+    diameters = [
+        _diameter(block.records[stage]["gates"], np.ravel(speed))
+        for stage, speed in (("impact", raw.speed_in), ("balls", wall.speed_in))
+    ]
+    if np.isfinite(diameters).all():
+        rows["chords"] = diameters[0] / diameters[1]
+    if readings.recoil is not None:
+        apart = (reduced.shots.recoil_efficiency - reduced.shots.rebound_efficiency)[valid]
+        apart = apart[np.isfinite(apart)]
+        if apart.size:
+            rows["rebound and recoil"] = float(apart.mean())
+    return rows
+
+
+def largest_deviation(values: Array, groups: NDArray[np.number]) -> float:
+    """Return the largest deviation of values (n,) from the means of their groups, in their scatter.
+
+    A deviation is divided by its expected size, √(1 - 1/k) in a group of k, and by the pooled
+    standard deviation. NaN if no group has two values, or all are equal.
+    """
+    _, group, number = np.unique(groups, return_inverse=True, return_counts=True)
+    several = number[group] > 1
+    if not several.any():
+        return float("nan")
+    values, group = values[several], group[several]
+    means = np.bincount(group, values, number.size) / number
+    off = values - means[group]
+    scatter = float(np.sqrt(np.sum(off**2) / (values.size - np.unique(group).size)))
+    if not scatter > 0:
+        return float("nan")
+    return float(np.max(np.abs(off) / np.sqrt(1 - 1 / number[group])) / scatter)
+
+
+def _diameter(record: Record, speed: Array) -> float:
+    """Return the median of the chords of incoming balls [m], NaN without edges.
+
+    The median is that of the shots. Of a board's beams the longest chord counts.
+    """
+    if not isinstance(record, GateRecord | BoardRecord):
+        return float("nan")
+    lasting = np.diff(record.times[:, INBOUND], axis=-1)[..., 0]
+    if isinstance(record, BoardRecord):
+        lasting = np.where(np.isfinite(lasting), lasting, -np.inf).max(axis=-1)
+    chords = np.where(np.isfinite(lasting), lasting, np.nan).mean(axis=-1) * speed
+    chords = chords[np.isfinite(chords)]
+    return float(np.median(chords)) if chords.size else float("nan")
