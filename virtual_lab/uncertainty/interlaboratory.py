@@ -80,34 +80,35 @@ class NestedStudy:
         return np.asarray(np.abs(self.h).max(axis=-1))
 
     def cochran_limit(self, level: float = STRAGGLER) -> float:
-        """Return the critical value of Cochran's test."""
+        """Return the critical value of `cochran`, without unit, for a significance level."""
         return cochran_limit(self.laboratories, self.lots * (self.repeats - 1), level)
 
     def grubbs_limit(self, level: float = STRAGGLER) -> float:
-        """Return the critical value of Grubbs's test; NaN for two laboratories."""
+        """Return the critical value of `grubbs`, without unit; NaN for two laboratories."""
         return grubbs_limit(self.laboratories, level)
 
     def h_limit(self, level: float = CONSISTENCY) -> float:
-        """Return the critical value of h; NaN for two laboratories."""
+        """Return the critical value of |h|, without unit; NaN for two laboratories."""
         return h_limit(self.laboratories, level)
 
     def k_limit(self, level: float = CONSISTENCY) -> float:
-        """Return the critical value of k."""
+        """Return the critical value of k, without unit, for a significance level."""
         return k_limit(self.laboratories, self.lots * (self.repeats - 1), level)
 
 
 def nested_study(values: ArrayLike) -> NestedStudy:
-    """Return repeatability, scatter of lots and laboratories, and tests of consistency.
+    """Return variances within and between laboratories and lots, and statistics of consistency.
 
-    The design is balanced: every laboratory has the same number of lots, and repeats the test with
-    each lot equally often. With one lot, the results are those of ISO 5725-2 and ASTM E691, and
-    `group_study` gives the same standard deviations.
+    The results are arrays (...), one entry per data set, in the unit of the values or its square; h
+    and k are (..., laboratory), without unit. The design is balanced: every laboratory has the same
+    number of lots, and repeats the test with each lot equally often. With one lot, the results are
+    those of ISO 5725-2 and ASTM E691, and `group_study` gives the same standard deviations.
 
     Parameters
     ----------
     values
-        Results, shape (..., laboratory, lot, repeat), in any one unit. The results have the same
-        unit. Leading axes are data sets.
+        Results of the tests, shape (..., laboratory, lot, repeat), in any one unit. Leading axes
+        are data sets.
 
     Raises
     ------
@@ -159,19 +160,33 @@ def nested_study(values: ArrayLike) -> NestedStudy:
 
 
 def cochran_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical share of the largest of `groups` variances with `dof` each."""
+    """Return the critical value of Cochran's test (ISO 5725-2), without unit.
+
+    The statistic is the largest of `groups` variances over their sum, each variance with `dof`
+    degrees of freedom. It exceeds the limit by chance with a probability of `level`.
+    """
     from scipy.stats import f
 
     return float(1 / (1 + (groups - 1) / f.isf(level / groups, dof, dof * (groups - 1))))
 
 
 def grubbs_limit(groups: int, level: float) -> float:
-    """Return the critical deviation of the most extreme of `groups` means; NaN for two."""
+    """Return the critical value of Grubbs's test for the most extreme of `groups` means.
+
+    The statistic is the largest absolute deviation from the mean of all, in standard deviations of
+    the means. It exceeds the limit by chance with a probability of `level`. The limit is NaN for
+    fewer than three groups.
+    """
     return h_limit(groups, level / groups)
 
 
 def h_limit(groups: int, level: float) -> float:
-    """Return the critical deviation of one of `groups` means, two-sided; NaN for two means."""
+    """Return the critical value of |h| (ASTM E691) for one of `groups` means.
+
+    The statistic h is the deviation of one mean from the mean of all, in standard deviations of the
+    means. Its absolute value exceeds the limit by chance with a probability of `level`. The limit
+    is NaN for fewer than three groups.
+    """
     from scipy.stats import t
 
     if groups < 3:
@@ -181,7 +196,11 @@ def h_limit(groups: int, level: float) -> float:
 
 
 def k_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical ratio of the scatter in one of `groups`, with `dof`, to s_r."""
+    """Return the critical value of k (ASTM E691) for one of `groups`, without unit.
+
+    The statistic k is the standard deviation within a group, with `dof` degrees of freedom, over
+    the pooled one. It exceeds the limit by chance with a probability of `level`.
+    """
     from scipy.stats import f
 
     return sqrt(groups / (1 + (groups - 1) / f.isf(level, dof, dof * (groups - 1))))
