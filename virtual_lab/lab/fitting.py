@@ -37,8 +37,8 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
     if lacking := _lacking(rig, procedure):
         able = [
             name
-            for name, other in installed_rigs().items()
-            if other.stage is Stage.IMPACT and not _lacking(other, procedure)
+            for name, candidate in installed_rigs().items()
+            if candidate.stage is Stage.IMPACT and not _lacking(candidate, procedure)
         ]
         allowed = (
             f"records no {', '.join(lacking)}, which {procedure.name} needs; "
@@ -66,7 +66,9 @@ def require_motion(rig: Rig, motion: MotionRung) -> None:
 def require_camera(rig: Rig) -> None:
     """Raise `InputError` for a rig without a camera, which cannot film. Otherwise return None."""
     if "camera" not in rig.channels:
-        able = [name for name, other in installed_rigs().items() if "camera" in other.channels]
+        able = [
+            name for name, candidate in installed_rigs().items() if "camera" in candidate.channels
+        ]
         raise InputError("", "film", rig.name, f"has no camera; allowed: {', '.join(able)}")
 
 

@@ -51,7 +51,7 @@ def measurands(
     at, inverse = np.unique(owner + 1j * reduced.place, return_inverse=True)
     curve = curve_at(at.imag, at.real.astype(np.intp))
     finite_weights = np.where(np.isfinite(weights), weights, 0.0)
-    some = np.bincount(owner, finite_weights != 0, laboratories) > 0
+    has_result = np.bincount(owner, finite_weights != 0, laboratories) > 0
     true_values: dict[str, Array] = {
         name: np.asarray(
             np.bincount(owner, values[inverse] * finite_weights, laboratories), dtype=float
@@ -75,7 +75,7 @@ def measurands(
             smooth.objective(control).reshape(shape),
             smooth.metric(control).reshape(shape),
         )
-    return {name: np.where(some, values, np.nan) for name, values in true_values.items()}
+    return {name: np.where(has_result, values, np.nan) for name, values in true_values.items()}
 
 
 def _of_continuous(
@@ -122,13 +122,13 @@ def _locate_level(
     """
     knots = curves.knots[:, None]
     beyond = (at < level) & ((knots - best) * direction > 0)
-    some = beyond.any(axis=0)
+    falls = beyond.any(axis=0)
     low = beyond.argmax(axis=0) if direction > 0 else len(at) - 1 - beyond[::-1].argmax(axis=0)
-    outer = np.where(some, curves.knots[low], curves.knots[-1 if direction > 0 else 0])
+    outer = np.where(falls, curves.knots[low], curves.knots[-1 if direction > 0 else 0])
     inner = np.where(
         direction * (curves.knots[low - direction] - best) > 0, curves.knots[low - direction], best
     )
-    inner = np.where(some, inner, outer)
+    inner = np.where(falls, inner, outer)
     for _ in range(52):  # bisections down to rounding
         middle = (inner + outer) / 2
         above = _at(curves, middle) >= level

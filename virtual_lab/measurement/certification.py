@@ -180,9 +180,9 @@ class Certifications:
         session, procedure = session_of(block), self.procedure
         mask = self.reduced.owner == laboratory
         readings, outcome = self.readings.select(mask), self.outcome.row(laboratory, mask)
-        one = slice(laboratory, laboratory + 1)
+        rows = slice(laboratory, laboratory + 1)
         budgets = {
-            name: each.select(one) for name, each in self.results.items() if self.some[laboratory]
+            name: each.select(rows) for name, each in self.results.items() if self.some[laboratory]
         }
         quantities = {name: each.row(0) for name, each in budgets.items()}
         metric, finer = quantities.pop("metric", None), None
@@ -260,9 +260,14 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
         for first in range(0, laboratories, block_size)
     ]
     results = {name: Budgets.concatenate([each[name] for each, _ in parts]) for name in parts[0][0]}
-    some = np.bincount(owner, mask, laboratories) > 0
+    has_result = np.bincount(owner, mask, laboratories) > 0
     shortfall = shortfalls(
-        rules, laboratories, owner, reduced.place, reduced.valid & some[owner], reduced.shot_metric
+        rules,
+        laboratories,
+        owner,
+        reduced.place,
+        reduced.valid & has_result[owner],
+        reduced.shot_metric,
     )
     for name in DECIDING & results.keys():
         results[name] = with_choice(results[name], shortfall)
@@ -274,22 +279,22 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
             readings=readings,
             outcome=outcome,
             metric=metric,
-            some=some,
+            some=has_result,
             variants=variants,
             hits=hits,
             apart=np.concatenate([difference for _, difference in parts]),
         )
     )
     reason_table = (
-        *_invalidating(rules, outcome, some, metric.u, checked),
-        *unmet_rules(rules, reduced.preparation.bat, np.where(some, metric.value, np.nan)),
+        *_invalidating(rules, outcome, has_result, metric.u, checked),
+        *unmet_rules(rules, reduced.preparation.bat, np.where(has_result, metric.value, np.nan)),
     )
     return Certifications(
         block=block,
         reduced=reduced,
         readings=readings,
         outcome=outcome,
-        some=some,
+        some=has_result,
         results=results,
         checked=checked,
         reason_table=reason_table,
@@ -314,7 +319,7 @@ def _results(
     readings: ImpactReadings,
     weighing: Weighing,
     earlier: Mapping[str, HitVariance],
-    some: slice,
+    rows: slice,
     variants: Variants,
 ) -> tuple[dict[str, Budgets], Array]:
     """Return the results of some laboratories, and the difference of e_A for their hits.
@@ -322,13 +327,13 @@ def _results(
     The difference is e_A from recoil minus e_A from rebound, for all sets of constants,
     (laboratory, k, hit).
     """
-    weighing = weighing.select(some)
-    model = reduced.model(readings, weighing.hits, some)
-    variants = variants.select(some)
+    weighing = weighing.select(rows)
+    model = reduced.model(readings, weighing.hits, rows)
+    variants = variants.select(rows)
     columns = variants.columns
     bat = bat_properties(columns)
     shots = model.shots(columns, bat)
-    history = {name: each.select(some) for name, each in earlier.items()}
+    history = {name: each.select(rows) for name, each in earlier.items()}
     results = {
         name: means_of_hits(
             variants,
@@ -344,7 +349,7 @@ def _results(
 
 
 def _invalidating(
-    procedure: Procedure, outcome: HitWeights, some: Mask, metric_u: Array, checked: Checked
+    procedure: Procedure, outcome: HitWeights, has_result: Mask, metric_u: Array, checked: Checked
 ) -> Iterator[Reason]:
     """Yield the reasons why tests are INVALID."""
     none = np.array([bool(reason) for reason in outcome.reasons])
@@ -356,7 +361,7 @@ def _invalidating(
         text = f"the u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
         return beyond(text, u, -inf, most / printed.unit_si, decimals(u)).rstrip()
 
-    yield Reason(Verdict.INVALID, some & ~(metric_u <= most), too_large)
+    yield Reason(Verdict.INVALID, has_result & ~(metric_u <= most), too_large)
     for name, where in checked.voids.items():
         yield Reason(Verdict.INVALID, where, partial(_by_flag, name))
 

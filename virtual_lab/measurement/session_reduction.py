@@ -191,11 +191,11 @@ class Reduction(AlignedArrays):
 
     def row(self, laboratory: int) -> Reduction:
         """Return the reduction of one laboratory as a block of one."""
-        one, part = np.array([laboratory]), self.select(self.owner == laboratory)
+        index, part = np.array([laboratory]), self.select(self.owner == laboratory)
         return replace(
             part,
-            preparation=self.preparation.select(one),
-            constants={name: each.select(one) for name, each in self.constants.items()},
+            preparation=self.preparation.select(index),
+            constants={name: each.select(index) for name, each in self.constants.items()},
             owner=np.zeros_like(part.owner),
             latest=None,
         )

@@ -134,15 +134,15 @@ class Streams:
         self, name: str, shape: int | tuple[int, ...], slots: Slots | None, normal: bool
     ) -> Array:
         trailing = (shape,) if isinstance(shape, int) else shape
-        leading, each = _leading(self.laboratory, slots), prod(trailing)
+        leading, per_slot = _leading(self.laboratory, slots), prod(trailing)
         numbers = np.ascontiguousarray(self.laboratory, dtype=np.int64)  # at least one axis
         if slots is None:
             rows = np.zeros(prod(leading), np.int64)
         else:
             rows = np.ascontiguousarray(slots, dtype=np.int64)
-        out = np.empty(rows.size * each)
+        out = np.empty(rows.size * per_slot)
         key = _key(self.seed, self.branch, name)
-        if not _kernel()(key, numbers, rows, each, normal, out):
+        if not _kernel()(key, numbers, rows, per_slot, normal, out):
             raise InputError("draws", name, slots, "allowed as slots: 0 to 2^32 - 1")
         return out.reshape(leading + trailing)
 

@@ -105,9 +105,9 @@ def _group_hits(weight: Array, places: Array, order: Whole, begin: Whole) -> int
         if done:
             continue
         begin[positions] = hits
-        for other in range(hit, weight.size):
-            if weight[other] != 0.0 and places[other] == places[hit]:
-                order[hits] = other
+        for later in range(hit, weight.size):
+            if weight[later] != 0.0 and places[later] == places[hit]:
+                order[hits] = later
                 hits += 1
         positions += 1
     begin[positions] = hits

@@ -134,13 +134,13 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
     certain: dict[str, float] = {}
     groups: dict[str, tuple[Array, tuple[str, ...], NDArray[np.int_]]] = {}
     joints: list[Joint] = []
-    for key, one in entries.items():
+    for key, entry in entries.items():
         if isinstance(key, tuple):
-            together, joint = _together(key, one)
+            together, joint = _together(key, entry)
             sources |= together
             joints.append(joint)
             continue
-        read = _input(key, one)
+        read = _input(key, entry)
         if len(read.by):
             groups[key], parts = _group_observations(key, read)
             sources |= parts

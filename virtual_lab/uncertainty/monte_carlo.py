@@ -156,12 +156,12 @@ def _goals(batches: Batches, infinite: bool) -> Array:
     means = np.mean(batches.statistics, axis=0)
     size = (means[:, 3] - means[:, 2]) / 4 if infinite else batches.u
     share = 5 if batches.drawing.validate else 1
-    goals = np.array([tolerance(each, batches.drawing.digits) / share for each in size])
-    each = np.repeat(goals[:, None], 4, axis=1)
+    goals = np.array([tolerance(u, batches.drawing.digits) / share for u in size])
+    by_number = np.repeat(goals[:, None], 4, axis=1)
     if infinite:
-        each[:, :2] = inf
-        return each
-    return np.asarray(np.maximum(each, LAST_BITS * np.abs(batches.mean)[:, None]))
+        by_number[:, :2] = inf
+        return by_number
+    return np.asarray(np.maximum(by_number, LAST_BITS * np.abs(batches.mean)[:, None]))
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
@@ -225,25 +225,25 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
         batches.draw_to(max(2, ceil(drawing.draws / BATCH)))
     errors, tail = batches.standard_errors(), (1 - drawing.probability) / 2
     outcomes = {}
-    for k, (name, one) in enumerate(linear.outcomes.items()):
+    for k, (name, outcome) in enumerate(linear.outcomes.items()):
         below, edges = batches.sketches[name].distribution()
         low, middle, high = map(float, np.interp([tail, 0.5, 1 - tail], below, edges))
         value = middle if infinite else float(batches.mean[k])
         u = inf if infinite else beyond_rounding(float(batches.u[k]), value)
         outcomes[name] = replace(
-            one,
+            outcome,
             value=value,
             u=u,
             dof=inf,
             interval=(low, high),
-            shift=value - one.value,
+            shift=value - outcome.value,
             shortest=shortest_interval(below, edges, drawing.probability),
             convergence=Convergence(
                 draws=len(batches) * BATCH,
                 standard_errors=tuple(map(float, errors[k])),
                 tolerance=None if goals is None else float(goals[k].min()),
             ),
-            verdict=_verdict(one, (low, high), u, errors[k], drawing),
+            verdict=_verdict(outcome, (low, high), u, errors[k], drawing),
         )
     return replace(
         linear,

@@ -102,12 +102,18 @@ class Propagated:
         """One row per output."""
         import pandas as pd
 
-        def row(one: Outcome) -> dict[str, Any]:
-            columns = {key: getattr(one, key) for key in ("value", "u", "dof")}
-            low, high = one.interval
-            return {"output": one.name, "method": self.method, **columns, "low": low, "high": high}
+        def row(outcome: Outcome) -> dict[str, Any]:
+            columns = {key: getattr(outcome, key) for key in ("value", "u", "dof")}
+            low, high = outcome.interval
+            return {
+                "output": outcome.name,
+                "method": self.method,
+                **columns,
+                "low": low,
+                "high": high,
+            }
 
-        return pd.DataFrame([row(one) for one in self.outcomes.values()])
+        return pd.DataFrame([row(outcome) for outcome in self.outcomes.values()])
 
     @property
     def budget(self) -> pd.DataFrame:
@@ -115,10 +121,10 @@ class Propagated:
         import pandas as pd
 
         rows = []
-        for one in self.outcomes.values():
-            total = sum(part.contribution**2 for part in one.components)
-            for part in sorted(one.components, key=lambda each: -each.contribution):
-                row = {"output": one.name, "component": part.name}
+        for outcome in self.outcomes.values():
+            total = sum(part.contribution**2 for part in outcome.components)
+            for part in sorted(outcome.components, key=lambda each: -each.contribution):
+                row = {"output": outcome.name, "component": part.name}
                 for key in ("value", "u", "dof", "evaluation", "sensitivity", "contribution"):
                     row[key] = getattr(part, key)
                 share = 100 * part.contribution**2 / total if total else 0.0
@@ -129,14 +135,16 @@ class Propagated:
     def text(self) -> str:
         """Outputs, method and notes, one per line."""
         lines = []
-        for one in self.outcomes.values():
-            value, low, high = (_round_to_u(each, one.u) for each in (one.value, *one.interval))
+        for outcome in self.outcomes.values():
+            value, low, high = (
+                _round_to_u(each, outcome.u) for each in (outcome.value, *outcome.interval)
+            )
             inside = f"{100 * self.probability:g} % in [{low}, {high}]"
-            lines.append(f"{one.name} = {value}, u = {one.u:.2g}, {inside}")
-            if one.shortest and one.convergence:
-                low, high = (_round_to_u(each, one.u) for each in one.shortest)
-                lines.append(f"  shortest [{low}, {high}]; {one.convergence.draws} draws")
-                lines.append(f"  {one.verdict}")
+            lines.append(f"{outcome.name} = {value}, u = {outcome.u:.2g}, {inside}")
+            if outcome.shortest and outcome.convergence:
+                low, high = (_round_to_u(each, outcome.u) for each in outcome.shortest)
+                lines.append(f"  shortest [{low}, {high}]; {outcome.convergence.draws} draws")
+                lines.append(f"  {outcome.verdict}")
         if self.region:
             k = f"k = {self.region.ellipsoid:.4g}, box k = {self.region.box:.4g}"
             lines.append(f"all outputs together: ellipsoid {k}")

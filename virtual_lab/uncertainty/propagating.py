@@ -166,11 +166,13 @@ def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propaga
     points = SecondOrder.of(model.inputs)
     answers = model(points.columns)
     outcomes = {}
-    for name, one in linear.outcomes.items():
+    for name, outcome in linear.outcomes.items():
         value, u = points.moments(answers[name])
         u = beyond_rounding(u, value)
-        interval = _interval(value, u, one.dof, linear.probability)
-        outcomes[name] = replace(one, value=value, u=u, interval=interval, shift=value - one.value)
+        interval = _interval(value, u, outcome.dof, linear.probability)
+        outcomes[name] = replace(
+            outcome, value=value, u=u, interval=interval, shift=value - outcome.value
+        )
     return replace(linear, method=SECOND, outcomes=outcomes, correlation=None, notes=_notes(model))
 
 
@@ -217,10 +219,10 @@ def _notes(model: Model) -> tuple[str, ...]:
     return (rows,) if model.row_by_row else ()
 
 
-def _u_is_zero(one: Outcome) -> str:
-    if one.shift == 0:
-        return f"u of {one.name} is 0, because no input changes it within the u of the input"
+def _u_is_zero(outcome: Outcome) -> str:
+    if outcome.shift == 0:
+        return f"u of {outcome.name} is 0, because no input changes it within the u of the input"
     return (
-        f"u of {one.name} is 0 to first order, but the curvature shifts its mean by "
-        f"{one.shift:.3g}; use method='second-order' or 'monte-carlo'"
+        f"u of {outcome.name} is 0 to first order, but the curvature shifts its mean by "
+        f"{outcome.shift:.3g}; use method='second-order' or 'monte-carlo'"
     )

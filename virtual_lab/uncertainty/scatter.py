@@ -63,8 +63,8 @@ class HitVariance(AlignedArrays):
 
         freedoms = np.maximum(self.dof, 1.0), np.maximum(earlier.dof, 1.0)
         most = fdtri(*freedoms, 1 - LARGER_BY_CHANCE)
-        some = (self.dof > 0) & (earlier.dof > 0)
-        return np.asarray(some & (self.total > most * earlier.total))
+        compared = (self.dof > 0) & (earlier.dof > 0)
+        return np.asarray(compared & (self.total > most * earlier.total))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

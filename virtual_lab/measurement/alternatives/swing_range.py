@@ -43,13 +43,13 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     curve, measured = Curve.from_shots(reduced.shots), reduced.preparation.bat.select((0, 0, 0))
     others: dict[float, tuple[Procedure, HitWeights]] = {}
     for exponent in rules.game.exponents:
-        other = replace(rules, game=replace(rules.game, exponent=exponent))
-        hits = metric_of(other)(curve, measured)
+        variant_rules = replace(rules, game=replace(rules.game, exponent=exponent))
+        hits = metric_of(variant_rules)(curve, measured)
         objective = Objective(hits, np.ones_like(hits))
         outcome = outcomes_of(
-            other, 1, reduced.owner, reduced.place, reduced.valid, hits, objective
+            variant_rules, 1, reduced.owner, reduced.place, reduced.valid, hits, objective
         )
-        others[exponent] = other, outcome
+        others[exponent] = variant_rules, outcome
     if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
         return ()
 
@@ -58,10 +58,10 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     bat = bat_properties(columns)
     variant_curve = Curve.from_shots(reduced.model(readings).shots(columns, bat))
     results = []
-    for exponent, (other, outcome) in others.items():
+    for exponent, (variant_rules, outcome) in others.items():
         mask = outcome.used
         hits, places = (
-            metric_of(other)(variant_curve, bat)[..., mask],
+            metric_of(variant_rules)(variant_curve, bat)[..., mask],
             np.round(reduced.place[mask], 6),
         )
         weights = outcome.weights[None, mask]

@@ -415,10 +415,10 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
 def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
     """Return a sentence on the first ball that is wrong."""
     unfit = set_aside(evidence.procedure, evidence.measured_balls.select((laboratory, 0)))
-    each = next(one for one in unfit if bad[one.ball])
-    if fired[each.ball]:
-        return f"ball {each.ball + 1} was fired although the rules do not allow it: {each.reason}"
-    return f"ball {each.ball + 1} of the lot has {each.reason}; it is worn or of another type"
+    entry = next(one for one in unfit if bad[one.ball])
+    if fired[entry.ball]:
+        return f"ball {entry.ball + 1} was fired although the rules do not allow it: {entry.reason}"
+    return f"ball {entry.ball + 1} of the lot has {entry.reason}; it is worn or of another type"
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:

@@ -55,10 +55,10 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         yield _too_wide(evidence, where, owner, longest, wide, nominal)
         # a single beam meets most balls off their centre and shows less than the diameter
         size = nominal.copy()
-        for one in range(evidence.laboratories):
-            of_one = flat[owner == one]
-            if np.isfinite(of_one).any():
-                size[one] = np.quantile(of_one[np.isfinite(of_one)], 0.9)
+        for laboratory in range(evidence.laboratories):
+            values = flat[owner == laboratory]
+            if np.isfinite(values).any():
+                size[laboratory] = np.quantile(values[np.isfinite(values)], 0.9)
         yield _too_narrow(where, size, nominal)
 
 
@@ -67,11 +67,11 @@ def _too_wide(
 ) -> Raised:
     bad = np.bincount(owner, wide, evidence.laboratories)
 
-    def describe(one: int) -> str:
-        of_one = longest[owner == one]
+    def describe(i: int) -> str:
+        values = longest[owner == i]
         return (
-            f"in {bad[one]:.0f} of {of_one.size} shots at the {where}, the gates show a ball "
-            f"diameter of up to {of_one.max() * 1e3:.1f} mm instead of {nominal[one] * 1e3:.1f} mm"
+            f"in {bad[i]:.0f} of {values.size} shots at the {where}, the gates show a ball "
+            f"diameter of up to {values.max() * 1e3:.1f} mm instead of {nominal[i] * 1e3:.1f} mm"
         )
 
     return Raised(name="chords", where=bad > 0, sentence=describe)
@@ -81,9 +81,9 @@ def _too_narrow(where: str, size: Array, nominal: Array) -> Raised:
     return Raised(
         name="chords",
         where=size < nominal * (1 - SIZE),
-        sentence=lambda one: (
-            f"the gates at the {where} show a ball diameter of {size[one] * 1e3:.1f} mm instead of "
-            f"{nominal[one] * 1e3:.1f} mm"
+        sentence=lambda i: (
+            f"the gates at the {where} show a ball diameter of {size[i] * 1e3:.1f} mm instead of "
+            f"{nominal[i] * 1e3:.1f} mm"
         ),
     )
 

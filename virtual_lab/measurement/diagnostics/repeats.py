@@ -35,9 +35,9 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
         tables = ((name, _rows(record)) for name, record in channels.items())
         rows = {name: table for name, table in tables if table is not None}
         for channel, table in rows.items():
-            whole, some = _traces(channels[channel])
+            whole, partial = _traces(channels[channel])
             others = [each for name, each in rows.items() if name != channel]
-            twice = _filed_twice(table, some, others)
+            twice = _filed_twice(table, partial, others)
             # one part may repeat by chance
             if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:
                 yield _flag_repeat(evidence, f"{stage}/{channel}", *twice[0])
@@ -70,11 +70,11 @@ def _traces(record: Record) -> tuple[Mask, Mask]:
     return none, none
 
 
-def _filed_twice(rows: Array, some: Mask, others: list[Array]) -> list[tuple[int, int]]:
+def _filed_twice(rows: Array, candidates: Mask, others: list[Array]) -> list[tuple[int, int]]:
     """Return shots with the same record as an earlier one, and the earlier one."""
     first: dict[bytes, int] = {}
     repeats = []
-    for shot in map(int, np.flatnonzero(some)):
+    for shot in map(int, np.flatnonzero(candidates)):
         same = first.setdefault(rows[shot].tobytes(), shot)
         if not all(np.array_equal(each[same], each[shot], equal_nan=True) for each in others):
             repeats.append((same, shot))

@@ -59,12 +59,12 @@ class HitWeights:
 
     def row(self, laboratory: int, shots: Mask) -> HitWeights:
         """Return the weights of one laboratory, whose shots are marked in `shots`, (shot,)."""
-        one = slice(laboratory, laboratory + 1)
+        rows = slice(laboratory, laboratory + 1)
         return HitWeights(
             weights=self.weights[shots],
             effects=self.effects[shots],
-            place=self.place[one],
-            reasons=self.reasons[one],
+            place=self.place[rows],
+            reasons=self.reasons[rows],
         )
 
 
@@ -143,35 +143,37 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
     hits = np.bincount(shots.owner, shots.valid, laboratories)
     step = scan.fine_step - SETTING_STEP
     at_an_end = (scans.best - step < scan.low) | (scans.best + step > scan.high)
-    some = (hits >= 2) & ((scans.complete >= 3) | ((scans.complete > 0) & at_an_end))
+    has_result = (hits >= 2) & ((scans.complete >= 3) | ((scans.complete > 0) & at_an_end))
     reasons = tuple(
-        TOO_FEW if hits[one] < 2 else _of_scan(procedure, scan, scans, one, bool(some[one]))
-        for one in range(laboratories)
+        TOO_FEW
+        if hits[laboratory] < 2
+        else _of_scan(procedure, scan, scans, laboratory, bool(has_result[laboratory]))
+        for laboratory in range(laboratories)
     )
-    some &= scans.result > 0
-    mask &= some[shots.owner]
+    has_result &= scans.result > 0
+    mask &= has_result[shots.owner]
     if scan.final_hits:
-        many = np.where(some, scans.result, np.nan)
-        weights = np.where(some[shots.owner], mask / many[shots.owner], np.nan)
+        many = np.where(has_result, scans.result, np.nan)
+        weights = np.where(has_result[shots.owner], mask / many[shots.owner], np.nan)
         place = np.bincount(shots.owner, np.where(mask, shots.place, 0.0), laboratories) / many
         return HitWeights(weights=weights, effects=weights, place=place, reasons=reasons)
     weights, effects, place = _tops_of_curves(scan, laboratories, shots, mask)
     return HitWeights(weights=weights, effects=effects, place=place, reasons=reasons)
 
 
-def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, one: int, some: bool) -> str:
+def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_result: bool) -> str:
     """Return the reason why a scan gives no result, or no valid one; empty if it gives one."""
-    if not some:
+    if not has_result:
         return (
-            f"only {scans.complete[one]} impact positions have {procedure.valid_hits} valid hits; "
+            f"only {scans.complete[i]} impact positions have {procedure.valid_hits} valid hits; "
             "a scan needs 3"
         )
-    if not (scans.below[one] and scans.above[one]):
+    if not (scans.below[i] and scans.above[i]):
         return f"the scan has no maximum between {scan.low:g} and {scan.high:g} m"
-    if scans.result[one] < scan.final_hits:
+    if scans.result[i] < scan.final_hits:
         in_a_row = "consecutive " if scan.consecutive else ""
         return (
-            f"only {scans.result[one]} of {scan.final_hits} {in_a_row}hits at the best impact "
+            f"only {scans.result[i]} of {scan.final_hits} {in_a_row}hits at the best impact "
             "position"
         )
     return ""
@@ -187,22 +189,23 @@ def _tops_of_curves(
     fit. The results of a laboratory without used hits are NaN.
     """
     hits = number_shots(shots.owner, mask, laboratories)
-    some = hits >= 0
-    many = some.sum(axis=1)
+    is_hit = hits >= 0
+    many = is_hit.sum(axis=1)
     with np.errstate(invalid="ignore"):
-        place = np.where(some, shots.place[hits], 0.0)
+        place = np.where(is_hit, shots.place[hits], 0.0)
         middle = place.sum(axis=1) / np.where(many > 0, many, np.nan)
-    unit = np.where(some, (place - middle[:, None]) / scan.fit_half_width, 0.0)
+    unit = np.where(is_hit, (place - middle[:, None]) / scan.fit_half_width, 0.0)
     powers = np.arange(4)
-    rows = unit[..., None] ** powers * some[..., None]
-    solved = np.linalg.pinv(rows * (powers <= _degrees(place, some)[:, None])[:, None])
+    rows = unit[..., None] ** powers * is_hit[..., None]
+    solved = np.linalg.pinv(rows * (powers <= _degrees(place, is_hit)[:, None])[:, None])
     objective = shots.objective
     value, gain, metric = (
-        np.where(some, each[hits], 0.0) for each in (objective.value, objective.gain, shots.metric)
+        np.where(is_hit, each[hits], 0.0)
+        for each in (objective.value, objective.gain, shots.metric)
     )
     fitted = np.einsum("lph,lh->lp", solved, value)
-    low = np.min(unit, axis=1, where=some, initial=np.inf)
-    high = np.max(unit, axis=1, where=some, initial=-np.inf)
+    low = np.min(unit, axis=1, where=is_hit, initial=np.inf)
+    high = np.max(unit, axis=1, where=is_hit, initial=-np.inf)
     turn = _turns(fitted)
     turns = (low < turn) & (turn < high)
     candidates = np.stack([low, high, np.where(turns, turn, low)], axis=1)
@@ -222,15 +225,15 @@ def _tops_of_curves(
     spread = np.where((many > 0)[shots.owner], 0.0, np.nan)
     by_shot = [spread.copy(), spread.copy()]
     for column, each in zip(by_shot, (weights, effects), strict=True):
-        column[hits[some]] = each[some]
+        column[hits[is_hit]] = each[is_hit]
     return by_shot[0], by_shot[1], middle + top[:, 0] * scan.fit_half_width
 
 
-def _degrees(place: Array, some: Mask) -> NDArray[np.intp]:
+def _degrees(place: Array, is_hit: Mask) -> NDArray[np.intp]:
     """Return the degrees of the curves through hits: odd ones are free at equal steps."""
-    at = np.sort(np.where(some, np.round(place, 6), np.inf), axis=1)
-    other = np.diff(at, axis=1, prepend=-np.inf) > 0
-    return np.asarray(np.minimum(3, (other & np.isfinite(at)).sum(axis=1) - 1))
+    at = np.sort(np.where(is_hit, np.round(place, 6), np.inf), axis=1)
+    differs = np.diff(at, axis=1, prepend=-np.inf) > 0
+    return np.asarray(np.minimum(3, (differs & np.isfinite(at)).sum(axis=1) - 1))
 
 
 def _turns(cubics: Array) -> Array:

@@ -60,8 +60,8 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
         counted[shot] = False
         if valid[shot]:
             before = 0
-            for other in range(shot):
-                if valid[other] and is_at(place[other], place[shot], rules.reach):
+            for earlier in range(shot):
+                if valid[earlier] and is_at(place[earlier], place[shot], rules.reach):
                     before += 1
             counted[shot] = before < rules.valid_hits
 
@@ -183,13 +183,13 @@ def next_hits_of_block(
     are the limits of each laboratory's shots in `place`, `valid` and `objective`.
     """
     positions = np.empty(most_asked(rules))
-    for one in range(number.size):
-        rows = slice(starts[one], starts[one + 1])
+    for laboratory in range(number.size):
+        rows = slice(starts[laboratory], starts[laboratory + 1])
         request = next_hits(place[rows], valid[rows], objective[rows], rules, positions)
-        remaining = max(rules.attempts - (starts[one + 1] - starts[one]), 0)
-        number[one] = min(request, remaining)
-        for shot in range(number[one]):  # a slice takes seconds more to compile
-            out[one, shot] = positions[shot]
+        remaining = max(rules.attempts - (starts[laboratory + 1] - starts[laboratory]), 0)
+        number[laboratory] = min(request, remaining)
+        for shot in range(number[laboratory]):  # a slice takes seconds more to compile
+            out[laboratory, shot] = positions[shot]
 
 
 class Scanned(NamedTuple):
@@ -219,19 +219,26 @@ def scans_of_block(
     limits of each laboratory's shots. A laboratory without a complete position has NaN as its best
     position and no hits.
     """
-    for one in range(scans.best.size):
-        rows = slice(starts[one], starts[one + 1])
+    for laboratory in range(scans.best.size):
+        rows = slice(starts[laboratory], starts[laboratory + 1])
         at, good, goal, mine = place[rows], valid[rows], objective[rows], used[rows]
         complete, counted = _select_complete(at, good, rules)
         mine[:] = False
-        scans.complete[one], scans.result[one] = complete.size, 0
-        scans.best[one], scans.below[one], scans.above[one] = np.nan, False, False
+        scans.complete[laboratory], scans.result[laboratory] = complete.size, 0
+        scans.best[laboratory], scans.below[laboratory], scans.above[laboratory] = (
+            np.nan,
+            False,
+            False,
+        )
         if not complete.size:
             continue
         best = complete[best_of(complete, rules.valid_hits, at, good, goal, rules)]
-        scans.best[one] = best
+        scans.best[laboratory] = best
         neighbours = complete[_next_to(best, complete, rules)]
-        scans.below[one], scans.above[one] = (neighbours < best).any(), (neighbours > best).any()
+        scans.below[laboratory], scans.above[laboratory] = (
+            (neighbours < best).any(),
+            (neighbours > best).any(),
+        )
         if rules.final_hits:
             fresh = np.empty(at.size, np.int64)
             many = fresh_hits(best, at, good, rules, fresh)
@@ -240,7 +247,7 @@ def scans_of_block(
             for shot in range(at.size):
                 is_near = abs(at[shot] - best) < rules.fit_half_width + 4 * rules.reach
                 mine[shot] = counted[shot] and is_near
-        scans.result[one] = mine.sum()
+        scans.result[laboratory] = mine.sum()
 
 
 @njit(cache=True)
@@ -259,11 +266,11 @@ def shortfalls_of_block(
     without a complete position or without scatter, see `choice.shortfalls`. `starts`, (laboratory +
     1,), are the limits of each laboratory's shots.
     """
-    for one in range(mean.size):
-        rows = slice(starts[one], starts[one + 1])
+    for laboratory in range(mean.size):
+        rows = slice(starts[laboratory], starts[laboratory + 1])
         at, good, read = place[rows], valid[rows], metric[rows]
         complete, counted = _select_complete(at, good, rules)
-        mean[one], square[one] = 0.0, 0.0
+        mean[laboratory], square[laboratory] = 0.0, 0.0
         if not complete.size:
             continue
         means, scatter, freedom = np.empty(complete.size), 0.0, -complete.size
@@ -276,11 +283,11 @@ def shortfalls_of_block(
         if not u > 0:
             continue
         best = best_of(complete, rules.valid_hits, at, good, read, rules)
-        for other in np.flatnonzero(_next_to(complete[best], complete, rules)):
-            deficit = (means[other] - means[best]) / u
+        for neighbour in np.flatnonzero(_next_to(complete[best], complete, rules)):
+            deficit = (means[neighbour] - means[best]) / u
             share, density = erfc(-deficit / sqrt(2)) / 2, exp(-(deficit**2) / 2) / sqrt(2 * pi)
-            mean[one] += u * (deficit * share + density)
-            square[one] += u**2 * ((1 + deficit**2) * share + deficit * density)
+            mean[laboratory] += u * (deficit * share + density)
+            square[laboratory] += u**2 * ((1 + deficit**2) * share + deficit * density)
 
 
 @njit(cache=True)
@@ -311,14 +318,14 @@ def _select_complete(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array
     counted = np.empty(place.size, np.bool_)
     count_scan_hits(place, valid, rules, counted)
     at = _round_position(place)
-    each = _sort_distinct(at[counted])
-    full = np.empty(each.size, np.bool_)
-    for k in range(each.size):
-        mine = counted & (at == each[k])
+    positions = _sort_distinct(at[counted])
+    full = np.empty(positions.size, np.bool_)
+    for k in range(positions.size):
+        mine = counted & (at == positions[k])
         full[k] = mine.sum() >= rules.valid_hits
         if not full[k]:
             counted[mine] = False
-    return each[full], counted
+    return positions[full], counted
 
 
 @njit(cache=True)

@@ -110,8 +110,8 @@ class Box:
         for law in ("stiffness", "exponent"):
             values = getattr(scenes, law)
             if not np.all(values == getattr(self, law)):
-                other = values[values != getattr(self, law)][0]
-                raise InputError("surrogate", law, other, f"built for {getattr(self, law):g}")
+                mismatch = values[values != getattr(self, law)][0]
+                raise InputError("surrogate", law, mismatch, f"built for {getattr(self, law):g}")
 
     def scenes(self, unit: Array) -> Scenes:
         """Return the scenes at coordinates (4, n) in the box, the inverse of `Box.unit`."""

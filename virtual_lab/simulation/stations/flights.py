@@ -98,11 +98,13 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
     shots = np.arange(count) if pymunk else np.flatnonzero(beyond)
     if not shots.size:
         return FlownShots(passage)
-    some = replace(passage, **_columns(passage, count, shots), **_common_constants(passage, shots))
+    subset = replace(
+        passage, **_columns(passage, count, shots), **_common_constants(passage, shots)
+    )
     # without obstacles on the way back one millisecond is enough, since the ball has left the bat
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
     blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
-    scene = scene_of(some, blows, around.at(shots), after)
+    scene = scene_of(subset, blows, around.at(shots), after)
     played = play_pymunk(scene) if pymunk else play_events(scene)
     chosen = _all_met(played) if pymunk else _beyond_one_blow(played)
     pieces, turns = played.pieces, _turns(played.pieces, len(shots)).part(chosen)
@@ -112,7 +114,7 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
     whole = _columns(passage, count)
     whole |= {"plane_out": whole["plane"].copy(), "height_out": whole["height"].copy()}
     whole.setdefault("reach", np.full(count, np.inf))
-    for name, values in _as_flown(scene, some, pieces, turns).items():
+    for name, values in _as_flown(scene, subset, pieces, turns).items():
         whole[name][shots[chosen]] = values
     if hit_bat.all() and np.isinf(whole["reach"]).all():
         whole.pop("reach")
@@ -232,11 +234,11 @@ def _stop_at_frames(passage: Passage, around: Surroundings, chosen: NDArray[np.b
     if not shots.size:
         return passage
     names = ("speed_out", "drag", "height", "slope_out", "radius", "gravity")
-    each: dict[str, Any] = {name: np.asarray(getattr(passage, name)) for name in names}
-    some = replace(passage, **{n: v[shots] if v.ndim else v for n, v in each.items()})
-    gates, radius = around.hiding(passage.radius), np.asarray(some.radius)[..., None]
+    columns: dict[str, Any] = {name: np.asarray(getattr(passage, name)) for name in names}
+    subset = replace(passage, **{n: v[shots] if v.ndim else v for n, v in columns.items()})
+    gates, radius = around.hiding(passage.radius), np.asarray(subset.radius)[..., None]
     faces = (gates[shots] if gates.ndim > 1 else gates[None]) - around.frame.radius - radius
-    _, height = some.outbound(faces)
+    _, height = subset.outbound(faces)
     frame = GateFrame(around.frame, 0.0)
     first = np.where(frame.clears(height, radius), np.inf, faces).min(axis=1)
     limit = np.full(len(chosen), np.inf)
@@ -263,8 +265,8 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
 
 def _common_constants(passage: Passage, shots: NDArray[np.int_]) -> dict[str, Any]:
     """Return radius and gravity of the `shots`, which are common to a laboratory."""
-    each = {name: np.asarray(getattr(passage, name)) for name in ("radius", "gravity")}
-    return {name: values[shots] if values.ndim else values for name, values in each.items()}
+    constants = {name: np.asarray(getattr(passage, name)) for name in ("radius", "gravity")}
+    return {name: values[shots] if values.ndim else values for name, values in constants.items()}
 
 
 def _all_met(played: PlayedShots) -> NDArray[np.int_]:
@@ -282,8 +284,8 @@ def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
     A refused shot stays in closed form. This is a hit on the edge of the tip, which the collision
     model can compute but a scene cannot.
     """
-    other = ~np.isin(played.pieces.struck, (Target.START, Target.BAT))
-    return np.unique(played.pieces.shot[other])
+    mask = ~np.isin(played.pieces.struck, (Target.START, Target.BAT))
+    return np.unique(played.pieces.shot[mask])
 
 
 class _Turns(NamedTuple):

@@ -173,8 +173,8 @@ def wall_restitution(scenes: Scenes) -> Array:
     e0, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
     few = 256  # scenes per part, so that their forces fit in the cache
     for first in range(0, len(scenes), few):
-        some = slice(first, first + few)
-        ball: list[Any] = [getattr(scenes, name)[some, None] for name in names]
+        part = slice(first, first + few)
+        ball: list[Any] = [getattr(scenes, name)[part, None] for name in names]
         stiffness, exponent, restitution = ball
         law = PowerLaw.of(
             stiffness=stiffness, exponent=exponent, restitution=restitution, speed=1.0
@@ -183,5 +183,5 @@ def wall_restitution(scenes: Scenes) -> Array:
         unloading = law.branch(Event.TURN, 1.0, loading)
         nodes: Any = share
         work = [(width * branch.force(nodes, 0.0)).sum(axis=1) for branch in (loading, unloading)]
-        e0[some] = np.sqrt(work[1] / work[0])
+        e0[part] = np.sqrt(work[1] / work[0])
     return e0

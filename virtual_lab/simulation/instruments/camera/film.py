@@ -43,24 +43,24 @@ def whole_frames(
     if count is not None:
         selection = selection[np.linspace(0, selection.size - 1, count).astype(int)]
     for number in selection:
-        one = frames.part(slice(number, number + 1))
-        side = int(spec.window + np.abs(one.blur).max())
+        frame = frames.part(slice(number, number + 1))
+        side = int(spec.window + np.abs(frame.blur).max())
         left, top = np.clip(
-            np.rint(one.outlines.middle[0] - side / 2), 0, [spec.sensor.columns, spec.sensor.rows]
+            np.rint(frame.outlines.middle[0] - side / 2), 0, [spec.sensor.columns, spec.sensor.rows]
         ).astype(np.int64)
         electrons = still.copy()
         if bat is not None:
-            camera.put(bat, bat.angle(one.shot, one.time), corner, electrons[None])
-        electrons *= np.float32(one.brightness[0])
+            camera.put(bat, bat.angle(frame.shot, frame.time), corner, electrons[None])
+        electrons *= np.float32(frame.brightness[0])
         pasted = still[top : top + side, left : left + side][None]
         if pasted.size:
-            window = camera.render(one, np.array([[left, top]]), pasted, bat)
+            window = camera.render(frame, np.array([[left, top]]), pasted, bat)
             electrons[top : top + side, left : left + side] = window[0]
         frame_slot = numbers[number : number + 1]
         grey = camera.sensor.expose(
             electrons[None], corner, draws, f"{name}.whole", frame_slot, spec.clock.exposure
         )
-        yield float(one.stamp[0]), grey[0]
+        yield float(frame.stamp[0]), grey[0]
 
 
 def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
