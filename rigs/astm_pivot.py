@@ -17,7 +17,12 @@ from annotated_types import Ge
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import AimMarks, EncoderRecord, GateRecord, Record, ShotLog
-from virtual_lab.simulation.instruments import Instrument, InstrumentFactory, RecordDetail
+from virtual_lab.simulation.instruments import (
+    Instrument,
+    InstrumentFactory,
+    RecordDetail,
+    errors_of,
+)
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
 from virtual_lab.simulation.instruments.holder import AxisSpec, Holder
@@ -31,7 +36,7 @@ from virtual_lab.simulation.stations.cannon_station import (
     commission,
 )
 from virtual_lab.simulation.stations.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.units import Array
 
 GAP = 2.3e-3  # time after contact that a recorder of sums leaves out, due to the impact [s]
@@ -47,6 +52,8 @@ class PivotSpec(AxisSpec):
         "air_torque",
         "friction",
         "clearance",
+        "clamp_inertia",
+        "clamp_spread",
     )
 
     constant_torque: Annotated[float, Ge(0), Dimension("torque")]
@@ -55,6 +62,10 @@ class PivotSpec(AxisSpec):
     friction: Annotated[float, Ge(0), Dimension("number")]  # coefficient of the loaded journal
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
     clearance: Annotated[float, Ge(0), Dimension("length")]  # play of the journal in each direction
+    # moment of inertia about the axis of the parts that turn with the bat and that no record
+    # states, and its standard deviation between laboratories
+    clamp_inertia: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
+    clamp_spread: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +94,9 @@ class AstmPivot:
         spec = catalog.load("rigs", self.name, AstmPivotSpec).spec
         factory = InstrumentFactory(draws=draws, ideal=ideal)
         pivot = factory.as_asked(spec.pivot)
+        clamp = pivot.clamp_inertia + pivot.clamp_spread * draws.normal("astm-pivot.clamp")
         return AstmPivotStation(
+            clamp=np.maximum(clamp, 0.0),
             holder=Holder.commission(pivot, draws, "astm-pivot.pivot"),
             encoder=factory.commission(
                 Encoder.commission, EncoderSpec, spec.encoder, "astm-pivot.encoder"
@@ -102,6 +115,12 @@ class AstmPivotStation(RestingBatStation):
 
     holder: Holder[PivotSpec]
     encoder: Encoder
+    clamp: TrueConstant  # moment of inertia of the parts that turn with the bat [kg m²]
+
+    @property
+    def true_constants(self) -> dict[str, Any]:
+        clamp = {"clamp.inertia": self.clamp} if np.any(self.clamp) else {}
+        return clamp | errors_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {
@@ -116,12 +135,18 @@ class AstmPivotStation(RestingBatStation):
     def gravity(self) -> TrueConstant:
         return 0.0 if self.ideal else self.hall.acceleration
 
+    def at(self, owner: Owner) -> AstmPivotStation:
+        """Return the station with the true constants of each shot's laboratory."""
+        here = RestingBatStation.at(self, owner)
+        return replace(here, clamp=of_owners(self.clamp, owner))
+
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest; the times of each shot start at its trigger."""
         flights = self.fly(plan, specimen, draws)
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
-            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, flights)
+            clamp = of_owners(self.clamp, plan.owner)
+            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, flights, clamp)
             clock = self.gates.at(plan.owner).clock
             # to the end of the record, or until an unslowed bat would reach its stop
             with np.errstate(divide="ignore"):
@@ -136,13 +161,16 @@ class AstmPivotStation(RestingBatStation):
         timed = self.record_flights(flights, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
-    def _rate(self, bat: RigidBat[Any], flights: BallFlights) -> Array:
-        """Return the angular rate of the rigid bat when the ball leaves it, (shot,) [rad/s]."""
+    def _rate(self, bat: RigidBat[Any], flights: BallFlights, clamp: TrueConstant) -> Array:
+        """Return the angular rate of the rigid bat when the ball leaves it, (shot,) [rad/s].
+
+        `clamp` is the moment of inertia of the parts that turn with the bat [kg m²], (shot,).
+        """
         axis, scenes = flights.bat.axis, flights.blows.scenes
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + flights.blows.efficiency)
         impulse = impulse * np.cos(flights.tilt) * flights.flown.met
-        rate = impulse * (axis - scenes.impact_position) / flights.bat.inertia
-        return rate - self._friction_loss(rate, impulse, bat, axis)
+        rate = impulse * (axis - scenes.impact_position) / (flights.bat.inertia + clamp)
+        return np.asarray(rate - self._friction_loss(rate, impulse, bat, axis))
 
     def _friction_loss(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
         """Return the rate lost by friction under the impact load, (shot,) [rad/s]; 0 at the COP."""
@@ -190,6 +218,7 @@ class AstmPivotStation(RestingBatStation):
         start, rate = (
             (modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (displacements, velocities)
         )
+        rate = rate * inertia / (inertia + self.clamp)  # with the bat's angular momentum
         rate = rate - self._friction_loss(rate, impulse, bat, flights.bat.axis)
         slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(

@@ -19,6 +19,7 @@ from virtual_lab.simulation.instruments import (
     errors_of,
 )
 from virtual_lab.simulation.instruments.air import Gravity, HallAir
+from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.cannon import Cannon
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -26,7 +27,7 @@ from virtual_lab.simulation.physics.ageing import loss_of_restitution
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.stations.cannon_station import CannonRigSpec, commission
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.units import Array
 
 
@@ -37,6 +38,8 @@ class BallWallSpec(CannonRigSpec):
     rest: Annotated[float, Ge(0), Dimension("time")]  # time between two hits of one ball
     # rebound speed relative to that from a rigid wall
     wall_restitution: Annotated[float, Gt(0), Le(1), Dimension("number")]
+    # its standard deviation between laboratories; no wall gives back more than a rigid one
+    wall_spread: Annotated[float, Ge(0), Le(0.1), Dimension("number")] = 0.0
 
 
 class BallWall:
@@ -50,11 +53,13 @@ class BallWall:
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallWallStation:
         spec = catalog.load("rigs", self.name, BallWallSpec).spec
         factory = InstrumentFactory(draws=draws, ideal=ideal)
-        return BallWallStation(
+        station = BallWallStation(
             rest=spec.rest,
-            wall_restitution=spec.wall_restitution,
+            wall_restitution=1.0,
             **commission(spec, factory, self.name, LightGates, LightGateSpec),
         )
+        wall = spec.wall_restitution + spec.wall_spread * draws.normal("ball-wall.wall")
+        return station.with_wall(np.minimum(wall, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,20 +71,28 @@ class BallWallStation(FittedStation):
     air: HallAir
     hall: Gravity
     rest: float  # time between two hits of one ball [s]
-    wall_restitution: float
+    wall_restitution: TrueConstant
     ideal: bool
 
     @property
     def true_constants(self) -> dict[str, Any]:
-        wall = np.full(self.gates.laboratories, self.wall_restitution)[()]
-        return {"wall.restitution": wall} | errors_of(self.instruments())
+        return {"wall.restitution": self.wall_restitution} | errors_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}
 
-    def with_wall(self, restitution: float) -> BallWallStation:
-        """Return the rig with a wall that gives `restitution` times the rebound of a rigid one."""
-        return replace(self, wall_restitution=restitution)
+    def with_wall(self, restitution: Array | float) -> BallWallStation:
+        """Return the rig with a wall that gives `restitution` times the rebound of a rigid one.
+
+        In a block of laboratories `restitution` is an array (laboratory,), or a number for all.
+        """
+        every = np.broadcast_to(restitution, self.gates.laboratories)[()]
+        return replace(self, wall_restitution=every)
+
+    def at(self, owner: Owner) -> BallWallStation:
+        """Return the station with the true constants of each shot's laboratory."""
+        here = FittedStation.at(self, owner)
+        return replace(here, wall_restitution=of_owners(self.wall_restitution, owner))
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire the balls of `plan` at the wall. The impact positions of the plan are not used."""
@@ -87,7 +100,7 @@ class BallWallStation(FittedStation):
         launch = here.cannon.fire(plan.speed, streams, "ball-wall.launch", plan.slot)
         loss = self._loss(plan, specimen, launch.speed)
         hit = balls.draw_hits(..., launch.speed, streams, "ball-wall.hit", plan.slot, loss)
-        rebound = self.wall_restitution * hit
+        rebound = here.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
             speed_out=rebound * launch.speed,

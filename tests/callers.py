@@ -39,6 +39,7 @@ def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]])
     vl.effects("r161", laboratories=200, instruments=[gates])
     vl.clip_coverage(clips=3)
     vl.operating(bat, procedures=[rules])
+    vl.interlab("interlab.toml", predict=True)
     vl.bias(rules).rows[0]["bat"]
     vl.faults("aim-along", procedures=["bbcor"])
     vl.twin(folder, days=1000, full_days=200).plot("twin.png")

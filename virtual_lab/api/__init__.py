@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.daily import daily as daily
     from virtual_lab.studies.effects import effects as effects
     from virtual_lab.studies.faults import faults as faults
+    from virtual_lab.studies.interlab.findings import interlab as interlab
     from virtual_lab.studies.inventory import shelf as shelf
     from virtual_lab.studies.inventory import show as show
     from virtual_lab.studies.operating import operating as operating

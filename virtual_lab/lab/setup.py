@@ -21,7 +21,7 @@ from virtual_lab.simulation.collision.ladder import CollisionLaw
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import MotionRung, Reality, Stage
-from virtual_lab.streams import LABORATORIES, Draws, Slots, require_seed
+from virtual_lab.streams import LABORATORIES, Draws, Quiet, Selected, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Estimates
 
 NO_FAULTS = FaultSet()
@@ -59,6 +59,8 @@ class TestSetup:
     # variances of hits in earlier tests, see `SessionBlock`
     history: Mapping[str, Estimates] = field(default_factory=dict)
     uncertainty: UncertaintyMethod = "first-order"
+    # patterns of the names of the random numbers that vary, see `Selected`; None: all
+    varied: tuple[str, ...] | None = None
 
     def require_seeded(self) -> None:
         """Raise `InputError` for a numbered test or lot without a seed, or a negative lot."""
@@ -148,7 +150,8 @@ class TestSetup:
 
     def draws(self, seed: int, *branch: int) -> Draws:
         """Return the random numbers of the laboratories, or of a branch, by their seed."""
-        return self.reality.draws(seed, *branch, laboratory=self.number)
+        draws = self.reality.draws(seed, *branch, laboratory=self.number)
+        return draws if self.varied is None else Selected(draws, Quiet(self.number), self.varied)
 
     def lot_draws(self, seed: int) -> Draws:
         """Return the random numbers from which the properties of the lot of balls are drawn."""

@@ -14,6 +14,7 @@ import hashlib
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from functools import cache, lru_cache
 from math import prod
 from struct import unpack
@@ -33,6 +34,7 @@ __all__ = [
     "Draws",
     "Owner",
     "Quiet",
+    "Selected",
     "Slots",
     "Streams",
     "commitment",
@@ -163,6 +165,37 @@ class Quiet:
 
     def at(self, owner: Owner) -> Self:
         return replace(self, laboratory=of_owners(self.laboratory, owner))
+
+
+@dataclass(frozen=True, slots=True)
+class Selected:
+    """Draws of which only those with certain names are random, for one source of variation alone.
+
+    Every other number is the mean of its distribution.
+    """
+
+    random: Draws
+    quiet: Draws
+    # patterns of the random names (`fnmatch`), such as ``*.errors``; ``-lot`` excludes a name
+    names: tuple[str, ...]
+
+    def normal(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
+        return self._draws(name).normal(name, shape, slots)
+
+    def uniform(
+        self, name: str, shape: int | tuple[int, ...] = (), slots: Slots | None = None
+    ) -> Array:
+        return self._draws(name).uniform(name, shape, slots)
+
+    def at(self, owner: Owner) -> Self:
+        return replace(self, random=self.random.at(owner), quiet=self.quiet.at(owner))
+
+    def _draws(self, name: str) -> Draws:
+        random = any(fnmatchcase(name, pattern) for pattern in self.names)
+        excluded = any(fnmatchcase(f"-{name}", pattern) for pattern in self.names)
+        return self.random if random and not excluded else self.quiet
 
 
 def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:

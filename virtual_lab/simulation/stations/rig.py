@@ -190,7 +190,7 @@ class StoringStation(Station, Protocol):
 class WallStation(Station, Protocol):
     """A station that fires at a wall, which can be less than rigid."""
 
-    def with_wall(self, restitution: float) -> WallStation:
+    def with_wall(self, restitution: Array | float) -> WallStation:
         """Return the station with a wall that gives `restitution` times a rigid wall's rebound."""
         ...
 

@@ -1,0 +1,1 @@
+"""A test procedure in several laboratories: predicted and simulated precision."""

@@ -1,0 +1,318 @@
+"""The study `interlab`: precision of a procedure in several laboratories, and its causes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import hypot, sqrt
+from pathlib import Path
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.tables import column
+from virtual_lab.parameters import File, Positive
+from virtual_lab.studies.interlab.playing import Play
+from virtual_lab.studies.interlab.predicted import OperatingPoint
+from virtual_lab.studies.interlab.study import (
+    OF_LOTS,
+    PLACES,
+    read_interlab,
+)
+from virtual_lab.uncertainty.interlaboratory import (
+    OUTLIER,
+    STRAGGLER,
+    NestedStudy,
+    nested_study,
+)
+from virtual_lab.units import Array
+
+TOLERANCE, NEGLIGIBLE = 0.1, 0.02  # largest difference [share of the prediction; share of s_R]
+CONTROLLED = ", control bat"  # ending of the name of a result corrected by the control bat
+ALL, REST = "all factors", "interaction"
+TERMS = ("s_lot", "s_L", "s_r", "s_R")
+WORDS = (
+    "s_r: repeats with one lot; s_lot: between lots; s_L: between laboratories; s_R: single tests\n"
+    "of different laboratories. Factors: standard deviation that each alone causes, all others\n"
+    "nominal; interaction: what all together cause beyond their root sum of squares (negative:\n"
+    "less). Predicted: to first order. agrees: within 10 %, or within 2 % of s_R."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InterlabTerm:
+    """A standard deviation of one result, in the unit of its metric."""
+
+    bat: str = column("bat", form="")
+    procedure: str = column("procedure", form="")
+    result: str = column("result", form="")
+    unit: str
+    term: str = column("term", form="")
+    predicted: float | None = column("predicted", form=".2g")
+    found: float | None = column("found", form=".3g")
+    found_u: float | None = column("its u", form=".1g")
+    agrees: bool | None = column("agrees", form="")
+    spread: str = column("spread of the factor", form="")
+    known: str = column("source", form="")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Interlab(Rows[InterlabTerm]):
+    """Precision of results, factors that cause it, and the first exercise of each result."""
+
+    exercises: dict[str, NestedStudy]  # first exercise, by the name of bat, procedure and result
+
+    def draw(self, path: Path) -> None:
+        """Draw the causes of each result's scatter, and h and k of its first exercise.
+
+        Raises `InputError` for predictions alone.
+        """
+        if not self.exercises:
+            raise InputError("", "plot", None, "predictions have no exercise; leave out predict")
+        cases = list(self.exercises.items())
+        with figure_file(path, 2.2 * len(cases)) as figure:
+            panels = figure.subplots(len(cases), 3, squeeze=False, width_ratios=(2, 1, 1))
+            for (name, study), (causes, h, k) in zip(cases, panels, strict=True):
+                rows = [row for row in self.rows if _case_name(row) == name and row.found]
+                terms = [row.term for row in rows]
+                causes.barh(terms, [abs(row.found or 0) for row in rows], color="0.6")
+                causes.plot([row.predicted for row in rows], terms, "|k", markersize=9)
+                causes.invert_yaxis()
+                causes.set_title(as_drawn(name))
+                unit = f" [{rows[0].unit}]" if rows[0].unit else ""
+                causes.set_xlabel(f"standard deviation{unit}; mark: predicted")
+                for axes, values, limit, words in (
+                    (h, study.h, study.h_limit(), "h: mean of a laboratory"),
+                    (k, study.k, study.k_limit(), "k: scatter in a laboratory"),
+                ):
+                    low = -limit if values.min() < 0 else 0
+                    axes.axhspan(low, limit, color=INTERVAL_GREY, linewidth=0)
+                    axes.plot(1 + np.arange(values.size), values, "ok", markersize=3)
+                    axes.set(title=words, xlabel="laboratory")
+
+
+def interlab(
+    study: File, *, predict: bool = False, workers: Positive = 1, progress: Progress = quiet
+) -> Interlab:
+    """Compare laboratories: repeatability, reproducibility, and what causes them.
+
+    In each exercise, several laboratories test the same bat with several lots of balls. The table
+    has the standard deviations of repeats, lots and laboratories (ISO 5725-2), predicted and
+    simulated effects of each factor alone, and the effect of a control bat.
+
+    Parameters
+    ----------
+    study
+        Study file, .toml. Its keys are ``procedures``, ``bats``, ``laboratories`` per exercise,
+        ``exercises``, ``lots`` per laboratory, ``repeats`` per lot, ``alone`` (laboratories in
+        which each factor acts alone), ``seed``, ``control`` (a control bat) and ``factors``.
+    predict
+        Only predict the effect of each factor, and simulate no laboratories.
+    workers
+        Number of processes, each with one thread, that share the laboratories.
+    progress
+        Function that is called with the number of cases done and in total.
+
+    Raises
+    ------
+    InputError
+        The file has an unknown key, a value or unit that is not allowed, or an unknown name; bat,
+        ball or rig does not fit the procedure; too few laboratories have a valid test.
+    """
+    entry = read_interlab(Path(study))
+    spec = entry.spec
+    rows: list[InterlabTerm] = []
+    first: dict[str, NestedStudy] = {}
+    cases = [(bat, procedure) for procedure in spec.procedures for bat in spec.bats]
+    for number, (bat, procedure) in enumerate(cases):
+        progress("cases", number, len(cases))
+        play = Play(study=entry, bat=bat, procedure=procedure, workers=workers)
+        if predict:
+            rows += [row for each in _predictions(play).values() for row in each.values()]
+            continue
+        for terms, exercise in _results(play):
+            rows += terms
+            first[_case_name(terms[0])] = exercise
+    progress("cases", len(cases), len(cases))
+    if predict:
+        title = "effect of each factor alone, predicted"
+        return Interlab(name="interlab", title=title, rows=rows, exercises={})
+    tests = f"{spec.exercises} x {spec.laboratories} laboratories, {spec.lots} lots"
+    title = f"{tests}, {spec.repeats} repeats; {spec.alone} laboratories per factor alone"
+    words = "\n".join([WORDS, *(_consistency(name, each) for name, each in first.items())])
+    return Interlab(name="interlab", title=title, words=words, rows=rows, exercises=first)
+
+
+def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
+    """Yield the rows and the first exercise of each result of a bat by a procedure."""
+    study, predictions = play.study.spec, _predictions(play)
+    exercises = play.exercises()
+    alone = {}
+    if study.alone:
+        alone = {name: play.alone([name]) for name in study.named}
+        alone[ALL] = play.alone(study.named)
+    size = METRICS[_rules(play).metric].unit_si
+    control = {}
+    if study.control:
+        tests = study.lots * study.repeats
+        control = replace(play, bat=study.control).exercises(first_test=1 + tests)
+    for result, predicted in predictions.items():
+        values, u = exercises[result] / size
+        precision = _precision(values)
+        s_R = _pooled(precision)["s_R"]
+        like = predicted[ALL]
+        rows = [
+            _found(row, alone[name][result] / size, study.alone, s_R) if alone else row
+            for name, row in predicted.items()
+        ]
+        if alone:
+            squares = [alone[name][result] ** 2 for name in study.named]
+            rest = (alone[ALL][result] ** 2 - sum(squares)) / size**2
+            root = np.copysign(sqrt(abs(rest)), rest)
+            rows.append(replace(like, term=REST, predicted=0.0, found=float(root)))
+        of_lots = [row.predicted or 0.0 for key, row in predicted.items() if key in OF_LOTS]
+        expected = {"s_lot": hypot(*of_lots, 0.0)} if study.lots > 1 else {}
+        rows += _sds(precision, like, expected)
+        stated = float(np.sqrt(np.nanmean(u**2)))
+        rows.append(replace(like, term="stated u", predicted=None, found=stated))
+        yield rows, _precision(values[:1])
+        if control:
+            reference = control[result][0] / size
+            corrected = values * np.nanmean(reference) / reference
+            cured = replace(like, result=f"{result}{CONTROLLED}")
+            yield _sds(_precision(corrected), cured, {}), _precision(corrected[:1])
+
+
+def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
+    """Return predicted rows by result and by factor; the last one is of all factors."""
+    point = OperatingPoint.of(play)
+    printed, names = METRICS[point.procedure.metric], play.study.spec.named
+    rows: dict[str, dict[str, InterlabTerm]] = {}
+    for result in point.calibrations:
+        effects = {name: point.scatter(name, result) / printed.unit_si for name in names}
+        effects[ALL] = hypot(*effects.values())
+        rows[result] = {
+            name: InterlabTerm(
+                bat=play.bat,
+                procedure=play.procedure,
+                result=result,
+                unit=printed.unit,
+                term=name,
+                predicted=effect,
+                found=None,
+                found_u=None,
+                agrees=None,
+                spread=_spread(play, name),
+                known=_known(play, name),
+            )
+            for name, effect in effects.items()
+        }
+    return rows
+
+
+def _found(row: InterlabTerm, found: float, laboratories: int, s_R: float) -> InterlabTerm:
+    """Return the row of a factor with the effect that was simulated in `laboratories`."""
+    predicted = row.predicted or 0.0
+    tolerance = max(TOLERANCE * predicted, NEGLIGIBLE * s_R)
+    return replace(
+        row,
+        found=found,
+        found_u=found / sqrt(2 * (laboratories - 1)),
+        agrees=None if row.term == ALL else abs(found - predicted) <= tolerance,
+    )
+
+
+def _precision(values: Array) -> NestedStudy:
+    """Return the analysis of exercises without INVALID tests, (exercise, laboratory, lot, repeat).
+
+    Raises `InputError` if there is none.
+    """
+    valid = np.isfinite(values).all(axis=(1, 2, 3))
+    if not valid.any():
+        allowed = "every exercise has an INVALID test; allowed: one without"
+        raise InputError("", "exercises", len(values), allowed)
+    return nested_study(values[valid])
+
+
+def _variances(precision: NestedStudy) -> dict[str, Array]:
+    """Return unbiased variances by term, (exercise,)."""
+    lots = precision.lots > 1
+    parts = {"s_lot": precision.lot_variance} if lots else {}
+    parts |= {"s_L": precision.laboratory_variance, "s_r": precision.repeat_variance}
+    return parts | {"s_R": sum(parts.values(), np.zeros(precision.mean.shape))}
+
+
+def _pooled(precision: NestedStudy) -> dict[str, float]:
+    """Return standard deviations by term from the mean variances of all exercises."""
+    return {
+        term: sqrt(max(float(each.mean()), 0.0)) for term, each in _variances(precision).items()
+    }
+
+
+def _sds(
+    precision: NestedStudy, like: InterlabTerm, predicted: dict[str, float]
+) -> list[InterlabTerm]:
+    """Return the rows of s_lot, s_L, s_r and s_R; `like` names the result."""
+    count, variances = precision.mean.size, _variances(precision)
+    rows = []
+    for term, sd in _pooled(precision).items():
+        u = None
+        if count > 1 and sd:
+            u = float(variances[term].std(ddof=1)) / sqrt(count) / (2 * sd)
+        elif term == "s_R":
+            u = float(precision.reproducibility_u[0])
+        row = replace(like, term=term, predicted=predicted.get(term), found=sd, found_u=u)
+        rows.append(replace(row, agrees=None, spread="", known=""))
+    return rows
+
+
+def _consistency(name: str, study: NestedStudy) -> str:
+    """Return Cochran's and Grubbs's tests of an exercise in words."""
+    tests = (
+        ("Cochran", float(study.cochran[0]), study.cochran_limit, "laboratory's scatter"),
+        ("Grubbs", float(study.grubbs[0]), study.grubbs_limit, "laboratory's mean"),
+    )
+    texts = []
+    for test, value, limit, what in tests:
+        kind = "an outlier" if value > limit(OUTLIER) else "a straggler"
+        said = f", a {what} is {kind}" if value > limit(STRAGGLER) else ""
+        texts.append(f"{test} {value:.2f} (5 %: {limit(STRAGGLER):.2f}){said}")
+    return f"First exercise, {name}: {'; '.join(texts)}."
+
+
+def _case_name(row: InterlabTerm) -> str:
+    return f"{row.bat} by {row.procedure}, {row.result}"
+
+
+def _rules(play: Play) -> Procedure:
+    return catalog.load("procedures", play.procedure, Procedure).spec
+
+
+def _numbers(play: Play, factor: str) -> Iterator[tuple[str, catalog.Datum]]:
+    """Yield key and number of a factor, from the study or from the data sheet."""
+    stated = {datum.key: datum for datum in play.study.sheet}
+    for (name, key), (kind, sheet, place) in PLACES.items():
+        if name == factor:
+            _, numbers = catalog.sheet(kind, sheet or _rules(play).ball)
+            of_sheet = next((datum for datum in numbers if datum.key == place), None)
+            if datum := stated.get(f"factors.{factor}.{key}", of_sheet):
+                yield key, datum
+
+
+def _spread(play: Play, factor: str) -> str:
+    texts = [f"{key} {datum.value:g} {datum.unit}" for key, datum in _numbers(play, factor)]
+    return ", ".join(text.removesuffix(" 1") for text in texts)
+
+
+def _known(play: Play, factor: str) -> str:
+    if factor == "calibration":
+        return "data sheets of the instruments"
+    numbers = [datum for _, datum in _numbers(play, factor)]
+    words = [f"{datum.source}{'' if datum.verified else ', not verified'}" for datum in numbers]
+    return "; ".join(dict.fromkeys(words))

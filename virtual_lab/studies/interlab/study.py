@@ -1,0 +1,165 @@
+"""The file of an interlaboratory study: its design, and the factors that vary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, fields
+from itertools import chain
+from pathlib import Path
+from typing import Annotated, Any
+
+from annotated_types import Ge, Le, MinLen
+
+from virtual_lab import catalog
+from virtual_lab.catalog import Entry
+from virtual_lab.catalog.reading import Key
+from virtual_lab.catalog.specs import Dimension, Spec, Whole
+from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml, read_text
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.sheets import toml_text
+from virtual_lab.streams import LABORATORIES, LARGEST_SEED
+
+Share = Annotated[float | None, Ge(0), Le(0.1), Dimension("number")]
+# factor and key in the study: kind and name of the sheet that has its number, and the key there
+PLACES: Mapping[tuple[str, str], tuple[str, str, str]] = {
+    ("lot", "level"): ("balls", "", "restitution.value_u"),
+    ("lot", "slope"): ("balls", "", "restitution.slope_u"),
+    ("lot", "radius"): ("balls", "", "radius_u"),
+    ("stiffness", "spread"): ("balls", "", "stiffness_spread"),
+    ("store", "spread"): ("rigs", "bench", "store.humidity_spread"),
+    ("wall", "value"): ("rigs", "ball-wall", "wall_restitution"),
+    ("wall", "spread"): ("rigs", "ball-wall", "wall_spread"),
+    ("clamp", "value"): ("rigs", "astm-pivot", "pivot.clamp_inertia"),
+    ("clamp", "spread"): ("rigs", "astm-pivot", "pivot.clamp_spread"),
+}
+# names of the random numbers of each factor, see `Selected`
+NAMES: Mapping[str, tuple[str, ...]] = {
+    "lot": ("lot", "lot.level"),
+    "stiffness": ("lot.stiffness",),
+    "store": ("lot.store",),
+    "calibration": ("*.errors",),
+    "wall": ("ball-wall.wall",),
+    "clamp": ("astm-pivot.clamp",),
+}
+OF_LOTS = ("lot", "stiffness", "store")  # factors that belong to a lot; others: to a laboratory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LotFactor(Spec):
+    """Level and slope of e0, and radius: standard deviations between lots."""
+
+    level: Share = None
+    slope: Annotated[float | None, Ge(0), Dimension("slope of speed")] = None
+    radius: Annotated[float | None, Ge(0), Dimension("length")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpreadFactor(Spec):
+    """Stiffness of the balls [share], or humidity of their store: standard deviation of lots."""
+
+    spread: Share = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationFactor(Spec):
+    """Errors of all instruments, with the uncertainties of their data sheets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WallFactor(Spec):
+    """Rebound from the wall relative to a rigid one: mean and standard deviation."""
+
+    value: Annotated[float | None, Ge(0.5), Le(1), Dimension("number")] = None
+    spread: Share = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClampFactor(Spec):
+    """Unrecorded moment of inertia that turns with the bat: mean and standard deviation."""
+
+    value: Annotated[float | None, Ge(0), Dimension("inertia")] = None
+    spread: Annotated[float | None, Ge(0), Dimension("inertia")] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Factors(Spec):
+    """The factors that vary. A factor that is left out stays nominal.
+
+    A number that is left out is that of the data sheet.
+    """
+
+    lot: LotFactor | None = None
+    stiffness: SpreadFactor | None = None
+    store: SpreadFactor | None = None
+    calibration: CalibrationFactor | None = None
+    wall: WallFactor | None = None
+    clamp: ClampFactor | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InterlabStudy(Spec):
+    """Every procedure with every bat, in `exercises` sets of `laboratories` laboratories.
+
+    Each laboratory tests the same nominal bat with `lots` lots of balls, `repeats` times with each.
+    In addition each factor acts alone in `alone` laboratories; 0: not at all.
+    """
+
+    procedures: Annotated[tuple[str, ...], MinLen(1)]
+    bats: Annotated[tuple[str, ...], MinLen(1)]
+    laboratories: Annotated[Whole, Ge(2), Le(1000)]
+    exercises: Annotated[Whole, Ge(1), Le(100_000)] = 1
+    lots: Annotated[Whole, Ge(1), Le(20)] = 2
+    repeats: Annotated[Whole, Ge(2), Le(100)] = 2
+    alone: Annotated[Whole, Ge(0), Le(LABORATORIES)] = 0
+    seed: Annotated[Whole, Ge(0), Le(LARGEST_SEED)]
+    control: str | None = None  # control bat, tested in addition with the same lots
+    factors: Factors
+
+    def __post_init__(self) -> None:
+        catalog.require_own_names("bats", self.bats)
+        catalog.require_own_names("procedures", self.procedures)
+        if self.alone == 1:
+            raise ValueError("alone = 1 shows no scatter; allowed: 0, or at least 2")
+        if not self.named:
+            raise ValueError(f"factors: none is named; allowed: {', '.join(NAMES)}")
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """Names of the factors that vary."""
+        return tuple(each.name for each in fields(Factors) if getattr(self.factors, each.name))
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Patterns of all random numbers but those of factors that are not named."""
+        fixed = chain.from_iterable(names for key, names in NAMES.items() if key not in self.named)
+        return ("*", *(f"-{name}" for name in fixed))
+
+
+def read_interlab(path: Path) -> Entry[InterlabStudy]:
+    """Return the study in a file, with the sources of its numbers.
+
+    Raises `InputError` for an unknown key, a value that is not allowed, or a wrong unit.
+    """
+    return catalog.read(read_text(path), str(path), InterlabStudy)
+
+
+def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:
+    """Return the texts of data sheets with the study's numbers of the factors `names`."""
+    ball = catalog.load("procedures", procedure, Procedure).spec.ball
+    document = parse_toml(study.text, "study")["factors"]
+    sheets: dict[Key, dict[str, Any]] = {}
+    for (factor, key), (kind, name, place) in PLACES.items():
+        if factor not in names or key not in document[factor]:
+            continue
+        sheet = kind, name or ball
+        text, where = catalog.source(*sheet)
+        content = sheets.setdefault(sheet, deepcopy(parse_toml(text, where)))
+        *tables, last = place.split(".")
+        for table in tables:
+            if table not in content:
+                raise InputError(where, table, None, f"is missing; {factor} needs it")
+            content = content[table]
+        content[last] = document[factor][key]
+    return {key: toml_text(content) for key, content in sheets.items()}
