@@ -193,8 +193,10 @@ class Selected:
         return replace(self, random=self.random.at(owner), quiet=self.quiet.at(owner))
 
     def _draws(self, name: str) -> Draws:
+        excluded = any(
+            fnmatchcase(name, pattern[1:]) for pattern in self.names if pattern[:1] == "-"
+        )
         random = any(fnmatchcase(name, pattern) for pattern in self.names)
-        excluded = any(fnmatchcase(f"-{name}", pattern) for pattern in self.names)
         return self.random if random and not excluded else self.quiet
 
 

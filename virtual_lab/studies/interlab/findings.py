@@ -19,7 +19,7 @@ from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import File, Positive
 from virtual_lab.studies.interlab.playing import Play
-from virtual_lab.studies.interlab.predicted import OperatingPoint
+from virtual_lab.studies.interlab.predicted import NominalTest
 from virtual_lab.studies.interlab.study import (
     OF_LOTS,
     PLACES,
@@ -36,7 +36,6 @@ from virtual_lab.units import Array
 TOLERANCE, NEGLIGIBLE = 0.1, 0.02  # largest difference [share of the prediction; share of s_R]
 CONTROLLED = ", control bat"  # ending of the name of a result corrected by the control bat
 ALL, REST = "all factors", "interaction"
-TERMS = ("s_lot", "s_L", "s_r", "s_R")
 WORDS = (
     "s_r: repeats with one lot; s_lot: between lots; s_L: between laboratories; s_R: single tests\n"
     "of different laboratories. Factors: standard deviation that each alone causes, all others\n"
@@ -74,7 +73,7 @@ class Interlab(Rows[InterlabTerm]):
         Raises `InputError` for predictions alone.
         """
         if not self.exercises:
-            raise InputError("", "plot", None, "predictions have no exercise; leave out predict")
+            raise InputError("", "plot", None, "predictions have no picture; leave out predict")
         cases = list(self.exercises.items())
         with figure_file(path, 2.2 * len(cases)) as figure:
             panels = figure.subplots(len(cases), 3, squeeze=False, width_ratios=(2, 1, 1))
@@ -88,8 +87,8 @@ class Interlab(Rows[InterlabTerm]):
                 unit = f" [{rows[0].unit}]" if rows[0].unit else ""
                 causes.set_xlabel(f"standard deviation{unit}; mark: predicted")
                 for axes, values, limit, words in (
-                    (h, study.h, study.h_limit(), "h: mean of a laboratory"),
-                    (k, study.k, study.k_limit(), "k: scatter in a laboratory"),
+                    (h, study.h[0], study.h_limit(), "h: mean of a laboratory"),
+                    (k, study.k[0], study.k_limit(), "k: scatter in a laboratory"),
                 ):
                     low = -limit if values.min() < 0 else 0
                     axes.axhspan(low, limit, color=INTERVAL_GREY, linewidth=0)
@@ -155,8 +154,8 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
     exercises = play.exercises()
     alone = {}
     if study.alone:
-        alone = {name: play.alone([name]) for name in study.named}
-        alone[ALL] = play.alone(study.named)
+        alone = {name: play.alone([name]) for name in play.factors}
+        alone[ALL] = play.alone(play.factors)
     size = METRICS[_rules(play).metric].unit_si
     control = {}
     if study.control:
@@ -172,7 +171,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
             for name, row in predicted.items()
         ]
         if alone:
-            squares = [alone[name][result] ** 2 for name in study.named]
+            squares = [alone[name][result] ** 2 for name in play.factors]
             rest = (alone[ALL][result] ** 2 - sum(squares)) / size**2
             root = np.copysign(sqrt(abs(rest)), rest)
             rows.append(replace(like, term=REST, predicted=0.0, found=float(root)))
@@ -183,7 +182,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         rows.append(replace(like, term="stated u", predicted=None, found=stated))
         yield rows, _precision(values[:1])
         if control:
-            reference = control[result][0] / size
+            reference = control[result][0].mean(axis=-1, keepdims=True)  # one per lot
             corrected = values * np.nanmean(reference) / reference
             cured = replace(like, result=f"{result}{CONTROLLED}")
             yield _sds(_precision(corrected), cured, {}), _precision(corrected[:1])
@@ -191,8 +190,8 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
 
 def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
     """Return predicted rows by result and by factor; the last one is of all factors."""
-    point = OperatingPoint.of(play)
-    printed, names = METRICS[point.procedure.metric], play.study.spec.named
+    point = NominalTest.of(play)
+    printed, names = METRICS[point.procedure.metric], play.factors
     rows: dict[str, dict[str, InterlabTerm]] = {}
     for result in point.calibrations:
         effects = {name: point.scatter(name, result) / printed.unit_si for name in names}
@@ -229,15 +228,19 @@ def _found(row: InterlabTerm, found: float, laboratories: int, s_R: float) -> In
 
 
 def _precision(values: Array) -> NestedStudy:
-    """Return the analysis of exercises without INVALID tests, (exercise, laboratory, lot, repeat).
+    """Return the analysis of exercises, (exercise, laboratory, lot, repeat).
 
-    Raises `InputError` if there is none.
+    Only laboratories whose tests are all valid take part, so there may be fewer exercises. A lot
+    that the procedure refuses makes a test INVALID. Raises `InputError` for fewer than two.
     """
-    valid = np.isfinite(values).all(axis=(1, 2, 3))
-    if not valid.any():
-        allowed = "every exercise has an INVALID test; allowed: one without"
-        raise InputError("", "exercises", len(values), allowed)
-    return nested_study(values[valid])
+    laboratories = values.reshape(-1, *values.shape[2:])
+    valid = laboratories[np.isfinite(laboratories).all(axis=(1, 2))]
+    size = min(values.shape[1], len(valid))
+    if size < 2:
+        allowed = f"allowed: at least 2 whose tests are all valid, of {len(laboratories)}"
+        raise InputError("", "laboratories", len(valid), allowed)
+    whole = len(valid) // size
+    return nested_study(valid[: whole * size].reshape(whole, size, *values.shape[2:]))
 
 
 def _variances(precision: NestedStudy) -> dict[str, Array]:
@@ -250,9 +253,9 @@ def _variances(precision: NestedStudy) -> dict[str, Array]:
 
 def _pooled(precision: NestedStudy) -> dict[str, float]:
     """Return standard deviations by term from the mean variances of all exercises."""
-    return {
-        term: sqrt(max(float(each.mean()), 0.0)) for term, each in _variances(precision).items()
-    }
+    variances = {term: max(float(each.mean()), 0.0) for term, each in _variances(precision).items()}
+    variances["s_R"] = sum(variances.values()) - variances["s_R"]
+    return {term: sqrt(variance) for term, variance in variances.items()}
 
 
 def _sds(

@@ -13,6 +13,7 @@ from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, RoundRobin
 from virtual_lab.lab.setup import TestSetup
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.studies.interlab.study import NAMES, InterlabStudy, sheets_of
@@ -29,6 +30,13 @@ class Play:
     bat: str
     procedure: str
     workers: int = 1
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Factors of the study that act on the procedure's rig: only recoil shows a clamp."""
+        rules = catalog.load("procedures", self.procedure, Procedure).spec
+        clamped = rules.reads == "recoil"
+        return tuple(name for name in self.study.spec.named if clamped or name != "clamp")
 
     @contextmanager
     def round_robin(self, factors: Sequence[str], varied: tuple[str, ...]) -> Iterator[RoundRobin]:
@@ -54,7 +62,7 @@ class Play:
         varied = tuple(name for factor in factors for name in NAMES[factor])
         with self.round_robin(factors, varied) as laboratories:
             results = self._results(laboratories, study.alone)
-        return {name: float(values[0].std(ddof=1)) for name, values in results.items()}
+        return {name: float(np.nanstd(values[0], ddof=1)) for name, values in results.items()}
 
     def exercises(self, first_test: int = 1) -> dict[str, Array]:
         """Return values and stated u, by name of the result.

@@ -1,15 +1,15 @@
 """Scatter of results that each factor alone should cause, to first order, without a simulation.
 
-The point of operation is one nominal test. The effect of calibration errors is that of its
-uncertainty budget; all other effects are closed forms of the paper's Eqs. (2) to (12), of the
-trampoline law e² = (e0² R + 1)/(R + 1), and of the energy that a half sine of force leaves in a
-bending mode.
+Everything refers to one nominal test. The effect of calibration errors is that of its
+uncertainty budget. The derivatives of e with respect to the ball are those of the reference model
+of the collision, which shares no solver with the simulated tests. Everything else is a closed form.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import hypot, sqrt
 from typing import Any, Self
 
@@ -20,19 +20,18 @@ from virtual_lab.lab import BlockTest
 from virtual_lab.lab.certify import certify_block
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import AS_FOUND
-from virtual_lab.simulation.collision.patch import PATCH, patch_shape
-from virtual_lab.simulation.physics.ball import wall_contact
+from virtual_lab.simulation.collision.reference import ReferenceModel
+from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.studies.interlab.playing import FOUND, NORMALISED, Play
+from virtual_lab.studies.interlab.study import OF_LOTS
 
-BENDING_MODES = 14
 STEP = 1e-5  # step of the derivatives with respect to e and e0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OperatingPoint:
+@dataclass(frozen=True, kw_only=True)
+class NominalTest:
     """Nominal test of a bat by a procedure. All values are in SI."""
 
     procedure: Procedure
@@ -53,7 +52,7 @@ class OperatingPoint:
 
     @classmethod
     def of(cls, play: Play) -> Self:
-        """Return the point of operation of a study's bat and procedure."""
+        """Return the nominal test of a study's bat and procedure."""
         study = play.study.spec
         nominal = [name for name in study.named if name not in ("wall", "clamp")]
         with play.round_robin(nominal, ()) as shared:
@@ -92,60 +91,56 @@ class OperatingPoint:
         """Return the standard deviation of a result that a factor alone causes [SI]."""
         rules, line, law = self.procedure, self.ball.restitution, self.ball.humidity
         by_e, by_e0 = self._slopes(result)
-        of_ball = by_e * self._follows  # effect of e0 on the collision
+        follows, stiffer = self._derivatives if factor in OF_LOTS else (0.0, 0.0)
+        of_ball = by_e * follows  # effect of the true e0
         measured = self.speed if len(rules.wall_speeds) > 1 else rules.wall_speeds[0]
         slope = of_ball * (self.speed - line.speed) + by_e0 * (measured - line.speed)
-        level, damp = of_ball + by_e0, 0.0 if law is None else law.slope
+        level = of_ball + by_e0
+        stored = 0.0 if law is None else abs(law.slope) * line.value * self.humidity_spread
         # the clamp takes its share of the angular momentum that recoil shows
         clamp = by_e * (1 + self.e) / self.inertia if rules.reads == "recoil" else 0.0
         effects = {
-            "lot": hypot(level * line.value_u, slope * line.slope_u, self.radii[result]),
-            "stiffness": by_e * self._stiffer * self.ball.stiffness_spread,
-            "store": level * damp * self.e0 * self.humidity_spread,
+            "lot": hypot(
+                level * self._admitted(line.value_u), slope * line.slope_u, self.radii[result]
+            ),
+            "stiffness": by_e * stiffer * self.ball.stiffness_spread,
+            "store": level * self.e0 / line.value * self._admitted(stored),
             "calibration": self.calibrations[result],
             "wall": by_e0 * self.e0 * self.wall_spread,
             "clamp": clamp * self.clamp_spread,
         }
         return abs(effects[factor])
 
-    @property
-    def _follows(self) -> float:
-        """∂e/∂e0: the ball loses a fixed share of the energy that the bat leaves to it."""
-        if self.e <= self.e0:
-            return self.e / self.e0
-        return (1 - self.e**2) / (1 - self.e0**2) * self.e0 / self.e
+    def _admitted(self, spread: float) -> float:
+        """Return the standard deviation of e0 of the lots that the procedure's window admits."""
+        from scipy.stats import truncnorm
 
-    @property
-    def _stiffer(self) -> float:
-        """∂e/∂ln k of the ball: a wall that yields less, and a shorter blow on the bending modes.
+        windows, line = self.procedure.windows, self.ball.restitution
+        if not spread:
+            return 0.0
+        low, high = (
+            (end - float(line.at(windows.ball_restitution_speed))) / spread
+            for end in (windows.ball_restitution_low, windows.ball_restitution_high)
+        )
+        return spread * float(truncnorm(low, high).std())
 
-        With R = shell over ball stiffness, ∂e²/∂ln k = R (1 - e0²)/(R + 1)². Bending takes the
-        share μ (1 + e)² Σ (φ S)² of the energy of relative motion, with the reduced mass μ, the
-        modes φ and the spectrum S of a half sine, and e² is lower by e0² times this share.
-        """
-        body, step = self.bat.body, 0.01
+    @cached_property
+    def _derivatives(self) -> tuple[float, float]:
+        """∂e/∂e0 and ∂e/∂ln k, by the reference model of the collision at this one point."""
+        body, step = self.bat.body, 0.02
+        away = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
+        scenes = Scenes.of(
+            impact_position=np.full(4, self.place),
+            relative_speed=np.full(4, self.speed),
+            ball_mass=np.full(4, self.ball.mass),
+            ball_restitution=self.e0 + away[0],
+            stiffness=self.ball.stiffness * np.exp(away[1]),
+            exponent=np.full(4, self.ball.exponent),
+        )
         support = Pinned(body.length - self.procedure.pivot_from_knob)
-        modes = modes_of(body, support, BENDING_MODES)
-        bends = slice(modes.rigid, modes.rigid + BENDING_MODES)
-        shape = patch_shape(modes, np.array([self.place]), PATCH)[0, bends]
-        reduced = self.ball.mass / (1 + self.r)
-        blow = wall_contact(
-            np.array(reduced),
-            np.array(self.speed),
-            self.ball.stiffness * np.exp([-step, 0.0, step]),
-            np.array(self.ball.exponent),
-            np.array(self.e0),
-        ).time
-        phase = modes.angular_frequencies[bends] * blow[:, None]
-        left = np.cos(phase / 2) / (1 - (phase / np.pi) ** 2)
-        soft, middle, stiff = reduced * (1 + self.e) ** 2 * np.sum((shape * left) ** 2, axis=1)
-        bending = self.e0**2 * (stiff - soft) / (2 * step)
-        if self.e <= self.e0:  # all of the loss is bending, so its size is known
-            change = -bending * (1 - (self.e / self.e0) ** 2) / middle
-        else:
-            ratio = (1 - self.e**2) / (self.e**2 - self.e0**2)
-            change = ratio * (1 - self.e0**2) / (ratio + 1) ** 2 - bending
-        return float(change) / (2 * self.e)
+        e_A = ReferenceModel.of(body, support).collide(scenes).collision_efficiency
+        by_e0, by_stiffness = (1 + self.r) * (e_A[::2] - e_A[1::2]) / (2 * step)
+        return float(by_e0), float(by_stiffness)
 
     def _slopes(self, result: str) -> tuple[float, float]:
         """Return the derivatives of a result with respect to e and to the measured e0."""

@@ -1,0 +1,141 @@
+"""Laboratories compared: factors alone, the file, the control bat."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from virtual_lab import catalog
+from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.streams import Quiet, Selected, Streams
+from virtual_lab.studies.interlab.findings import CONTROLLED, _precision
+from virtual_lab.studies.interlab.playing import Play
+from virtual_lab.studies.interlab.study import Factors, LotFactor, read_interlab
+
+ASSUMED = 'source = "assumed", verified = false'
+STUDY = f"""
+procedures = ["astm-f1881"]
+bats = ["ea70"]
+laboratories = 4
+exercises = 6
+lots = 1
+alone = 250
+seed = 3
+control = "r161"
+
+[factors.calibration]
+
+[factors.wall]
+value = {{ value = 0.99, unit = "1", {ASSUMED} }}
+spread = {{ value = 0.3, unit = "%", {ASSUMED} }}
+
+[factors.clamp]
+value = {{ value = 4, unit = "oz in^2", {ASSUMED} }}
+spread = {{ value = 1, unit = "oz in^2", {ASSUMED} }}
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_factors_alone_agree_with_their_predictions(study: Path) -> None:
+    """Bounds: 10 % and 4 standard errors of a standard deviation from 250 laboratories."""
+    found = vl.interlab(study)
+    rows = {(row.result, row.term): row for row in found}
+    for factor in ("calibration", "wall", "clamp"):
+        row = rows["as found", factor]
+        assert row.found == pytest.approx(row.predicted, rel=0.1 + 4 / 500**0.5), factor
+    s = {term: rows["as found", term].found or 0.0 for term in ("s_L", "s_r", "s_R")}
+    assert s["s_R"] ** 2 == pytest.approx(s["s_L"] ** 2 + s["s_r"] ** 2)
+    # a wall and calibrations that are common to both bats leave no scatter of laboratories
+    cured = rows[f"as found{CONTROLLED}", "s_L"].found or 0.0
+    assert cured < s["s_L"] / 2
+    # by hand: BPF is divided by an e0 that the wall lowers, so its share scatters by 0.3 %/0.99
+    bpf = rows["as found", "wall"].found or 0.0
+    assert bpf == pytest.approx(0.003 / 0.99 * 1.04, rel=0.2)
+    found.plot(study.with_suffix(".svg"))
+    again = vl.interlab(study, predict=True)
+    assert all(row.found is None for row in again)
+    assert [row.predicted for row in again] == [
+        row.predicted for row in found if row.term in {each.term for each in again}
+    ][: len(again)]
+
+
+def test_a_factor_that_is_left_out_stays_nominal(study: Path) -> None:
+    """Without calibrations, the certificates' constants are the true ones in every laboratory."""
+    entry = read_interlab(study)
+    factors = Factors(lot=LotFactor())
+    spec = replace(entry.spec, exercises=1, factors=factors)
+    play = Play(study=replace(entry, spec=spec), bat="ea70", procedure="astm-f1881")
+    with play.round_robin((), spec.varied) as shared:
+        first, second = (shared.laboratory(3, number) for number in (1, 2))
+    for stage in (Stage.BENCH, Stage.BALLS, Stage.IMPACT):
+        assert first.stations[stage].true_constants == second.stations[stage].true_constants
+    lots = [each.specimen.balls.spec.restitution.slope for each in (first, second)]
+    assert lots[0] != lots[1]
+    assert first.specimen.balls.spec.stiffness == second.specimen.balls.spec.stiffness
+
+
+def test_selected_draws_are_those_of_the_streams() -> None:
+    streams = Streams(1, (), np.arange(3))
+    draws = Selected(streams, Quiet(np.arange(3)), ("*", "-lot.*"))
+    assert (draws.normal("lot", 2) == streams.normal("lot", 2)).all()
+    assert not draws.normal("lot.level").any()
+    assert not draws.at(np.array([0, 2])).uniform("lot.store", slots=np.zeros(2, int)).any()
+
+
+def test_the_clamp_takes_its_share_of_the_angular_momentum() -> None:
+    """Full records: e falls by (1 + e) I_clamp/(I_p + I_clamp), with e and I_p of the same test."""
+    inertia = 2e-3
+    number = f'{{ value = {inertia}, unit = "kg m^2", {ASSUMED} }}'
+    text = catalog.text("rigs", "astm-pivot").replace(
+        "[pivot]", f"[pivot]\nclamp_inertia = {number}"
+    )
+    plain = vl.certify("r161", reality="noise-free").certification
+    with catalog.sheets_in_place({("rigs", "astm-pivot"): text}):
+        clamped = vl.certify("r161", reality="noise-free").certification
+    bat, e = plain.bat, plain.quantities["restitution"].value
+    lever = bat["length"].value - 6 * 0.0254 - bat["z_cm"].value
+    whole = bat["inertia_cm"].value + bat["mass"].value * lever**2
+    change = clamped.quantities["restitution"].value - e
+    assert change == pytest.approx(-(1 + e) * inertia / (whole + inertia), rel=0.02)
+
+
+def test_laboratories_with_an_invalid_test_are_left_out() -> None:
+    values = np.random.default_rng(1).normal(size=(3, 4, 2, 2))
+    values[0, 1, 0, 1] = values[2, 0, 1, 0] = np.nan
+    left = np.concatenate([values[0, :1], values[0, 2:], values[1, :1]])  # the first four
+    precision = _precision(values)
+    assert precision.mean.shape == (2,)
+    assert precision.mean[0] == pytest.approx(left.mean())
+    with pytest.raises(vl.InputError, match="at least 2 whose tests are all valid, of 12"):
+        _precision(np.full((3, 4, 2, 2), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("laboratories = 4", "laboratories = 1", "laboratories = 1; must be greater than or"),
+        ("seed = 3", "seed = 3\nrepeats = 1", "repeats = 1; must be greater than or equal to 2"),
+        ("alone = 250", "alone = 1", "alone = 1 shows no scatter"),
+        ("seed = 3", "seed = 3\nrepeat = 2", "repeat; unknown key, did you mean repeats"),
+        ("[factors.wall]", "[factors.walls]", "walls"),
+        ('0.99, unit = "1"', '0.99, unit = "mph"', "unit 'mph' is not a unit of number"),
+        ('"ea70"', '"ea71"', "'ea71'; did you mean ea70"),
+        ('"astm-f1881"', '"astm"', "'astm'; did you mean"),
+    ],
+)
+def test_wrong_input_gives_one_line(study: Path, old: str, new: str, said: str) -> None:
+    study.write_text(STUDY.replace(old, new, 1))
+    with pytest.raises(vl.InputError) as caught:
+        vl.interlab(study)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
