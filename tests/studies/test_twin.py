@@ -14,9 +14,10 @@ from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.twin.days import TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.improving import improvements, promising_changes
 from virtual_lab.studies.twin.readings import READINGS, holm, largest_deviation, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
-from virtual_lab.studies.twin.twin import certify_records, summed_days
+from virtual_lab.studies.twin.twin import Twin, certify_records, summed_days
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 SCALE = "impact.encoder.scale"
@@ -129,6 +130,25 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
         scattered_as_stated(statement, seed=1)
 
 
+def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
+    """In every kind of change; the standard deviation of 400 days has a standard error of 3.5 %."""
+    changes = promising_changes(certification)
+    assert [each.variance for each in changes] == sorted(
+        (each.variance for each in changes), reverse=True
+    )
+    (stated, *_), _ = summed_days(certification, days, DAYS)
+    of_kinds = {each.words.partition(" of ")[0]: each for each in reversed(changes)}
+    assert len(of_kinds) == 4  # the best instrument, hits, balls, wall hits
+    for words, variance, apply in of_kinds.values():
+        changed = replace(days, statement=apply(days.statement))
+        (metric, *_), _ = summed_days(certification, changed, DAYS)
+        planned = np.sqrt(stated.u**2 - variance) * stated.sd / stated.u
+        assert metric.sd == pytest.approx(planned, rel=0.1), words
+    best = improvements(certification, days, lambda _: (0.1, 0.05, 0.2))
+    assert [row.change for row in best] == [each.words for each in changes[:3]]
+    assert best[0].gain == pytest.approx(1 - best[0].planned / stated.u)
+
+
 def test_holm_adjusts_each_tail_for_those_that_remain() -> None:
     """An example by hand: .005 x 4, .01 x 3, .03 x 2, .04 x 1, none below the one before."""
     assert holm(np.array([0.01, 0.04, 0.03, 0.005])) == pytest.approx([0.03, 0.06, 0.06, 0.02])
@@ -164,13 +184,22 @@ def test_altered_records_look_unlike_their_twins(certification, days) -> None:
 
 
 def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
-    result = vl.twin(FOREIGN, days=100, full_days=0, progress=quiet)
+    quantities, invalid = summed_days(certification, days, DAYS)
     rows, played = unlike_readings(certification, days, 3)
-    result = replace(result, full_days=played, readings=tuple(rows))
-    assert result.document["smallest_tail"] == 1.0  # five readings, three days
     assert [row.reading for row in rows] == list(READINGS)
+    result = Twin(
+        bat="r161",
+        procedure="astm-f1881",
+        days=DAYS,
+        invalid=invalid,
+        rows=quantities,
+        full_days=played,
+        readings=tuple(rows),
+    )
+    assert result.document["smallest_tail"] == 1.0  # five readings, three days
     assert "The smallest that 3 days can show is 1.000." in result.text
+    assert "beside 400 days of its twin" in result.text
+    assert result.table["quantity"][0] == "metric"
+    assert list(result.tables) == ["twin", "twin-readings"]
     result.plot(tmp_path / "twin.png")
     assert (tmp_path / "twin.png").read_bytes().startswith(b"\x89PNG")
-    assert "beside 100 days of its twin" in result.text
-    assert result.table["quantity"][0] == "metric"

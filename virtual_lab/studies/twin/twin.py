@@ -25,6 +25,7 @@ from virtual_lab.parameters import Folder, Seed
 from virtual_lab.records.session import SESSION
 from virtual_lab.studies.foreign import certify_folder
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.readings import LEVEL, TwinReading, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.units import Array
@@ -38,6 +39,10 @@ FEWEST = 100  # smallest number of days; their standard deviation then has an er
 WORDS = (
     "Twin: the day played again with the bat, balls and instruments that the records state.\n"
     "Error: result of such a day minus the stated value. SI: unit of the quantity, 1 or m/s."
+)
+IMPROVEMENT_WORDS = (
+    "Changes that lower the u of the metric most. Planned: from the budget. The errors are those\n"
+    "of as many days with the change; their hits scatter as before."
 )
 READING_WORDS = (
     "Tail probability: share of the days with an equally extreme reading; adjusted for the number\n"
@@ -95,6 +100,7 @@ class Twin(StudyResult):
     rows: list[TwinQuantity]
     full_days: int = 0  # number of days with every edge and count that gave a result
     readings: tuple[TwinReading, ...] = ()  # () without such days
+    improvements: tuple[Improvement, ...] = ()  # changes that lower u most
 
     name = "twin"
 
@@ -113,6 +119,8 @@ class Twin(StudyResult):
         """The tables, with the words beneath them."""
         days = f"{self.invalid} of the {self.days} days were INVALID and are left out."
         parts = [self.title, table_text(self.rows), f"{WORDS}\n{days}"]
+        if self.improvements:
+            parts += [table_text(self.improvements), IMPROVEMENT_WORDS]
         if self.readings:
             least = f"The smallest that {self.full_days} days can show is {self.smallest:.3f}."
             parts += [table_text(self.readings), f"{READING_WORDS}\n{least}"]
@@ -121,9 +129,11 @@ class Twin(StudyResult):
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables of the quantities and of the readings."""
-        readings = {"twin-readings": frame(self.readings)} if self.readings else {}
-        return {self.name: self.table, **readings}
+        """The tables of the quantities, of the readings and of the changes."""
+        others = {"twin-readings": self.readings, "twin-improvements": self.improvements}
+        return {self.name: self.table} | {
+            name: frame(rows) for name, rows in others.items() if rows
+        }
 
     @property
     def document(self) -> Json:
@@ -134,6 +144,7 @@ class Twin(StudyResult):
             "days": self.days,
             "invalid": self.invalid,
             "quantities": [dict(record(row)) for row in self.rows],
+            "improvements": [dict(record(row)) for row in self.improvements],
             "full_days": self.full_days,
             "smallest_tail": self.smallest if self.readings else None,
             "readings": [dict(record(row)) for row in self.readings],
@@ -174,8 +185,10 @@ def twin(
     """Play a laboratory's day again as its records state it, and check its uncertainty.
 
     The first table has one row per quantity, the metric first: the stated u beside the standard
-    deviation of the errors of many days. The second one has the readings that could look unlike
-    those of the days. Records are read, but never a sealed truth.
+    deviation of the errors of many days. The second one has the three changes of the laboratory
+    that lower its u most: half the u of an instrument, twice as many hits, balls or wall hits. The
+    third one has the readings that could look unlike those of the days. Records are read, but never
+    a sealed truth.
 
     Parameters
     ----------
@@ -204,8 +217,14 @@ def twin(
         raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST}")
     certification = certify_records(Path(folder))
     statement = stated_by(certification)
-    playing = scattered_as_stated(statement, seed)
+    playing = scattered_as_stated(statement, seed, min(days, SIDE_BY_SIDE))
     rows, invalid = summed_days(certification, playing, days, progress)
+
+    def simulate(changed: TwinDays) -> tuple[float, float, float]:
+        (metric, *_), _ = summed_days(certification, changed, days, progress)
+        return metric.sd, metric.low, metric.high
+
+    changes = improvements(certification, playing, simulate)
     readings: list[TwinReading] = []
     played = 0
     if full_days and statement.replayed:
@@ -218,6 +237,7 @@ def twin(
         rows=rows,
         full_days=played,
         readings=tuple(readings),
+        improvements=tuple(changes),
     )
 
 

@@ -1,0 +1,137 @@
+"""What would lower a laboratory's u most: better instruments, more hits, more balls.
+
+The budget of the metric gives the u that each change promises. The days of the twin, played again
+with the change, show what it keeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.reduction.observations import REPEATABILITY
+from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR
+from virtual_lab.measurement.session_reduction import AIM_ALONG
+from virtual_lab.output.tables import column
+from virtual_lab.sheets import Sheet
+from virtual_lab.studies.twin.days import TwinDays
+from virtual_lab.studies.twin.statement import Statement
+from virtual_lab.uncertainty.budget import HITS, Budget
+
+SHOWN = 3  # number of changes that are simulated
+HALVED = 0.75  # share of a variance that vanishes if its u is halved
+DOUBLED = 0.5  # the same if the number of readings is doubled
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Improvement:
+    """A change of the laboratory, and the u of the metric with it."""
+
+    change: str = column("change")
+    planned: float = column("planned u", "SI", ".3g")  # from the budget
+    sd: float = column("sd of the errors", "SI", ".3g")  # on days with the change
+    low: float = column("  at least", "SI", ".3g")  # 95 % interval of the standard deviation
+    high: float = column("  at most", "SI", ".3g")
+    gain: float = column("lower by", form=".1%")  # planned u below the stated one
+
+
+class Change(NamedTuple):
+    """A change, the share of the metric's variance that it promises to remove, and its effect."""
+
+    words: str
+    variance: float
+    apply: Callable[[Statement], Statement]
+
+
+def promising_changes(certification: Certification) -> list[Change]:
+    """Return the changes that lower the u of the metric, the most promising one first."""
+    budget = certification.metric
+    assert budget is not None
+    return sorted(
+        (each for each in _changes(budget, certification) if each.variance > 0),
+        key=lambda each: -each.variance,
+    )
+
+
+def improvements(
+    certification: Certification,
+    playing: TwinDays,
+    simulate: Callable[[TwinDays], tuple[float, float, float]],
+) -> list[Improvement]:
+    """Return the changes that lower u most, with their simulated effect.
+
+    `simulate` returns the standard deviation of the errors of the metric on some days, and its
+    95 % interval.
+    """
+    budget = certification.metric
+    assert budget is not None
+    rows = []
+    for words, variance, apply in promising_changes(certification)[:SHOWN]:
+        sd, low, high = simulate(replace(playing, statement=apply(playing.statement)))
+        planned = sqrt(max(budget.u**2 - variance, 0.0))
+        gain = 1 - planned / budget.u
+        rows.append(
+            Improvement(change=words, planned=planned, sd=sd, low=low, high=high, gain=gain)
+        )
+    return rows
+
+
+def _changes(budget: Budget, certification: Certification) -> Iterator[Change]:
+    square = {part.name: part.contribution**2 for part in budget.components}
+    parts: dict[str, float] = {}
+    for name, variance in square.items():
+        at = AIM_ALONG if name == SLOPE_ERROR else name
+        if at in certification.session.calibration:
+            instrument = at.rpartition(".")[0]
+            parts[instrument] = parts.get(instrument, 0.0) + variance
+    for instrument, variance in parts.items():
+        yield Change(
+            f"half the u of {instrument}", HALVED * variance, _with_half_u(f"{instrument}.")
+        )
+    rules = certification.procedure
+    hits = f"{2 * rules.valid_hits} instead of {rules.valid_hits} hits per impact position"
+    yield Change(hits, DOUBLED * square.get(HITS, 0.0), _with_double_hits)
+    repeated = DOUBLED * square.get(REPEATABILITY, 0.0)
+    yield Change("twice as many balls", repeated, _with_double_balls)
+    yield Change("twice as many wall hits", repeated, _with_double_wall_hits)
+
+
+def _with_half_u(prefix: str) -> Callable[[Statement], Statement]:
+    def apply(statement: Statement) -> Statement:
+        session = statement.session
+        calibration = {
+            name: replace(each, u=each.u / 2) if name.startswith(prefix) else each
+            for name, each in session.calibration.items()
+        }
+        return replace(statement, session=replace(session, calibration=calibration))
+
+    return apply
+
+
+def _with_double_hits(statement: Statement) -> Statement:
+    rules, spec = statement.rules, statement.rules.spec
+    sheet = Sheet("procedures", spec.name, rules.text).with_(
+        valid_hits=2 * spec.valid_hits, attempts=2 * spec.attempts
+    )
+    changed = catalog.read(sheet.text, spec.name, Procedure)
+    counts = replace(changed.spec, balls=spec.balls, wall_hits=spec.wall_hits)
+    return replace(statement, rules=replace(changed, spec=counts))
+
+
+def _with_double_balls(statement: Statement) -> Statement:
+    balls, rules = statement.balls, statement.rules
+    twice = replace(balls, mass=np.tile(balls.mass, 2), restitution=np.tile(balls.restitution, 2))
+    spec = replace(rules.spec, balls=2 * rules.spec.balls)
+    return replace(statement, balls=twice, rules=replace(rules, spec=spec))
+
+
+def _with_double_wall_hits(statement: Statement) -> Statement:
+    spec = replace(statement.rules.spec, wall_hits=2 * statement.rules.spec.wall_hits)
+    return replace(statement, rules=replace(statement.rules, spec=spec))
