@@ -38,8 +38,8 @@ def wall_plan(
     """Return the plan to fire every ball at the wall at each of the procedure's speeds, (shot,).
 
     Each speed [m/s] is fired `rules.wall_hits` times per ball. The shots are sorted by laboratory
-    and ball, and all positions are 0. `laboratories` is the shape of the block: (n,), or () for one
-    laboratory.
+    and ball, and all positions are 0. `detail` states whether the instruments write every reading
+    or sums. `laboratories` is the shape of the block: (n,), or () for one laboratory.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)
@@ -65,9 +65,9 @@ class BeforeShots(NamedTuple):
 def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
     """Return the plan to fire one ball at each requested position, (shot,), with the balls in turn.
 
-    Balls that were set aside are not used. The position is the requested one minus the known error
-    of the aim, rounded to the step in which it can be set; without rounding in an ideal laboratory
-    [m].
+    Balls that were set aside are not used. The position, from the barrel tip [m], is the requested
+    one minus the known error of the aim. It is rounded to the step in which it can be set, but not
+    in an ideal laboratory.
     """
     owner = shots.owner
     turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)

@@ -75,7 +75,7 @@ class RoundRobin:
         return cls(setup=replace(setup, collision=collision))
 
     def laboratory(self, seed: int, number: int = 0) -> Laboratory:
-        """Return the laboratory `number` of a seed. `InputError` as `Laboratory.open`."""
+        """Return the laboratory `number` of a seed. Raises `InputError` as `Laboratory.open`."""
         return Laboratory.open(replace(self.setup, seed=seed, number=number))
 
     @property

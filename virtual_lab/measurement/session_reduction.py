@@ -133,7 +133,7 @@ class Reduction(AlignedArrays):
 
     @property
     def shot_numbers(self) -> NDArray[np.intp]:
-        """Numbers of all shots, (laboratory, shot); negative: fewer shots than another."""
+        """Indices of the shots of each laboratory, (laboratory, n), filled up with -1."""
         mask = np.ones(self.owner.size, dtype=bool)
         return number_shots(self.owner, mask, self.preparation.laboratories)
 

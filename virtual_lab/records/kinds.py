@@ -42,7 +42,7 @@ class LengthReadings(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PendulumRecord(Record):
-    """Times of the same-way passages, shape (release, passage); amplitudes (release, end).
+    """Times of passages in one direction, shape (release, passage); amplitudes (release, end).
 
     `end` 0 is the amplitude read at the first passage, 1 at the last.
     """

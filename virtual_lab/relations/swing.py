@@ -73,6 +73,7 @@ def bat_speed(angular_speed: Floats, length: float, z: Floats) -> Floats:
     """Return the speed [m/s] of a bat at a distance `z` [m] from the barrel tip.
 
     The bat of `length` [m] rotates at `angular_speed` [rad/s] about the swing point, 1 in from its
-    knob. Speed and angular speed broadcast with `z`.
+    knob. The speed is negative between the swing point and the knob. Angular speed and `z`
+    broadcast.
     """
     return angular_speed * (length - KNOB_OFFSET - z)

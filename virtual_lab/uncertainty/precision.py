@@ -34,7 +34,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupStudy:
-    """Readings in groups, such as laboratories: within, between, and both."""
+    """Readings in groups, such as laboratories: scatter within a group, between groups, of both."""
 
     mean: float
     between: Line

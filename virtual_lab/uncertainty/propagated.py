@@ -74,18 +74,22 @@ class Propagated:
 
     @property
     def value(self) -> float:
+        """Value of the output. Raises `InputError` if there are several outputs."""
         return self._only.value
 
     @property
     def u(self) -> float:
+        """Standard uncertainty of the output. Raises `InputError` if there are several."""
         return self._only.u
 
     @property
     def dof(self) -> float:
+        """Degrees of freedom of u, up to inf. Raises `InputError` for several outputs."""
         return self._only.dof
 
     @property
     def interval(self) -> tuple[float, float]:
+        """Ends of the coverage interval. Raises `InputError` for several outputs."""
         return self._only.interval
 
     @property
@@ -99,7 +103,7 @@ class Propagated:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row per output."""
+        """Table with one row per output: value, u, degrees of freedom and ends of the interval."""
         import pandas as pd
 
         def row(outcome: Outcome) -> dict[str, Any]:
@@ -117,7 +121,7 @@ class Propagated:
 
     @property
     def budget(self) -> pd.DataFrame:
-        """One row per pair of input and output, sorted by its share of the variance."""
+        """Table with one row per pair of input and output, the largest share of an output first."""
         import pandas as pd
 
         rows = []

@@ -109,8 +109,9 @@ class Scan(Spec):
 class Game(Spec):
     """Game conditions: pitch and swing for the conversion of e_A to v_f, Eqs. (3), (13), (14).
 
-    A swing is a rotation (`angular_speed` about `axis_from_knob`) or one `bat_speed` at every
-    position, multiplied by (reference / own)^exponent of the quantity it scales with.
+    The swing of the reference bat is a rotation (`angular_speed` about `axis_from_knob`) or one
+    `bat_speed` at every position. For another bat it is multiplied by (reference / own)^exponent,
+    the ratio of the two bats' inertias or masses (`scales_with`).
     """
 
     pitch_speed: Speed

@@ -40,7 +40,7 @@ THICKNESS = ".gates.thickness"  # ending of a constant's name: thickness of a st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passages(AlignedArrays):
-    """Uncorrected times and heights of the ball's centre, (..., shot, way, gate).
+    """Uncorrected times and heights of the ball's centre, (..., shot, direction, gate).
 
     NaN stands for a passage that was not detected.
     """

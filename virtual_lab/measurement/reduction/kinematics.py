@@ -171,8 +171,9 @@ def rebound_speed_from_recoil(
 def struck_place(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    It is `aimed` + `aim` - `along`: the aimed position, the distance of the line of fire from its
-    nominal line along the bat, and the part of it that `aimed` already contains, all in metres.
+    It is `aimed` + `aim` - `along`, all in metres: the aimed position, plus the distance of the
+    line of fire from its nominal line along the bat, minus the part of this distance that `aimed`
+    already contains.
     """
     return aimed + aim - along
 

@@ -1,11 +1,11 @@
 """Encoder records: rate of recoil at contact, from a joint fit of rotation and vibration.
 
-The encoder shows the rigid rotation, slowed by bearing and air, plus the bending vibration
-(ring), whose rate at the pivot is as large as that of the rotation. All shots of a batch are at
-one bat, so they share frequencies and decays of the vibration; rotation, slowing, phases and
-amplitudes differ between shots and enter linearly. The shared parameters are found by variable
-projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). Where the end
-of a record does not fit, the fit ends where the first bat is farthest: it has met its stop.
+The encoder shows the rigid rotation, slowed by bearing and air, plus the bending vibration (ring),
+whose rate at the pivot is as large as that of the rotation. All shots of a batch are at one bat, so
+they share frequencies and decays of the vibration; rotation, slowing, phases and amplitudes differ
+between shots and enter linearly. The shared parameters are found by variable projection (Golub &
+Pereyra 1973, Jacobian of Kaufman 1975). If the end of a record does not fit, a bat has met its
+stop. The fit of all shots then ends at the first time at which a bat is farthest.
 """
 
 from __future__ import annotations

@@ -316,7 +316,8 @@ class Ladder:
     ) -> NDArray[np.float64]:
         """Return the true e_A of the scenes, (n,).
 
-        The model is that of the shots, or its surrogate. The modal one replaces the rigid one.
+        The model is that of the shots, or its surrogate. If that is the rigid model, the modal one
+        is used instead.
         """
         if self.box is not None and self.rung is None:
             return self.efficiencies(struck, support, scenes)

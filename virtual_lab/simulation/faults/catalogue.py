@@ -169,8 +169,9 @@ def scraps_of_beams(station: Station) -> Station:
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
     """Return gate times with the first gate broken 30 mm ahead of many balls, as ``times`` [s].
 
-    The cause is fragments of the sabot, in about 60 % of the shots. For light boards the result is
-    empty, because their instrument simulates the fragments.
+    Fragments of the sabot fly ahead of the ball and break the beam of this gate, in about 60 % of
+    the shots. For light boards the result is empty, because their instrument simulates the
+    fragments.
     """
     if isinstance(record, BoardRecord):
         return {}

@@ -144,11 +144,11 @@ def gain_memory(radius: float) -> Array:
 def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: Array) -> None:
     """Fill `gains`, (3, n), with the uncertainties of time and height per uncertainty of an edge.
 
-    The gains are: time of the passage per time of an edge; height per distance flown at an edge;
-    height per threshold of a beam. They are NaN if too few beams were broken. They depend on the
-    number of beams that the ball would break below the lowest one if the board reached lower, and
-    on the position of its centre between two beams, in `CENTRE_PHASES` steps. Missing beams above
-    are treated as missing beams below, upside down.
+    Row 0 is the u of the passage's time per u of an edge's time, row 1 the u of the height per u of
+    the distance flown at an edge, row 2 the u of the height per u of a beam's threshold. They are
+    NaN if too few beams were broken. The gains depend on the number of broken beams that are
+    missing at the end of a board, and on the position of the ball's centre between two beams, in
+    `CENTRE_PHASES` steps. A ball above the board has the gains of its mirror image below.
 
     Parameters
     ----------

@@ -24,10 +24,10 @@ DEGREE = 11
 
 @lru_cache(64)
 def pieces_of(dof: float) -> Array:
-    """Return polynomials of the cube root of χ²/ν over a standard normal number, (interval, power).
+    """Return polynomials that give the cube root of χ²/ν from a standard normal number.
 
-    Each polynomial covers an interval of `PIECE`, mapped to -1 to 1, from -`REACH` to `REACH`;
-    power 0 comes first. `dof` is ν. The result is cached.
+    They are (interval, power), power 0 first. Each polynomial covers an interval of `PIECE`, mapped
+    to -1 to 1; the intervals extend from -`REACH` to `REACH`. `dof` is ν. The result is cached.
     """
     from scipy.special import gammainccinv, gammaincinv, ndtr
 

@@ -78,9 +78,10 @@ def blows_of(
 ) -> Blows:
     """Return the collisions of the scenes, (shot,), with a bat whose pivot is `at` from its knob.
 
-    Distances are in metres. Instruments that write sums need e_A only, and a shift of the pivot by
-    a fraction of a millimetre does not change it. All laboratories then share the support at
-    `surveyed` from the knob, the contact time is a typical one, and there is no vibration.
+    Distances are in metres. If the instruments write sums (`detail`), only e_A is computed, and a
+    shift of the pivot by a fraction of a millimetre does not change it. All laboratories then share
+    a pivot at `surveyed` from the knob, the contact time is a typical one, and there is no
+    vibration.
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
