@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -15,14 +16,25 @@ ROOT = Path(__file__).parents[1]
 
 
 def warm_kernels() -> None:
-    """Compile the kernels, one process per part, unless an earlier run left them on disk."""
-    if any((ROOT / "virtual_lab").rglob("*.nbi")):
+    """Compile the kernels, one process per part, unless earlier runs left all of them on disk."""
+    sources = [path for path in (ROOT / "virtual_lab").rglob("*.py") if _compiles(path)]
+    if all(map(_is_compiled, sources)):
         return
     parts = [
         subprocess.Popen([sys.executable, "-m", "tests.warming", part], cwd=ROOT) for part in PARTS
     ]
     for part in parts:
         part.wait()  # exit code ignored: a fault here also fails in a test, with its message
+
+
+def _compiles(source: Path) -> bool:
+    return re.search("cache.{1,3}True", source.read_text("utf-8")) is not None
+
+
+def _is_compiled(source: Path) -> bool:
+    """Whether numba's cache has code of a module that is newer than its source."""
+    indices = (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi")
+    return any(index.stat().st_mtime >= source.stat().st_mtime for index in indices)
 
 
 def _bats() -> None:
@@ -68,6 +80,12 @@ def _flights() -> None:
     fly_with_drag(np.zeros((1, 1, 4)), np.zeros((1, 1, 2)), np.zeros(1), np.zeros(1), 1)
 
 
+def _motion() -> None:
+    from tests.simulation.motion.scenes import play, scene
+
+    play(scene(), "events")
+
+
 def _alone() -> None:
     from virtual_lab.studies.bats.profile import profiles
     from virtual_lab.studies.paper import CLAIMS
@@ -80,6 +98,7 @@ def _others() -> None:
     _scans()  # scans first: the other process plays a test at one position before its scans
     _camera()
     _flights()
+    _motion()
     _alone()
 
 
