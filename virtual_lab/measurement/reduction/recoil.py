@@ -11,6 +11,7 @@ stop. The fit of all shots then ends at the first time at which a bat is farthes
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import sqrt
 
 import numpy as np
@@ -155,10 +156,20 @@ def _rates(
 
 
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
-    """Return the vibrations, added one by one while the residual contains one, then refined.
+    """Return the vibrations of the shots, and the basis of the fit.
 
     Counting alone also causes spectral lines, in a residual with an rms of `no_ring` [counts].
     """
+    return _search_rings(clock.tobytes(), np.asarray(counts.T, float).tobytes(), span, no_ring)
+
+
+@lru_cache(maxsize=32)  # a day at the bench is reduced after each entry, often with the same hits
+def _search_rings(
+    clock_bytes: bytes, counts_bytes: bytes, span: float, no_ring: float
+) -> tuple[Array, Array]:
+    """Return the result of `_find_rings`: vibrations are added while the residual contains one."""
+    clock = np.frombuffer(clock_bytes)
+    counts = np.frombuffer(counts_bytes).reshape(-1, clock.size).T
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
     slowest = max(RECOIL.polynomial_order, RECOIL.slowest_ring * span)
     basis = turn_and_rings(clock, rings)
