@@ -116,7 +116,8 @@ class Components(AlignedArrays):
         number = {pool: at for at, pool in enumerate(pools, first)}
         line = np.array([number[pool] if pool else next(alone) for pool in self.pools], np.int64)
         square, dof = np.zeros((2, len(self.effect), first + len(pools)))
-        effect, freedom = np.ascontiguousarray(self.effect), np.ascontiguousarray(self.dof)
+        # copies of views and of read-only arrays, for which the function would be compiled again
+        effect, freedom = (np.require(each, float, ("C", "W")) for each in (self.effect, self.dof))
         add_lines(effect, freedom, line, square, dof)
         return square, dof
 

@@ -97,8 +97,9 @@ class Scatter(AlignedArrays):
         from virtual_lab.uncertainty.budget_kernel import scatter_u
 
         out = np.empty((6, len(hits)))
+        # copies of views and of read-only arrays, for which the function would be compiled again
         values, shares, at, moves = (
-            np.ascontiguousarray(each, float) for each in (hits, weights, groups, effects)
+            np.require(each, float, ("C", "W")) for each in (hits, weights, groups, effects)
         )
         scatter_u(values, shares, at, moves, out)
         u, dof, weighing, total, unexplained, freedom = out

@@ -72,7 +72,9 @@ def fit_heights(
     arguments are those of `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
-    unit_times, level, places = np.empty((3, gates, shots))
+    # three arrays, because parts of one would be views, for which numba compiles anew
+    shape = gates, shots
+    unit_times, level, places = np.empty(shape), np.empty(shape), np.empty(shape)
     moments = np.empty((4, shots))
     for row in range(batch.size):
         for gate in range(gates):

@@ -251,7 +251,7 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
         columns = columns[None]
     sets = np.broadcast_to(columns[..., 0, :], (*rows, len(names))).reshape(many, len(names))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
-    drag = np.array(np.broadcast_to(drag, (*rows, shots))).reshape(many, shots)
+    drag = np.array(np.broadcast_to(drag, (*rows, shots)), order="C").reshape(many, shots)
     speeds, heights = np.full((2, many, shots), np.nan), np.full((3, many, shots), np.nan)
     fit_speeds(_by_gate(passages.times), batch, distances, clock, drag, speeds)
     if tall:

@@ -41,7 +41,7 @@ def write_edges(
     ----------
     records
         Errors of the times on input, recorded times in whole ticks on output,
-        (shot, board, 2 beam + edge) [s].
+        (shot, direction, board, 2 beam + edge) [s].
     flights, start
         Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
@@ -71,7 +71,7 @@ def write_edges(
                     middle = ahead - steep[i] * above / lean
                     path[2 * beam], path[2 * beam + 1] = middle - half, middle + half
                 time_over(path, pace, drag, time)
-                edge_times = records[first + i, board]
+                edge_times = records[first + i, int(out), board]
                 for edge in range(edges):
                     true = start[first + i] + sign * time[edge]
                     edge_times[edge] += boards.clock[first + i] * true

@@ -65,7 +65,7 @@ def sum_up_gates(
     ----------
     records
         Standard normal numbers on input, recorded times [s] on output, NaN if the ball was not
-        detected, (shot, gate).
+        detected, (shot, direction, gate).
     flights, start
         Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
@@ -88,6 +88,6 @@ def sum_up_gates(
             pass_gate(flight, gates.distances[gate, shots], gravity, since, height, steep)
             for i in range(n):
                 time = gates.clock[first + i] * (start[first + i] + sign * since[i])
-                time += jitter * records[first + i, gate]
+                time += jitter * records[first + i, int(out), gate]
                 detected = not out or abs(height[i]) < gates.half_height
-                records[first + i, gate] = time if detected else nan
+                records[first + i, int(out), gate] = time if detected else nan

@@ -120,16 +120,10 @@ class LightBoards(BallGates[LightBoardSpec]):
         scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
         by_way = records.reshape(*records.shape[:3], -1)
         for direction, start in zip(directions, (contact, leaving), strict=True):
-            flights = passage.way(out=bool(direction))
+            out = bool(direction)
             trip_distance = passage.radius + self.trips
-            write_edges(
-                by_way[:, direction],
-                flights,
-                start,
-                bool(direction),
-                self._boards(passage),
-                trip_distance,
-            )
+            flights = passage.way(out=out)
+            write_edges(by_way, flights, start, out, self._boards(passage), trip_distance)
         records[scraps] = scrapped
         records.setflags(write=False)
         return BoardRecord(times=records)

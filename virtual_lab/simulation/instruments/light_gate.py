@@ -63,8 +63,8 @@ class GateSheet(CalibratedSpec):
 
 
 def each_shot(constant: TrueConstant, shots: int) -> Array:
-    """Return a constant of one laboratory or of each shot as a contiguous array, (shot,)."""
-    return np.ascontiguousarray(np.broadcast_to(constant, shots))
+    """Return a constant of one laboratory or of each shot as a new array, (shot,)."""
+    return np.full(shots, constant)
 
 
 class WatchedBatch(NamedTuple):
@@ -191,14 +191,8 @@ class LightGates(BallGates[LightGateSpec]):
         # array of noise, which the kernel replaces by the times
         times = draws.normal(f"{name}.sums", (2, len(spec.distances)), slots)
         for direction, start in enumerate((contact, leaving)):
-            sum_up_gates(
-                times[:, direction],
-                passage.way(out=bool(direction)),
-                start,
-                bool(direction),
-                gates,
-                jitter,
-            )
+            out = bool(direction)
+            sum_up_gates(times, passage.way(out=out), start, out, gates, jitter)
         heights = np.full(times.shape, np.nan)
         for values in (times, heights):
             values.setflags(write=False)
