@@ -111,7 +111,7 @@ def test_without_a_writable_home_compiled_code_goes_to_a_private_folder(tmp_path
     assert folder.parent == tmp_path
     assert folder.stat().st_mode & 0o777 == 0o700
     assert said.count("\n") == 1
-    assert f"no writable home: compiled code is kept in {folder} " in said
+    assert f"no writable home folder: compiled code is in {folder} " in said
     assert run() == (folder, "")
     folder.chmod(0o777)
     another, said = run()

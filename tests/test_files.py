@@ -105,7 +105,7 @@ def test_files_appear_together_and_replace_none(tmp_path: Path) -> None:
         (draft / "a.png").write_text("picture")
         assert not (tmp_path / "a.toml").exists()
     assert {path.name for path in tmp_path.iterdir()} == {"a.toml", "a.png"}
-    why = r"cannot be written \(a.toml is there already\)"
+    why = r"a\.toml: file; exists already; name another file"
     with pytest.raises(InputError, match=why), new_files(tmp_path) as draft:
         (draft / "a.toml").write_text("another")
     assert (tmp_path / "a.toml").read_text() == "a"

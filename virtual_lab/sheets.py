@@ -149,7 +149,7 @@ class Sheet:
             if not isinstance(name, str) or not name.strip():
                 raise InputError(self.name, "name", name, "allowed: a text")
             if name in catalog.names(self.kind):
-                allowed = "is the name of an entry of the catalog; allowed: another"
+                allowed = "is the name of an entry of the catalog; allowed: another name"
                 raise InputError(self.name, "name", name, allowed)
             return Sheet(self.kind, name, toml_text(document))
         origin = self.origin or str(document.get("name", Path(self.name).stem))
@@ -310,7 +310,9 @@ def _instrument_in_file(text: str) -> Sheet:
     """Return the sheet of ``NAME=FILE``: an instrument or rig of the catalog, with other values."""
     name, _, path = text.partition("=")
     if not path:
-        raise InputError("", "instrument", text, "allowed: NAME=FILE, pivot-gates=mine.toml")
+        raise InputError(
+            "", "instrument", text, "allowed: NAME=FILE, for example pivot-gates=mine.toml"
+        )
     kind = "rigs" if name in _names("rigs") else "instruments"
     sheet = Sheet.of(kind, path)
     return Sheet(kind, Sheet.of(kind, name).name, sheet.text, origin=path)

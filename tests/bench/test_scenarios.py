@@ -270,7 +270,7 @@ def test_commands_list_a_class_replay_a_day_and_try_a_scenario(
     with pytest.raises(InputError, match="not handed in"):
         run("--replay", str(tmp_path / "plain-day"))
     for other in ("copy.sqlite", "nowhere"):  # never the day that lies beside it
-        with pytest.raises(InputError, match="that is there, or its folder"):
+        with pytest.raises(InputError, match=r"allowed: an existing day\.sqlite, or its folder"):
             run("--replay", str(tmp_path / "=cmd" / other))
 
     tried = run("check", "short-day")

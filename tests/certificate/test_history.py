@@ -111,5 +111,5 @@ def test_a_history_of_other_tests_is_refused(earlier: Path, tmp_path: Path) -> N
         assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="test-2: history; is the same test as these records"):
         vl.reduce(second / "records", history=[first, second, third])
-    with pytest.raises(InputError, match="test = 4; allowed with a seed"):
+    with pytest.raises(InputError, match="test = 4; allowed only with a seed"):
         vl.certify("r161", test=4)

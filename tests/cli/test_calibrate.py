@@ -47,7 +47,7 @@ def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> N
     assert drawing.std() > 10
     again = CliRunner().invoke(cli, words)
     assert isinstance(again.exception, InputError)
-    assert "is there already" in str(again.exception)
+    assert "exists already" in str(again.exception)
 
 
 @pytest.mark.parametrize(

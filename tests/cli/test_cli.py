@@ -281,7 +281,7 @@ def test_stability_prints_its_maps_and_writes_its_folder(
     code, out, _ = run("stability", "collision", "--out", "maps")
     assert code == 0
     assert out.splitlines()[2:7] == [
-        "z [in]",
+        "impact position from the tip [in]",
         "step        1    6",
         "1           .    .",
         "4           (X)  (X)",
@@ -387,7 +387,7 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
     assert document["i_knob_oz_in2"] == pytest.approx(17137, rel=1e-5)
     code, _, err = run(*words)
     assert code == 2
-    assert "is there already" in err
+    assert "exists already" in err
 
 
 def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
@@ -422,7 +422,7 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["certify", "nowhere.toml"], "no such file"),
         (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
         (["certify", "r161", "--rig", "ball-cannon"], "records no encoder, which astm-f1881 needs"),
-        (["reduce", "nowhere"], "nowhere/session.json"),
+        (["reduce", "nowhere"], "holds no session.json and no laboratory.toml"),
         (["score", "nowhere"], "nowhere/certificate.json"),
         (["show", "r162"], "did you mean r161?"),
         (["profile", "r161", "--swing", "3"], "0 to 0.5"),

@@ -72,7 +72,7 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
     ("words", "said"),
     [
         ("slope --csv table.txt", "ends in .csv"),
-        ("slope --csv there.csv", "is there already"),
+        ("slope --csv there.csv", "exists already"),
         ("profile r161 --plot picture.bmp", ".png, .svg, .pdf"),
         (f"slope --csv {'x' * 300}.csv", "cannot be written"),
         ("slope --csv there.csv/table.csv", "cannot be written"),
@@ -126,7 +126,7 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
             time.sleep(0.15)
         output[stream.isatty()] = stream.getvalue()
     assert "… laboratories: 50 of 100, " in output[True]
-    assert " a second, 0 s left" in output[True]
+    assert " per second, 0 s left" in output[True]
     assert output[True].endswith(module.CLEAR_LINE)
     assert "\n" not in output[True]
     lines = output[False].splitlines()

@@ -16,11 +16,11 @@ from virtual_lab.fidelity.drawing import PictureState
 
 Row = dict[str, Any]
 ENDS = {
-    "contrast over noise": (5, 96),
-    "share out of the frame": (0.25,),
-    "share behind the bat": (0.25,),
-    "exposure over the correct one": (2,),
-    "hot pixels": (100,),
+    "contrast / noise": (5, 96),
+    "share of the ball outside the frame": (0.25,),
+    "share of the ball behind the bat": (0.25,),
+    "exposure / correct exposure": (2,),
+    "number of hot pixels": (100,),
 }
 
 
@@ -38,13 +38,13 @@ def state(rows: list[Row], axis: str, value: float, method: str = EDGE) -> str:
 
 
 def test_the_fit_is_good_or_flagged(rows: list[Row]) -> None:
-    assert state(rows, "contrast over noise", 5) == PictureState.GOOD
-    assert state(rows, "contrast over noise", 96) == PictureState.GOOD
-    assert state(rows, "hot pixels", 100) == PictureState.GOOD
+    assert state(rows, "contrast / noise", 5) == PictureState.GOOD
+    assert state(rows, "contrast / noise", 96) == PictureState.GOOD
+    assert state(rows, "number of hot pixels", 100) == PictureState.GOOD
     for axis, value in (
-        ("share out of the frame", 0.25),
-        ("share behind the bat", 0.25),
-        ("exposure over the correct one", 2),
+        ("share of the ball outside the frame", 0.25),
+        ("share of the ball behind the bat", 0.25),
+        ("exposure / correct exposure", 2),
     ):
         assert state(rows, axis, value) == PictureState.FLAGGED
     assert maps.unsaid_share(rows, EDGE) == 0
@@ -55,7 +55,7 @@ def test_dropped_frames_are_detected(rows: list[Row]) -> None:
     assert len(part_rows) == 2 * 4
     for (ball, count), row in part_rows.items():
         assert row["unsaid"] == 0
-        if ball == "places to 0.02 px":
+        if ball == "error of positions 0.02 px":
             assert row["state"] == PictureState.GOOD
             assert row["flagged"] == (4 if count else 0)
 

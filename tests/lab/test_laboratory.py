@@ -210,7 +210,10 @@ def test_laboratories_of_one_seed_share_nothing() -> None:
     [
         ({"seed": 1, "number": -1}, "number = -1; allowed: 0 to 2^32 - 1"),
         ({"seed": 1, "number": 2**32}, "number = 4294967296; allowed: 0 to 2^32 - 1"),
-        ({"number": 3}, "number = 3; allowed with a seed: a laboratory of its study"),
+        (
+            {"number": 3},
+            "number = 3; allowed only with a seed: it is the number of a laboratory of the seed",
+        ),
     ],
 )
 def test_a_laboratory_no_study_has_is_refused(given: dict[str, int], allowed: str) -> None:

@@ -88,7 +88,9 @@ def _bound(
     by_place = [key for key, each in parameters.items() if not each.keyword]
     if len(positional) > len(by_place):
         others = [f"{key}=…" for key in parameters if key not in by_place]
-        allowed = f"write it by name: {', '.join(others)}" if others else "is too many"
+        allowed = (
+            f"write it by name: {', '.join(others)}" if others else "there are too many arguments"
+        )
         if by_place and parameters[by_place[-1]].rule.several:
             allowed = f"several {by_place[-1]} are one list, [A, B]; or {allowed}"
         value = positional[len(by_place)]
@@ -131,6 +133,6 @@ def _store_sheets(value: Any, store: Store) -> Any:
         return value
     kind = value.kind
     if store.setdefault((kind, value.name), value.text) != value.text:
-        way = "with_(name=…) gives one another" if kind in NAMED else "allowed: one of them"
-        raise InputError("", kind, value.name, f"two different sheets have this name; {way}")
+        allowed = "rename one by with_(name=…)" if kind in NAMED else "allowed: one of them"
+        raise InputError("", kind, value.name, f"two different sheets have this name; {allowed}")
     return value.name

@@ -34,9 +34,10 @@ class Account:
     def text(self) -> str:
         """The account as text."""
         present = self.parts - len(self.missing)
-        lines = [f"{present} of {self.parts} parts are there, {self.made} of them made now"]
+        lines = [f"{present} of {self.parts} parts exist, of which this run made {self.made}"]
         lines += [f"made again, {why}: {name}" for name, why in self.again.items()]
         lines += [f"missing, {why}: {name}" for name, why in self.missing.items()]
         if len(self.processors) > 1:
-            lines.append(f"equal to 1e-9, no more, by processors: {', '.join(self.processors)}")
+            kinds = ", ".join(self.processors)
+            lines.append(f"several kinds of processors, whose results agree to 1e-9: {kinds}")
         return "\n".join(lines)

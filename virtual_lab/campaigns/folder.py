@@ -67,7 +67,7 @@ class Campaign:
         campaign = cls(folder=Path(folder), study=study, **stamped)
         for key, value in {**PROGRAM, "digest": campaign.digest}.items():
             if stamp.get(key) != value:
-                allowed = f"of another version, or changed; allowed in this folder: {value}"
+                allowed = f"is of another version, or was changed; allowed in this folder: {value}"
                 raise InputError(str(path), key, stamp.get(key), allowed)
         return campaign
 
@@ -92,7 +92,7 @@ class Campaign:
                     raise
         campaign = cls.open(folder)
         if campaign.study != study or campaign.sheets != campaign.sheets_today():
-            allowed = "holds another campaign (study, data sheets or version); name another"
+            allowed = "holds another campaign (study, data sheets or version); name another folder"
             raise InputError("", "output folder", str(folder), allowed)
         return campaign
 
@@ -143,7 +143,9 @@ class Campaign:
         digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text or "1/1")
         number, many = map(int, digits.groups()) if digits else (0, 0)
         if not 1 <= number <= many:
-            raise InputError("", "blocks", text, "allowed: N/M, share N of M, as 1/40 to 40/40")
+            raise InputError(
+                "", "blocks", text, "allowed: N/M for share N of M, from 1/40 to 40/40 for example"
+            )
         return range(self.blocks * (number - 1) // many, self.blocks * number // many)
 
     def layout(self, block: Block) -> PartColumns:

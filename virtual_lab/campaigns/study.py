@@ -47,7 +47,7 @@ class Study(Spec):
         catalog.require_own_names("bats", self.bats)
         catalog.require_own_names("procedures", self.procedures)
         if prod(map(len, (self.bats, self.procedures, *self.change.values()))) > MOST_CASES:
-            raise ValueError(f"crossed values give more than {MOST_CASES} cases")
+            raise ValueError(f"the values have more than {MOST_CASES} combinations")
 
     @property
     def cases(self) -> tuple[StudyCase, ...]:
@@ -91,10 +91,12 @@ class StudyCase:
         texts, units = dict[Key, str](), dict[str, str]()
         for key, value in self.change.items():
             with catalog.sheets_in_place(texts):
-                sheet, sheet_key = sheet_at(
-                    {stage.value: rig for stage, rig in setup.rigs.items()}, key
-                )
-                texts[sheet.kind, sheet.name] = sheet.with_({sheet_key: value}).text
+                rigs = {stage.value: rig for stage, rig in setup.rigs.items()}
+                try:
+                    sheet, sheet_key = sheet_at(rigs, key)
+                    texts[sheet.kind, sheet.name] = sheet.with_({sheet_key: value}).text
+                except InputError as fault:
+                    raise InputError("study", f"change.{key}", value, str(fault)) from fault
             stated = [
                 datum.unit for datum in catalog.datums(sheet.document) if datum.key == sheet_key
             ]
@@ -109,7 +111,7 @@ class StudyCase:
         """
         shared = RoundRobin.of(self.bat, self.procedure, individual=self.individual)
         if not shared.in_blocks:
-            allowed = "its rigs cannot be played side by side"
+            allowed = "its rigs cannot simulate several laboratories at once"
             raise InputError("", "procedure", self.procedure, allowed)
         shared.laboratory(seed)  # loads all sheets and checks that they fit together
         return replace(shared, setup=replace(shared.setup, test=repeat or None, same_bat=True))

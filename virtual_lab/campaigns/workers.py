@@ -47,7 +47,9 @@ def make_part(folder: str, number: int) -> Fault:
     try:
         write_part(table, campaign.parts, block)
     except OSError as fault:
-        allowed = f"cannot be written ({fault.strerror}); what was made stays, resume later"
+        allowed = (
+            f"cannot be written ({fault.strerror}); finished parts stay; resume the campaign later"
+        )
         return InputError("", "output folder", folder, allowed)
     return ""
 

@@ -29,7 +29,7 @@ class Mismatch:
     file: str = column("file", form="")
     key: str = column("key", form="")
     stated: str = column("stated", form="")
-    found: str = column("by the rest, or here", form="")
+    found: str = column("expected", form="")
     state: RowState = "altered"  # "differs" if another program, which may be right, made it
 
 

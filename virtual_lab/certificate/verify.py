@@ -491,7 +491,7 @@ def _strays(folder: Path) -> Iterator[Mismatch]:
             continue
         if kind != "file":
             stated = f"a {kind}" if kind != "folder" else "an empty folder"
-            yield Mismatch(file=name, key="", stated=stated, found="no such thing")
+            yield Mismatch(file=name, key="", stated=stated, found="no such entry")
         elif not (
             name in of_result
             or re.fullmatch(r"[^/]+\.pdf", name)

@@ -223,7 +223,7 @@ def check_new_file(path: Path, endings: Sequence[str]) -> None:
     except OSError as fault:
         raise InputError("", "file", str(path), f"cannot be written ({fault.strerror})") from fault
     if there:
-        raise InputError("", "file", str(path), "is there already; name another")
+        raise InputError("", "file", str(path), "exists already; name another file")
     check_writable(path, "file")
 
 

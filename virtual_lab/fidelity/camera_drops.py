@@ -75,10 +75,10 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
     else:
         state = PictureState.FLAGGED if flagged.mean() >= 0.5 else PictureState.INACCURATE
     return {
-        "map": "frames dropped, no time stamps",
+        "map": "number of dropped frames, no time stamps",
         "value": count,
         "method": "followed",
-        "ball": f"places to {error:g} px",
+        "ball": f"error of positions {error:g} px",
         "state": state.value,
         "rms_unflagged": rms,
         "pictures": flights,

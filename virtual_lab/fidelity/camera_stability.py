@@ -34,14 +34,14 @@ BALLS: dict[str, Case] = {
     "stitched, hard side light": Case(stitched=True, light="hard side"),
 }
 AXES: dict[str, tuple[str, tuple[float, ...]]] = {
-    "contrast over noise": ("snr", (3, 5, 10, 27, 96)),
-    "radius [px]": ("radius", (5, 8, 15, 30, 60)),
-    "blur [px]": ("blur", (0, 2, 6, 15, 30, 60, 120)),
-    "share out of the frame": ("cut", (0, 0.05, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75)),
-    "share behind the bat": ("covered", (0.02, 0.05, 0.1, 0.25, 0.45, 0.6)),
-    "exposure over the correct one": ("exposure", (0.2, 0.5, 1, 1.3, 1.5, 2, 3, 5)),
-    "hot pixels": ("hot", (0, 10, 30, 100, 300, 1000)),
-    "flicker": ("flicker", (0, 0.02, 0.05, 0.1, 0.2, 0.4)),
+    "contrast / noise": ("snr", (3, 5, 10, 27, 96)),
+    "radius of the ball [px]": ("radius", (5, 8, 15, 30, 60)),
+    "shift during the exposure [px]": ("blur", (0, 2, 6, 15, 30, 60, 120)),
+    "share of the ball outside the frame": ("cut", (0, 0.05, 0.1, 0.25, 0.4, 0.5, 0.6, 0.75)),
+    "share of the ball behind the bat": ("covered", (0.02, 0.05, 0.1, 0.25, 0.45, 0.6)),
+    "exposure / correct exposure": ("exposure", (0.2, 0.5, 1, 1.3, 1.5, 2, 3, 5)),
+    "number of hot pixels": ("hot", (0, 10, 30, 100, 300, 1000)),
+    "relative amplitude of the flicker": ("flicker", (0, 0.02, 0.05, 0.1, 0.2, 0.4)),
     "relative error of the start radius": ("radius_off", (-0.2, -0.1, -0.02, 0.02, 0.1, 0.2, 0.4)),
     "error of the start position [px]": ("start_off", (0.5, 2, 5, 10, 15)),
 }

@@ -48,7 +48,7 @@ PLACES_IN, SPEEDS_MPH = (1.0, 4.0, 6.5, 10.0, 16.0, 24.0), (60.0, 160.0)
 SUPPORTS: dict[str, Support] = {
     "free": Free(),
     "pinned 28 in": Pinned(28 * INCH),
-    "on 1e6 N/m": Pinned(28 * INCH, 1e6),
+    "spring of 1e6 N/m at 28 in": Pinned(28 * INCH, 1e6),
     "clamped 33 in": Clamped(33 * INCH),
     "clamped 25 in": Clamped(25 * INCH),
 }
@@ -59,14 +59,14 @@ class CollisionAxis(StrEnum):
     """Quantity that varies across a map."""
 
     MODES = "bending modes"
-    PLACE = "z [in]"
-    SPEED = "speed [mph]"
-    STIFFNESS = "stiffness of the ball, over the usual"
-    EXPONENT = "exponent of the ball"
+    PLACE = "impact position from the tip [in]"
+    SPEED = "relative speed [mph]"
+    STIFFNESS = "stiffness of the ball / usual stiffness"
+    EXPONENT = "exponent of the ball's force law"
     RESTITUTION = "e0 of the ball"
-    MASS = "mass of the ball, over the usual"
+    MASS = "mass of the ball / usual mass"
     SUPPORT = "support of the bat"
-    CONTACTS = "contacts"
+    CONTACTS = "number of contacts"
 
 
 AXES: dict[CollisionAxis, tuple[Any, ...]] = {
@@ -141,7 +141,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
                 outcome = _outcome(column, stepper) if true else None
                 row = {"map": axis.value, "value": value, "step": step, "refused": refused}
                 rows.append(row | _cell(outcome, true, step == SHIPPED))
-    down = "step over the default step"
+    down = "step / default step"
     title = (
         "Integration of the modal model: up to 24 scenes per cell in one pass, and as shipped; "
         f"good: error of e_A at most {FINE.tolerance:.0e}; numbers: scenes with a larger error"

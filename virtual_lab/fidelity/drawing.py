@@ -34,7 +34,7 @@ class State(CellState):
     NOTICED = "inaccurate, detected by the pass", "?", "#fee391"
     INACCURATE = "inaccurate", "o", "#f16913"
     UNSTABLE = "unstable", "X", "#800026"
-    NO_RESULT = "no result is given", "-", "#d9d9d9"
+    NO_RESULT = "no result", "-", "#d9d9d9"
 
 
 class PictureState(CellState):

@@ -42,8 +42,8 @@ Row = dict[str, Any]
 class Carrier(StrEnum):
     """Model of the motion."""
 
-    ALONE = "pymunk alone"
-    RUNG = "pymunk rung"
+    ALONE = "plain pymunk"
+    RUNG = "our pymunk model"
     CLOSED = "closed form"
 
 
@@ -212,7 +212,7 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
 
 def _losses(step: float) -> Iterator[Row]:
     spin = 11.5  # rad/s
-    scene = f"energy lost a second at {spin:g} rad/s"
+    scene = f"energy lost per second at {spin:g} rad/s"
     yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=energy_lost(rod(), spin, step))
     # a ball at rest far away, which does not limit the step
     alone = rod_scene({"rate": spin, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)

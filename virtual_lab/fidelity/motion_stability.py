@@ -39,10 +39,10 @@ class MotionAxis(StrEnum):
     """Quantity that varies across a map."""
 
     SPEED = "speed [mph]"
-    PLACE = "z [in]"
-    ACROSS = "off the axis [mm]"
-    SLOP = "slop [m]"
-    ITERATIONS = "iterations"
+    PLACE = "position from the tip [in]"
+    ACROSS = "offset from the axis [mm]"
+    SLOP = "allowed overlap (slop) [m]"
+    ITERATIONS = "iterations per step"
 
 
 AXES: dict[MotionAxis, tuple[float, ...]] = {
@@ -66,7 +66,7 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
             progress(f"{method}: {axis}")
             rows += [_cell(axis, method, step, value) for step in STEPS for value in values]
     title = (
-        "Rebound by pymunk alone and by the pymunk model of the motion; error of the velocity of "
+        "Rebound by plain pymunk and by our pymunk model of the motion; error of the velocity of "
         f"the ball over the speed of approach: good, at most {BOUNDS[State.GOOD]:.0e}; unstable, "
         f"above {BOUNDS[State.INACCURATE]:g}"
     )

@@ -18,26 +18,36 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 T = TypeVar("T")
-COLUMNS = {  # columns of all charts by key; the title of any other column is its key
+COLUMNS = {  # columns of all charts by key; the title of any other column is its key in words
     "series": Column("model"),
     "held_against": Column("reference"),
     "estimator": Column("method"),
-    "worst_error": Column("worst error in e_A", form=".1e"),
+    "worst_error": Column("largest error of e_A", form=".1e"),
     "rms_error": Column("rms error", form=".1e"),
     "us_a_shot": Column("time per shot", "µs", ".2g"),
-    "off_along_the_bat": Column("wrong along the bat", form=".0%"),
-    "refused_along_the_bat": Column("refused there", form=".0%"),
-    "e_A": Column("rms error in e_A", form=".1e"),
-    "ball_m_s": Column("of the ball's velocity", "m/s", ".1e"),
-    "bat_rad_s": Column("of the bat's rate", "rad/s", ".1e"),
-    "share": Column("missed or lost", form=".1%"),
+    "off_along_the_bat": Column("share with an error above u, whole bat", form=".0%"),
+    "refused_along_the_bat": Column("share refused, whole bat", form=".0%"),
+    "e_A": Column("rms error of e_A", form=".1e"),
+    "ball_m_s": Column("rms error of the ball's velocity", "m/s", ".1e"),
+    "bat_rad_s": Column("rms error of the bat's rate", "rad/s", ".1e"),
+    "share": Column("share of missed shots or lost energy", form=".1%"),
     "rms_px": Column("rms error", "px", ".2g"),
-    "limit_px": Column("smallest possible scatter", "px", ".2g"),
-    "bias_over_limit": Column("bias over it", form=".2g"),
+    "limit_px": Column("smallest possible error", "px", ".2g"),
+    "bias_over_limit": Column("largest bias / smallest possible error", form=".2g"),
     "ms_a_frame": Column("time per frame", "ms", ".2g"),
-    "lost": Column("not found", form=".0%"),
-    "flagged": Column("flagged", form=".0%"),
-    "wrong_unsaid": Column("wrong without a flag", form=".0%"),
+    "lost": Column("share not found", form=".0%"),
+    "flagged": Column("share flagged", form=".0%"),
+    "wrong_unsaid": Column("share wrong without a flag", form=".0%"),
+    "rung": Column("model"),
+    "shipped": Column("used in studies", form=lambda row: "yes" if row["shipped"] else "no"),
+    "effect": Column("effect on the metric", "u", ".3g"),
+    "se": Column("standard error of the effect", "u", ".2g"),
+    "rms": Column("rms effect", "u", ".3g"),
+    "ms": Column("time, one core", "ms", ".3g"),
+    "draws": Column("number of draws"),
+    "u_error": Column("error of u", "u", ".1e"),
+    "low_error": Column("error of the lower end", "u", ".1e"),
+    "high_error": Column("error of the upper end", "u", ".1e"),
 }
 
 
@@ -54,7 +64,12 @@ class SpeedChart(StudyResult):
     @property
     def text(self) -> str:
         """Table of the rows; missing values are blank."""
-        return table_text(self.rows, {key: COLUMNS.get(key, Column(key)) for key in self.rows[0]})
+        return table_text(self.rows, self._columns)
+
+    @property
+    def _columns(self) -> dict[str, Column]:
+        """The columns of the rows by key."""
+        return {key: COLUMNS.get(key, Column(key.replace("_", " "))) for key in self.rows[0]}
 
     def draw(self, path: Path) -> None:
         """Draw the chart into a file."""
@@ -65,7 +80,9 @@ class SpeedChart(StudyResult):
         figure = self.figure(self.rows, self.title)
         write_csv(self.table, folder / f"{self.name}.csv")
         figure.savefig(folder / f"{self.name}.png")
-        page = chart_page(self.title, self.words, figure, self.rows)
+        heads = {key: each.head for key, each in self._columns.items()}
+        rows = [{heads[key]: _in_words(value) for key, value in row.items()} for row in self.rows]
+        page = chart_page(self.title, self.words, figure, rows)
         (folder / f"{self.name}.html").write_text(page, encoding="utf-8")
 
 
@@ -82,6 +99,11 @@ class StabilityMap(StudyResult):
     def draw(self, path: Path) -> None:
         """Draw the maps into a file."""
         self.picture(self.rows, path)
+
+
+def _in_words(value: Any) -> Any:
+    """Return "yes" or "no" for a truth value, and any other value unchanged."""
+    return {True: "yes", False: "no"}[value] if isinstance(value, bool) else value
 
 
 def least_time(work: Callable[[], T]) -> tuple[T, float]:

@@ -33,7 +33,7 @@ def provide_cache(package: Path) -> None:
             folder.mkdir(mode=0o700)
         except FileExistsError:  # another user's folder, whose code must not run here
             folder = Path(mkdtemp(prefix="virtual-lab-"))
-        words = f"no writable home: compiled code is kept in {folder} ({CACHE} names another)"
+        words = f"no writable home folder: compiled code is in {folder} ({CACHE} sets another)"
         print(f"virtual-lab: {words}", file=sys.stderr)
     os.environ[CACHE] = str(folder)
 

@@ -12,7 +12,6 @@ import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from errno import EEXIST
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -145,7 +144,7 @@ def inside(folder: Path, name: str, where: str, key: str) -> Path:
             return path
     except (OSError, ValueError, RuntimeError) as fault:  # circular links, a NUL character
         raise InputError(where, key, name, f"cannot be read ({fault})") from fault
-    raise InputError(where, key, name, f"leads out of {folder}; allowed: files within it")
+    raise InputError(where, key, name, f"is outside {folder}; allowed: files in this folder")
 
 
 KINDS = (
@@ -213,7 +212,7 @@ def parse_table(
             why = " ".join(str(fault).split())
             raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
     if table.empty:
-        raise InputError(where, "rows", 0, "a header and nothing below it")
+        raise InputError(where, "rows", 0, "the table has a header but no rows")
     _require_whole_rows(data, where, delimiter, len(head))
     return table
 
@@ -253,7 +252,7 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
         raise InputError(where, "delimiter", others[0], allowed)
     for name in head:
         if head.count(name) > 1:
-            raise InputError(where, "columns", name, "stands twice in the header")
+            raise InputError(where, "columns", name, "occurs twice in the header")
     return head
 
 
@@ -267,14 +266,16 @@ def check_new_folder(target: Path) -> None:
         allowed = f"cannot be written ({getattr(fault, 'strerror', fault)})"
         raise InputError("", "output folder", str(target), allowed) from fault
     if linked and not target.exists():
-        raise InputError("", "output folder", str(target), "is a link that leads nowhere")
+        raise InputError("", "output folder", str(target), "is a link to a missing file")
     if target.absolute() == Path.cwd():
-        raise InputError("", "output folder", str(target), "is where you are; name one within it")
+        raise InputError(
+            "", "output folder", str(target), "is the present folder; name a new folder in it"
+        )
     if target.exists() and not target.is_dir():
         raise InputError("", "output folder", str(target), "is a file; name another folder")
     if target.is_dir() and any(target.iterdir()):
         raise InputError(
-            "", "output folder", str(target), "is not empty; name another or empty it first"
+            "", "output folder", str(target), "is not empty; name another folder, or empty this one"
         )
     check_writable(target, "output folder")
 
@@ -337,7 +338,8 @@ def new_files(folder: Path) -> Iterator[Path]:
             yield draft
             for file in draft.iterdir():
                 if (folder / file.name).exists():
-                    raise FileExistsError(EEXIST, f"{file.name} is there already")
+                    path = str(folder / file.name)
+                    raise InputError(path, "file", None, "exists already; name another file")
                 file.rename(folder / file.name)
     except OSError as fault:
         raise InputError("", "out", str(folder), f"cannot be written ({fault.strerror})") from fault

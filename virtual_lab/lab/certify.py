@@ -48,7 +48,7 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     rules, control_bat = setup.rules.spec, setup.control_bat
     if not rules.controlled:
         if control_bat is not None:
-            allowed = f"{rules.name} has no [correction] by the method 'control-bat'"
+            allowed = f"{rules.name} does not correct by a control bat; leave it out"
             raise InputError("", "control bat", control_bat.spec.name, allowed)
         return by_the_book(laboratory, progress)
     if control_bat is None:

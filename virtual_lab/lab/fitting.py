@@ -69,7 +69,8 @@ def require_camera(rig: Rig) -> None:
         able = [
             name for name, candidate in installed_rigs().items() if "camera" in candidate.channels
         ]
-        raise InputError("", "film", rig.name, f"has no camera; allowed: {', '.join(able)}")
+        allowed = f"has no camera to film a shot; allowed with a film: {', '.join(able)}"
+        raise InputError("", "rig", rig.name, allowed)
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:

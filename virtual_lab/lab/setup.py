@@ -66,7 +66,9 @@ class TestSetup:
         """Raise `InputError` for a numbered test or lot without a seed, or a negative lot."""
         for key, value in (("test", self.test), ("lot", self.lot)):
             if value is not None and self.seed is None:
-                allowed = "allowed with a seed: of a laboratory of its study"
+                allowed = (
+                    "allowed only with a seed: it is a number within one laboratory of the seed"
+                )
                 raise InputError("", key, value, allowed)
         if self.lot is not None and self.lot < 0:
             raise InputError("", "lot", self.lot, "allowed: 0 and more")
@@ -107,7 +109,8 @@ class TestSetup:
         if not 0 <= number < LABORATORIES:
             raise InputError("", "number", number, "allowed: 0 to 2^32 - 1")
         if number and seed is None:
-            raise InputError("", "number", number, "allowed with a seed: a laboratory of its study")
+            allowed = "allowed only with a seed: it is the number of a laboratory of the seed"
+            raise InputError("", "number", number, allowed)
         rules = (
             catalog.load("procedures", procedure, Procedure)
             if isinstance(procedure, str)
@@ -197,7 +200,8 @@ def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
     except ValueError:
         value = 0.0
     if method not in METHODS or not 0 < value < 1:
-        allowed = f"allowed: {' or '.join(METHODS)}, a colon and an e0 below 1: trampoline:0.5"
+        form = "a colon and an e0 below 1, for example trampoline:0.5"
+        allowed = f"allowed: {' or '.join(METHODS)}, {form}"
         raise InputError("", "correction", text, allowed)
     number = f'{{ value = {value!r}, unit = "1", source = "assumed", verified = false }}'
     table = f'[correction]  # asked for by the operator\nmethod = "{method}"\nstandard = {number}\n'

@@ -37,7 +37,7 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
         title=title,
         words=words,
         figure=Markup(svg[svg.index("<svg") :]),  # this package draws the SVG
-        columns=[name.replace("_", " ") for name in columns],
+        columns=columns,
         texts=sum(isinstance(rows[0][name], str) for name in columns),
         rows=[[_cell(row[name]) for name in columns] for row in rows],
     )

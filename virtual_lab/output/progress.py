@@ -99,7 +99,7 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
 
 def _rate(rate: float) -> str:
     """Return the rate per second or, for slow work, per minute."""
-    return f"{rate:.3g} a second" if rate >= 1 else f"{60 * rate:.3g} a minute"
+    return f"{rate:.3g} per second" if rate >= 1 else f"{60 * rate:.3g} per minute"
 
 
 def _duration(seconds: float) -> str:

@@ -45,7 +45,7 @@ class ClipCoverage:
 
     quantity: str
     clips: int = column("clips with a result")
-    missed: int = column("clips without one")
+    missed: int = column("clips without a result")
     coverage: float = column("intervals with the true value", form=".1%")
     low: float = column("  at least", form=".1%")
     high: float = column("  at most", form=".1%")

@@ -74,11 +74,9 @@ class Coverage:
     high: float = column("  at most", form=".1%")
     above: float = column("true value above the interval", form=".1%")
     below: float = column("true value below the interval", form=".1%")
-    by_u: tuple[float | None, ...] = column(
-        "intervals with it, by tenths of u", form=_tenth_texts("by_u")
-    )
+    by_u: tuple[float | None, ...] = column("coverage by tenths of u", form=_tenth_texts("by_u"))
     by_dof: tuple[float | None, ...] = column(
-        "  by tenths of degrees of freedom", form=_tenth_texts("by_dof")
+        "coverage by tenths of degrees of freedom", form=_tenth_texts("by_dof")
     )
     mean_z: float = column("mean error", "u", "+.3f")
     mean_z_se: float = column("  its standard error", "u", ".3f")

@@ -49,12 +49,12 @@ class Effect:
     bat: str
     procedure: str
     term: str = column("term of the budget")
-    stated: float = column("effect stated", "SI", "+.3e")  # stated effect, mean over laboratories
+    stated: float = column("stated effect", "SI", "+.3e")  # stated effect, mean over laboratories
     realised: float | None = column(
-        "effect found", "SI", "+.3e"
+        "real effect", "SI", "+.3e"
     )  # real effect; None without a true value
     se: float | None = column("its standard error", "SI", ".1e")
-    apart: float | None = column("apart", "standard errors", "+.1f")
+    apart: float | None = column("difference", "standard errors", "+.1f")
     laboratories: int = column("laboratories")
 
 
@@ -166,7 +166,7 @@ def effects(
         )
     return Rows(
         name="effects",
-        title=f"{bat} by {procedure}: the effect of every term of the budget on the metric",
+        title=f"{bat} by {procedure}: effect of each term of the budget on the metric",
         words="Effect: change of the metric by one u of the term. SI: unit of the metric.",
         rows=sorted(rows, key=lambda row: -abs(row.stated)),
     )

@@ -27,7 +27,7 @@ class ShelfEntry:
 
     kind: str = column("kind")
     name: str = column("name")
-    title: str = column("what it is")
+    title: str = column("title")
 
 
 def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:

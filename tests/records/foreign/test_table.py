@@ -254,7 +254,7 @@ TEXT = THEIRS.to_csv(index=False)
         (_as("\n \n"), "CSV", None, "empty"),
         (_as("\n" + TEXT), "CSV", None, "header"),
         (_as("x" * 200_000 + "\n1\n"), "CSV", None, "header"),
-        (_as(TEXT.splitlines()[0]), "rows", 0, "nothing below"),
+        (_as(TEXT.splitlines()[0]), "rows", 0, "no rows"),
         (_as("PK\x03\x04\x00\x00"), "CSV", None, "no text"),
         (lambda _: TEXT.encode("utf-16"), "CSV", None, "no text"),
         (lambda _: b"\xff\xd8\xff\xe0" + bytes(range(1, 99)), "CSV", None, "no UTF-8"),

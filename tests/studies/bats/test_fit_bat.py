@@ -46,7 +46,7 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
     assert spec.title == 'Mine "A"'
     assert spec.sport == "softball"
     assert "peak e_A" in target.read_text()
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="exists already"):
         fitted.write(target)
 
 
@@ -77,5 +77,5 @@ def test_the_other_bats_fit_varied_data(tmp_path: Path) -> None:
 
 
 def test_a_peak_at_the_end_of_its_range_is_marked() -> None:
-    assert "2 to 10 in" in remark_on("peak e_A at", 10.0, 8.0)
-    assert remark_on("peak e_A at", 2.1, 9.9) == remark_on("e_A at 9 in", 2.0, 10.0) == ""
+    assert "2 to 10 in" in remark_on("position of peak e_A", 10.0, 8.0)
+    assert remark_on("position of peak e_A", 2.1, 9.9) == remark_on("e_A at 9 in", 2.0, 10.0) == ""

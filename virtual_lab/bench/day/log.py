@@ -56,7 +56,7 @@ class DayLog:
     def create(cls, path: Path, morning: Mapping[str, Any]) -> DayLog:
         """Create a log file and write the start of the day. Raises `InputError` if it exists."""
         if path.exists():
-            raise InputError(str(path), "log", None, "is there already")
+            raise InputError(str(path), "log", None, "exists already")
         with closing(sqlite3.connect(path, isolation_level=None)) as base:
             base.execute("PRAGMA synchronous=FULL")
             base.executescript(f"BEGIN; {TABLE} COMMIT;")

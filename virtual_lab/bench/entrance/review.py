@@ -266,7 +266,7 @@ def played_folder(path: str | Path) -> Path:
     place = Path(path)
     log = place / LOG if place.is_dir() else place
     if log.name != LOG or not log.is_file():
-        raise InputError("", "replay", str(path), f"allowed: a {LOG} that is there, or its folder")
+        raise InputError("", "replay", str(path), f"allowed: an existing {LOG}, or its folder")
     if not any(event.action == "hand-in" for event in DayLog(log).events()):
         raise InputError(str(place), "day", None, "is not handed in yet")
     return log.parent

@@ -203,7 +203,9 @@ class ServedDay:
         if not self.stored.day.reduced:
             raise InputError("certificate", "hits", None, "are not reduced yet: reduce comes first")
         if not self.stored.day.verdict:
-            allowed = "is missing: give-verdict comes first, your own before the program's"
+            allowed = (
+                "is missing: give-verdict comes first, so that your verdict precedes the program's"
+            )
             raise InputError("certificate", "verdict", None, allowed)
         return certificate_page(certificate(self.stored.desk.certification))
 

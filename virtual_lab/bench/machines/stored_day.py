@@ -66,7 +66,12 @@ def _rules(scenario: Scenario) -> Entry[Procedure]:
     line = re.compile(r"^limit\s*=\s*\{[^}]*\}", re.MULTILINE)
     text, count = line.subn(f"limit = {{ {value} }}", rules.text)
     if count != 1:
-        raise InputError(scenario.name, "limit", scenario.limit, "the rules have none to replace")
+        raise InputError(
+            scenario.name,
+            "limit",
+            scenario.limit,
+            "the procedure has no limit that it could replace",
+        )
     return catalog.read(text, f"procedures/{rules.spec.name}", Procedure)
 
 

@@ -469,7 +469,8 @@ def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk:
     if verdict == "INVALID":
         return (
             f"Both verdicts are right: despite the fault the result is within U of the truth, so "
-            f"{right} is right; but whoever sees a fault may also give INVALID, as the expert did"
+            f"{right} is right; but an operator who sees a fault may also give INVALID, as the "
+            "expert did"
         )
     if verdict != expert_right:
         return (

@@ -42,7 +42,7 @@ class FaultSet:
                 raise InputError("", "fault", name, f"{near}known: {', '.join(sorted(CATALOGUE))}")
             able = _able(CATALOGUE[name])
             if rig not in able:
-                allowed = f"it befalls {', '.join(able)}, not the rig {rig}"
+                allowed = f"is a fault of {', '.join(able)}, not of the rig {rig}"
                 raise InputError("", "fault", name, allowed)
         return cls(faults=tuple(CATALOGUE[name] for name in names))
 

@@ -93,7 +93,9 @@ class BatMeasurements(Spec):
 
     def __post_init__(self) -> None:
         if not self.z_cm < self.length:
-            raise ValueError(f"z_cm of {self.z_cm:g} m lies off a bat of {self.length:g} m")
+            raise ValueError(
+                f"z_cm of {self.z_cm:g} m is outside a bat with the length of {self.length:g} m"
+            )
         least = self.mass * (self.inertia_axis - self.z_cm) ** 2
         if not self.inertia > least:
             raise ValueError(

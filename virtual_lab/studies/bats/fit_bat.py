@@ -40,7 +40,7 @@ from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
-PEAK_PLACE = "peak e_A at"
+PEAK_PLACE = "position of peak e_A"
 HOOP_UNITS = {"hoop frequency": "Hz", "hoop modal mass": "kg"}
 
 

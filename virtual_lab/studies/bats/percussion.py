@@ -350,14 +350,15 @@ def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
     far = rows[-1]
     lost = [f"{row.z_in:.3g}" for row in rows if row.seen < 0.5]
     words = [
-        f"At the centre of percussion, {percussion_in:.2f} in, the axis gets "
-        f"{near.reaction_ns:+.2f} N s; at {worst.z_in:.3g} in it gets "
+        f"At the centre of percussion, {percussion_in:.2f} in, the impulse on the "
+        f"axis is {near.reaction_ns:+.2f} N s. At {worst.z_in:.3g} in it is "
         f"{worst.reaction_ns:+.2f} N s, and a plain bearing shifts e_A by recoil by "
-        f"{worst.plain_shift:+.1e} there, "
+        f"{worst.plain_shift:+.1e}, which is "
         f"{abs(worst.plain_shift) / (worst.recoil.u or nan):.2f} of its u.",
-        f"A loose bearing shifts it by {loose.loose_shift:+.1e} at {loose.z_in:.2f} in and "
-        f"by {far.loose_shift:+.0e} at {far.z_in:.3g} in: the clearance changes the "
-        "angle and not the rate, but close to the centre of percussion no force takes it up.",
+        f"A loose bearing shifts e_A by {loose.loose_shift:+.1e} at {loose.z_in:.2f} in and "
+        f"by {far.loose_shift:+.0e} at {far.z_in:.3g} in. The clearance changes the "
+        "angle and not the rate, except close to the centre of percussion, where no force "
+        "takes up the clearance.",
     ]
     if lost:
         words.append(f"The gates miss most rebounds at {', '.join(lost)} in.")

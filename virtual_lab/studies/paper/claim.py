@@ -91,7 +91,7 @@ class Row:
             "where": claim.where,
             "claim": claim.says,
             "paper": "" if claim.paper is None else _number(claim.paper),
-            "found": _number(self.result),
+            "ours": _number(self.result),
             "deviation": "" if deviation is None else _format_signed(deviation),
             "tolerance": claim.tolerance,
             "unit": claim.unit,
