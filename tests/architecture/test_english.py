@@ -1,4 +1,4 @@
-"""Docstrings name a quantity, and comments have a subject: clauses used as nouns stay rare."""
+"""Docstrings name a quantity, comments have a subject, functions are verbs: few exceptions."""
 
 from __future__ import annotations
 
@@ -21,6 +21,12 @@ CLAUSE = re.compile(
 NO_SUBJECT = re.compile(
     r"# (of|that|which|(at|by|in|from|to) which|beyond|what|how|where|who|whose|are|was|by)\b"
 )
+PARTICIPLE = re.compile(r"_?[a-z]+(ed|own|een|iven|aken|ade|ept|old|aid|ought|ound)")
+# names that end like a participle but are nouns, adjectives or infinitives
+NO_PARTICIPLES = """
+    background between bound cold embed exceed feed fold ground hold inbound need outbound proceed
+    rebound red round seed shed sound speed spread threshold unified
+"""
 
 
 def clauses(text: str) -> Iterator[str]:
@@ -39,8 +45,21 @@ def without_subject(text: str) -> Iterator[str]:
             yield token.string
 
 
-@pytest.mark.parametrize(("pattern", "most"), [(clauses, 15), (without_subject, 40)])
-def test_clauses_in_place_of_nouns_are_rare(pattern: object, most: int) -> None:
+def participles(text: str) -> Iterator[str]:
+    """Yield the functions that are named by a participle alone; a property may be."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef) and PARTICIPLE.fullmatch(node.name):
+            is_property = any("property" in ast.dump(each) for each in node.decorator_list)
+            if not is_property and node.name.strip("_") not in NO_PARTICIPLES.split():
+                yield f"def {node.name}"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "most"), [(clauses, 15), (without_subject, 40), (participles, 20)]
+)
+def test_clauses_and_participles_in_place_of_nouns_and_verbs_are_rare(
+    pattern: object, most: int
+) -> None:
     assert callable(pattern)
     places = [f"{path}: {line}" for path in FILES for line in pattern(path.read_text("utf-8"))]
     assert len(places) <= most, "\n".join(places)
@@ -54,3 +73,9 @@ def test_each_pattern_is_recognised() -> None:
     assert list(without_subject("x = 1  # of the ball\ny = 2  # mass of the ball\n")) == [
         "# of the ball"
     ]
+    assert list(participles("def measured(): ...\ndef _shown(): ...\ndef measure(): ...\n")) == [
+        "def measured",
+        "def _shown",
+    ]
+    assert list(participles("def rebound_speed(): ...\ndef rebound(): ...\n")) == []
+    assert list(participles("class A:\n    @property\n    def valued(self): ...\n")) == []
