@@ -34,8 +34,8 @@ class AlignedArrays:
         missing = rows < 0 if numbers and rows.min(initial=0) < 0 else None
         kind: Any = type(self)
         names, shared = _names(kind)
-        chosen = {name: _select(getattr(self, name), rows, missing) for name in names}
-        selection: Self = kind(**chosen, **{name: getattr(self, name) for name in shared})
+        aligned_rows = {name: _select(getattr(self, name), rows, missing) for name in names}
+        selection: Self = kind(**aligned_rows, **{name: getattr(self, name) for name in shared})
         return selection
 
     @classmethod

@@ -394,17 +394,17 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     InputError
         There is no such stage, or no key after it.
     """
-    stage, _, rest = key.partition(".")
-    if stage not in rigs or not rest:
+    stage, _, key_in_rig = key.partition(".")
+    if stage not in rigs or not key_in_rig:
         allowed = f"{nearest(stage, rigs)}allowed: {', '.join(rigs)}, a dot, a key of a sheet"
         raise InputError("", "key", key, allowed)
     rig = Sheet.of("rigs", rigs[stage])
-    part, _, inner_key = rest.partition(".")
+    part, _, inner_key = key_in_rig.partition(".")
     named = rig.document.get(part)
     return (
         (Sheet.of("instruments", named), inner_key)
         if inner_key and isinstance(named, str)
-        else (rig, rest)
+        else (rig, key_in_rig)
     )
 
 

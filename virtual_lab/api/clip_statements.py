@@ -107,10 +107,10 @@ def scale_keys(text: str | None) -> dict[str, float]:
         return {}
     points, length = text.split("=")
     (x, y), (other_x, other_y) = (_numbers(each, 2) for each in points.split(":"))
-    apart = _within(hypot(x - other_x, y - other_y), 10 * CLICK_U, 1e6)
+    distance = _within(hypot(x - other_x, y - other_y), 10 * CLICK_U, 1e6)
     metres, metres_u = _length_and_u(length, "--scale", LARGEST_SCALE)
-    relative = hypot((metres_u or 0.0) / metres, hypot(CLICK_U, CLICK_U) / apart)
-    scale = metres / apart
+    relative = hypot((metres_u or 0.0) / metres, hypot(CLICK_U, CLICK_U) / distance)
+    scale = metres / distance
     return {"metres_per_pixel": scale, "metres_per_pixel_u": scale * relative}
 
 
@@ -143,8 +143,8 @@ def _ball_spec(text: str) -> Any:
     if not text.endswith(".toml") and ("balls", text) not in texts_in_place():
         if re.match(r"\s*[-+.\d]", text):
             return None
-        known = names("balls")
-        (text,) = [text] if text in known else [each for each in known if each.startswith(text)]
+        balls = names("balls")
+        (text,) = [text] if text in balls else [each for each in balls if each.startswith(text)]
     return load("balls", text, BallSpec).spec
 
 

@@ -175,8 +175,8 @@ def _rule(annotation: ast.expr | None) -> ParameterRule:
         case ast.Name(name) if name in BY_NAME:
             return BY_NAME[name]
         case ast.Name(name):
-            found = [getattr(module, name, None) for module in map(import_module, TYPES)]
-            return rule_of(next(filter(None, found), None))
+            annotations = [getattr(module, name, None) for module in map(import_module, TYPES)]
+            return rule_of(next(filter(None, annotations), None))
     return ANYTHING
 
 

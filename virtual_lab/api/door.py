@@ -45,14 +45,16 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
         function = getattr(import_module(place[0]), place[1])
         waiting = name in SHOWN and "progress" not in bound.arguments
         with (
-            catalog.sheets_in_place(store) as used,
+            catalog.sheets_in_place(store) as sheets_read,
             show_progress() if waiting else nullcontext() as bar,
         ):
             more = {"progress": bar} if waiting else {}
             result = function(*bound.args, **bound.kwargs, **more)
         for sheet in request.get(LABORATORY, ()):
-            if (sheet.kind, sheet.name) not in used:
-                in_use = sorted({each for kind, each in used if kind in ("instruments", "rigs")})
+            if (sheet.kind, sheet.name) not in sheets_read:
+                in_use = sorted(
+                    {each for kind, each in sheets_read if kind in ("instruments", "rigs")}
+                )
                 allowed = f"no rig of this test uses it; in use: {', '.join(in_use) or 'none'}"
                 raise InputError("", LABORATORY, sheet.name, allowed)
         return with_settings(result, f"arguments of vl.{name}", request, sealed=name in SEALED)

@@ -129,8 +129,8 @@ class Campaign:
 
     def block(self, number: int) -> Block:
         """Return a block by its number. Blocks are sorted by case, laboratories and day."""
-        rest, repeat = divmod(number, self.study.repeats)
-        case, place = divmod(rest, self._of_case)
+        of_days, repeat = divmod(number, self.study.repeats)
+        case, place = divmod(of_days, self._of_case)
         first, name = place * ROWS, f"{number:07}-{_hash([self.digest, number])[:16]}.parquet"
         rows = min(ROWS, self.study.laboratories - first)
         return Block(number, self.cases[case], repeat, first, rows, name)
@@ -195,8 +195,8 @@ class Campaign:
         """
         present = set(self.numbers_there())
         for number in numbers:
-            lost = None if number in present else Part(self.block(number), NOT_MADE)
-            yield lost or self.part(number, whole=whole)
+            absent = None if number in present else Part(self.block(number), NOT_MADE)
+            yield absent or self.part(number, whole=whole)
 
     def check(self, progress: Progress = quiet) -> Account:
         """Read all parts completely, and return the account of all blocks."""

@@ -66,10 +66,10 @@ class Study(Spec):
         texts: dict[str, str] = {}
         for number, case in enumerate(self.cases):
             progress("cases", number, len(self.cases))
-            with catalog.sheets_in_place({}) as used:
+            with catalog.sheets_in_place({}) as sheets_read:
                 with catalog.sheets_in_place(case.apply_changes()[0]):
                     case.round_robin(self.seed)
-                texts |= {"/".join(key): catalog.source(*key)[0] for key in used}
+                texts |= {"/".join(key): catalog.source(*key)[0] for key in sheets_read}
         return texts
 
 

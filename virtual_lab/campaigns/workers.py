@@ -137,15 +137,15 @@ def _in_turn(
 
     `check` is called each time that no block has ended for `PATIENCE`.
     """
-    rest = iter(numbers)
+    remaining = iter(numbers)
     pending: dict[Future[Fault], int] = {}
     while True:
-        pending |= {submit(number): number for number in islice(rest, most - len(pending))}
+        pending |= {submit(number): number for number in islice(remaining, most - len(pending))}
         if not pending:
             return
         ended = wait(pending, PATIENCE, FIRST_COMPLETED).done
         if not ended:
             check()
         for each in ended:
-            lost = each.exception()
-            yield pending.pop(each), str(lost) if lost else each.result()
+            fault = each.exception()
+            yield pending.pop(each), str(fault) if fault else each.result()

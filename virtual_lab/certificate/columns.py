@@ -57,12 +57,12 @@ def _with(which: str, name: str) -> Getter:
     return lambda c: None if getattr(c.readings, which) is None else getattr(c.shots, name)
 
 
-def _gate_time(way: int, first: int, last: int) -> Getter:
+def _gate_time(direction: int, first: int, last: int) -> Getter:
     def between(certification: Certification) -> Any:
         flights = certification.readings.flights
         if not isinstance(flights, GateReadings):
             return None
-        times = flights.passages.times[:, way]
+        times = flights.passages.times[:, direction]
         return times[:, last] - times[:, first]
 
     return between

@@ -16,7 +16,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, figure
 
 LEFT, RIGHT, TOP = 46.0, PAGE_WIDTH - 4, 30.0  # edges of the panels [pt]
-X_LABEL_ROOM = 32.0  # height of the labels below the axes [pt]
+X_LABEL_HEIGHT = 32.0  # height of the labels below the axes [pt]
 
 
 def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
@@ -42,9 +42,9 @@ def hits_figure(document: CertificateDocument) -> str:
     limit = None if metric.limit is None else metric.limit / printed.unit_si
     most = "no limit" if metric.limit is None else f"limit {printed.limit(metric.limit)}"
     stated = document.states_result
-    panels = [_hits_panel(document, RIGHT - 136 if stated else RIGHT, height - X_LABEL_ROOM)]
+    panels = [_hits_panel(document, RIGHT - 136 if stated else RIGHT, height - X_LABEL_HEIGHT)]
     if stated:
-        panels.append(_result_panel(document, RIGHT - 80, height - X_LABEL_ROOM))
+        panels.append(_result_panel(document, RIGHT - 80, height - X_LABEL_HEIGHT))
     elif limit is not None:
         _put_limit(panels[0], limit, most)
     description = f"{len(document.shots)} shots, {document.valid_hits} valid; {most}"
@@ -59,7 +59,7 @@ def along_figure(document: CertificateDocument) -> str:
     """
     along = document.along
     assert along is not None
-    room = (RIGHT - LEFT + 42) / len(along.quantities)
+    pitch = (RIGHT - LEFT + 42) / len(along.quantities)
     panels: list[Panel] = []
     for number, each in enumerate(along.quantities):
         symbol, unit, size = printed_size(each.name)
@@ -69,10 +69,10 @@ def along_figure(document: CertificateDocument) -> str:
         edge = 0.04 * (places[-1] - places[0])
         ends = [mean + sign * u for mean, u in zip(means, bars, strict=True) for sign in (-1, 1)]
         panel = Panel(
-            left=LEFT + number * room,
-            right=LEFT + (number + 1) * room - 42,
+            left=LEFT + number * pitch,
+            right=LEFT + (number + 1) * pitch - 42,
             top=TOP,
-            bottom=150 - X_LABEL_ROOM,
+            bottom=150 - X_LABEL_HEIGHT,
             x=(places[0] - edge, places[-1] + edge),
             y=_limits([*ends, *(value / size for value in each.curve)]),
             title=f"{symbol}, {unit}" if unit else symbol,
@@ -105,12 +105,12 @@ def budget_figure(document: CertificateDocument) -> str:
     rows = printed_budget(document)
     levels = [float(-number) for number in range(len(rows))]
     shares = [float(row["share"]) for row in rows]
-    height = 9.5 * len(rows) + X_LABEL_ROOM
+    height = 9.5 * len(rows) + X_LABEL_HEIGHT
     panel = Panel(
         left=205,
         right=RIGHT - 10,
         top=2,
-        bottom=height - X_LABEL_ROOM,
+        bottom=height - X_LABEL_HEIGHT,
         x=(0.0, 1.02 * max(shares)),
         y=(levels[-1] - 0.6, 0.6),
         x_label="share of the variance, %",
@@ -138,7 +138,7 @@ def rebound_figure(document: CertificateDocument) -> str | None:
     if check is None or check.difference is None or len(both) < 2:
         return None
     ends = _limits([value for _, *pair in both for value in pair])
-    middle, bottom = (LEFT + RIGHT) / 2, 130 - X_LABEL_ROOM
+    middle, bottom = (LEFT + RIGHT) / 2, 130 - X_LABEL_HEIGHT
     against = Panel(
         left=LEFT,
         right=middle - 30,
@@ -149,7 +149,7 @@ def rebound_figure(document: CertificateDocument) -> str | None:
         x_label="e_A from the recoil",
         y_label="e_A from the rebound",
     )
-    apart = [rebound - recoil for _, recoil, rebound in both]
+    differences = [rebound - recoil for _, recoil, rebound in both]
     u = check.u or 0.0
     by_shot = Panel(
         left=middle + 36,
@@ -157,7 +157,7 @@ def rebound_figure(document: CertificateDocument) -> str | None:
         top=TOP - 12,
         bottom=bottom,
         x=(0.4, len(document.shots) + 0.6),
-        y=_limits([*apart, check.difference - u, check.difference + u, 0.0]),
+        y=_limits([*differences, check.difference - u, check.difference + u, 0.0]),
         x_label="shot",
         y_label="rebound − recoil",
         x_ticks=[row.shot + 1.0 for row in document.shots] if len(document.shots) <= 30 else None,
@@ -233,7 +233,7 @@ def swings_figure(document: CertificateDocument) -> str:
         left=LEFT,
         right=RIGHT,
         top=TOP - 12,
-        bottom=122 - X_LABEL_ROOM,
+        bottom=122 - X_LABEL_HEIGHT,
         x=(exponents[0] - wide, exponents[-1] + wide),
         y=_limits([*low, *high]),
         x_label="exponent n of the swing law",
@@ -255,7 +255,7 @@ def encoder_figure(trace: EncoderTrace) -> str:
 
     Both are drawn over the time after contact [ms], with their fits.
     """
-    middle, bottom = (LEFT + RIGHT) / 2, 140 - X_LABEL_ROOM
+    middle, bottom = (LEFT + RIGHT) / 2, 140 - X_LABEL_HEIGHT
     turn, ring = trace.turn, trace.ring
     whole = Panel(
         left=LEFT,
@@ -361,14 +361,14 @@ def _result_panel(document: CertificateDocument, left: float, bottom: float) -> 
     value, low, high = (number / printed.unit_si for number in (metric.value, *metric.interval_95))
     limit = None if metric.limit is None else metric.limit / printed.unit_si
     against = value if limit is None else limit
-    reach = max(abs(against - value), high - value, 0.01)
+    half_width = max(abs(against - value), high - value, 0.01)
     panel = Panel(
         left=left,
         right=RIGHT,
         top=TOP,
         bottom=bottom,
         x=(-1.0, 1.0),
-        y=(min(against, low) - 0.3 * reach, max(against, high) + 0.3 * reach),
+        y=(min(against, low) - 0.3 * half_width, max(against, high) + 0.3 * half_width),
         title="no limit is set" if limit is None else "against the limit",
         x_label="result, 95 % interval\nand distribution",
         x_ticks=(),
@@ -405,9 +405,9 @@ def _put_density(
         panel.shape((base, *xs, base), (ys[0], *ys, ys[-1]))
 
 
-def _density(off: float, dof: float | None) -> float:
-    """Return Student's density at `off` standard uncertainties, relative to its maximum."""
-    return exp(-(off**2) / 2) if dof is None else (1 + off**2 / dof) ** (-(dof + 1) / 2)
+def _density(deviation: float, dof: float | None) -> float:
+    """Return Student's density at a `deviation` [u], relative to its maximum."""
+    return exp(-(deviation**2) / 2) if dof is None else (1 + deviation**2 / dof) ** (-(dof + 1) / 2)
 
 
 def _put_limit(panel: Panel, limit: float, words: str) -> None:
@@ -421,8 +421,8 @@ def _axis_label(document: CertificateDocument) -> str:
 
 
 def _limits(values: Sequence[float]) -> tuple[float, float]:
-    """Return limits of an axis with some room about the values."""
+    """Return limits of an axis with a margin about the values."""
     low, high = min(values, default=0.0), max(values, default=1.0)
     # an axis spans at least 2e-3, so that nearly equal hits look equal
-    room = max(0.12 * (high - low), (2e-3 - (high - low)) / 2)
-    return low - room, high + room
+    margin = max(0.12 * (high - low), (2e-3 - (high - low)) / 2)
+    return low - margin, high + margin

@@ -468,8 +468,8 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
 
 def _choice(metric: Budget | None) -> ChoiceStated | None:
     """Return the correction for the place chosen by a scan, None without one."""
-    chosen = [part for part in metric.components if part.name == CHOICE] if metric else []
-    return ChoiceStated(correction=chosen[0].value, u=chosen[0].u) if chosen else None
+    parts = [part for part in metric.components if part.name == CHOICE] if metric else []
+    return ChoiceStated(correction=parts[0].value, u=parts[0].u) if parts else None
 
 
 def _fill_stated(budget: Budget | None) -> Stated:

@@ -24,7 +24,7 @@ PAPERS = {"a4": "a4", "letter": "us-letter"}  # paper size: name in Typst
 NO_GLYPH = re.compile(r'the text `"(.+?)"` could not be displayed')
 ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")  # escaped character in a message of Typst
 MARKS = ("Mn", "Me", "Mc", "Cf")  # categories of characters that change their neighbors
-MOST_ODD = 500  # largest number of characters without a glyph
+MOST_UNPRINTABLE = 500  # largest number of characters without a glyph
 
 
 def pdf_name(document: CertificateDocument) -> str:
@@ -89,9 +89,9 @@ def typeset(
     standards
         Names of the PDF standards to meet, such as ``ua-1``.
     """
-    odd: set[str] = set()
+    unprintable: set[str] = set()
     while True:
-        printable = _dump_view(view, odd)
+        printable = _dump_view(view, unprintable)
         try:
             pdf: bytes = typst.compile(
                 source,
@@ -101,11 +101,11 @@ def typeset(
                 ignore_system_fonts=True,
             )
         except Exception as fault:
-            lacking = _lacking(str(fault), printable) - odd
-            if not lacking or len(odd) > MOST_ODD:
+            lacking = _lacking(str(fault), printable) - unprintable
+            if not lacking or len(unprintable) > MOST_UNPRINTABLE:
                 message = " ".join(f"cannot be set by Typst ({fault})".split())
                 raise InputError("", "PDF", None, message) from fault
-            odd |= lacking
+            unprintable |= lacking
         else:
             return pdf
 
@@ -142,8 +142,10 @@ def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str,
     return {"view": printable, "document": document.text, "paper": PAPERS[paper]}
 
 
-def _dump_view(view: dict[str, Any], odd: set[str]) -> str:
-    return json.dumps({**_spell_out(view, odd), "code_points": bool(odd)}, ensure_ascii=False)
+def _dump_view(view: dict[str, Any], unprintable: set[str]) -> str:
+    return json.dumps(
+        {**_spell_out(view, unprintable), "code_points": bool(unprintable)}, ensure_ascii=False
+    )
 
 
 def _typst() -> Any:
@@ -185,12 +187,12 @@ def _day(document: CertificateDocument) -> list[int]:
     return [1970, 1, 1]
 
 
-def _spell_out(value: Any, odd: set[str]) -> Any:
+def _spell_out(value: Any, unprintable: set[str]) -> Any:
     """Return texts with the characters that no font has as code points."""
     if isinstance(value, str):
-        return "".join(f"[U+{ord(each):04X}]" if each in odd else each for each in value)
+        return "".join(f"[U+{ord(each):04X}]" if each in unprintable else each for each in value)
     if isinstance(value, dict):
-        return {key: _spell_out(each, odd) for key, each in value.items()}
+        return {key: _spell_out(each, unprintable) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_spell_out(each, odd) for each in value]
+        return [_spell_out(each, unprintable) for each in value]
     return value

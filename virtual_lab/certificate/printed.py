@@ -499,18 +499,18 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
         compared: ComparedResult | None = getattr(camera, name, None)
         if compared is None:
             continue
-        off = compared.difference
-        assert off.value is not None
-        assert off.u is not None
-        places = decimals(off.u)
+        difference = compared.difference
+        assert difference.value is not None
+        assert difference.u is not None
+        places = decimals(difference.u)
         row = {"symbol": symbol, "agree": "agree" if compared.agree else "disagree"}
         for by in ("gates", "video", "joined"):
             stated: Stated = getattr(compared, by)
             assert stated.u is not None
             row[by] = _number(stated.value, places)
             row[f"{by}_u"] = digits(stated.u)
-        row["difference"] = f"{off.value + 0.0:+.{places}f}".replace("-", "−")
-        row["difference_u"] = digits(off.u)
+        row["difference"] = f"{difference.value + 0.0:+.{places}f}".replace("-", "−")
+        row["difference_u"] = digits(difference.u)
         rows.append(row)
     return rows
 
@@ -538,13 +538,13 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
         for row in large
     ]
     if small:
-        rest = sqrt(sum(row.contribution**2 for row in small)) / unit_si
+        contribution = sqrt(sum(row.contribution**2 for row in small)) / unit_si
         lines.append(
             {
                 "words": f"All others ({len(small)}), each below 1 %",
                 "u": "",
                 "type": ", ".join(sorted({row.type for row in small})),
-                "contribution": f"{rest:.{places}f}",
+                "contribution": f"{contribution:.{places}f}",
                 "share": f"{sum(row.share_percent for row in small):.1f}",
             }
         )

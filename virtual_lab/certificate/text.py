@@ -95,10 +95,10 @@ def _camera(document: CertificateDocument, rows: list[dict[str, str]]) -> Iterat
     missed = f", {camera.missed} more not measured by video" if camera.missed else ""
     yield f"gates and video for {camera.hits} hits{missed}:"
     for row in rows:
-        by = ", ".join(f"{way} {row[way]} (u {row[f'{way}_u']})" for way in WAYS)
+        by = ", ".join(f"{method} {row[method]} (u {row[f'{method}_u']})" for method in WAYS)
         agreed = "agree" if row["agree"] == "agree" else "DISAGREE"
-        off = f"difference {row['difference']} (u {row['difference_u']})"
-        yield f"  {row['symbol']:4} {by}; {agreed}, {off}"
+        difference = f"difference {row['difference']} (u {row['difference_u']})"
+        yield f"  {row['symbol']:4} {by}; {agreed}, {difference}"
 
 
 WAYS = ("gates", "video", "joined")
@@ -111,5 +111,5 @@ def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str
     ]
     if lines and particulars.not_stated:
         lines.append(f"  Not stated: {', '.join(particulars.not_stated)}")
-    used = [f"{name} {each.identity}" for name, each in particulars.instruments.items()]
-    return [*lines, f"  Instruments: {', '.join(used)}"] if used else lines
+    instruments = [f"{name} {each.identity}" for name, each in particulars.instruments.items()]
+    return [*lines, f"  Instruments: {', '.join(instruments)}"] if instruments else lines

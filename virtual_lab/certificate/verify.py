@@ -296,13 +296,13 @@ def _differing(rows: Iterable[Mismatch]) -> Iterator[Mismatch]:
 
     A page and a table of another program may be worded otherwise in many places.
     """
-    rest: dict[str, list[Mismatch]] = {}
+    others_of_file: dict[str, list[Mismatch]] = {}
     for row in rows:
         if RESULTS.match(row.key):
             yield replace(row, state="differs")
         else:
-            rest.setdefault(row.file, []).append(row)
-    for file, others in rest.items():
+            others_of_file.setdefault(row.file, []).append(row)
+    for file, others in others_of_file.items():
         if len(others) == 1:
             yield replace(others[0], state="differs")
         else:

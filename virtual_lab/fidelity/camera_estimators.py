@@ -77,8 +77,8 @@ def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
             if at and np.hypot(at[0] - picture.x, at[1] - picture.y) < picture.radius:
                 positions[k] = at
         x, y = (positions + inputs.regions.corners).T
-        lost = np.where(np.isnan(x), PlaceFlag.NOT_FOUND, 0).astype(np.uint16)
-        return replace(inputs.start, x=x, y=y, flags=lost)
+        flags = np.where(np.isnan(x), PlaceFlag.NOT_FOUND, 0).astype(np.uint16)
+        return replace(inputs.start, x=x, y=y, flags=flags)
 
     return estimator
 
@@ -147,12 +147,12 @@ def _ecc(picture: Picture) -> Place | None:
     matte, at = picture.matte, picture
     stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-6)
     for _ in range(2):
-        moved = np.eye(2, 3, dtype=np.float32)
+        shift = np.eye(2, 3, dtype=np.float32)
         try:
-            cv2.findTransformECC(at.model, matte, moved, cv2.MOTION_TRANSLATION, stop)
+            cv2.findTransformECC(at.model, matte, shift, cv2.MOTION_TRANSLATION, stop)
         except cv2.error:
             return None
-        at = replace(at, x=at.x + float(moved[0, 2]), y=at.y + float(moved[1, 2]))
+        at = replace(at, x=at.x + float(shift[0, 2]), y=at.y + float(shift[1, 2]))
     return at.x, at.y
 
 

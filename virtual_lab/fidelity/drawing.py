@@ -213,7 +213,7 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
                 occupied += [Bbox.from_bounds(x - 1, y - 1, 2, 2) for x, y in positions]
     left, right = axes.get_window_extent(renderer).intervalx
     for x, y, words, colour in points:
-        tried: list[tuple[int, int, Any]] = []
+        candidates: list[tuple[int, int, Any]] = []
         for up, side in product((0, 7, -7, 15, -15), ("left", "right")):
             label = axes.annotate(
                 words,
@@ -227,8 +227,8 @@ def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> 
             )
             box = label.get_window_extent(renderer)
             hidden = box.count_overlaps(occupied) + (not left < box.x0 < box.x1 < right)
-            tried.append((hidden, len(tried), label))
-        *rejected, (_, _, best) = sorted(tried, reverse=True)
+            candidates.append((hidden, len(candidates), label))
+        *rejected, (_, _, best) = sorted(candidates, reverse=True)
         for _, _, label in rejected:
             label.remove()
         occupied.append(best.get_window_extent(renderer))

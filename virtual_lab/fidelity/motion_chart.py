@@ -175,7 +175,7 @@ def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
 
-    def apart(time: float) -> tuple[Array, Array]:
+    def separation(time: float) -> tuple[Array, Array]:
         """Return the vectors from the bat's axis to the ball, and from the pivot to its foot."""
         angle = start.angle + start.rate * time
         along = np.array([np.sin(angle), 0.0, -np.cos(angle)])
@@ -184,8 +184,8 @@ def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
         return arm - foot, foot
 
     behind = float(-start.x / start.vx)  # time at which the ball reaches the bat at rest
-    time = brentq(lambda t: np.linalg.norm(apart(t)[0]) - bat.reach, 0, behind, xtol=1e-16)
-    offset, foot = apart(time)
+    time = brentq(lambda t: np.linalg.norm(separation(t)[0]) - bat.reach, 0, behind, xtol=1e-16)
+    offset, foot = separation(time)
     normal, place = offset / np.linalg.norm(offset), bat.axis - np.linalg.norm(foot)
     speed = float((np.cross(turning, foot) - velocity) @ normal)
     efficiency = float(bat.efficiency(np.asarray(place)))

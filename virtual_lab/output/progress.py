@@ -74,8 +74,8 @@ class _Status:
         line = f"{self.text}: {self.done} of {self.total}"
         if self.done > self.first and now > self.since:
             rate = (self.done - self.first) / (now - self.since)
-            left = (self.total - self.done) / rate
-            line += f", {_rate(rate)}, {_duration(left)} left"
+            remaining = (self.total - self.done) / rate
+            line += f", {_rate(rate)}, {_duration(remaining)} left"
         return line
 
 

@@ -169,7 +169,7 @@ class Panel:
         for number, words in enumerate(self.x_label.splitlines()):
             parts.append(_text(middle, below + 9.5 * number, words, "middle"))
         if self.y_label:
-            height, beside = (self.top + self.bottom) / 2, self.left - self._label_room()
+            height, beside = (self.top + self.bottom) / 2, self.left - self._label_distance()
             turned = f' transform="rotate(-90 {_at(beside, height)})"'
             parts.append(_text(beside, height, self.y_label, "middle", turned))
         across = self.left
@@ -198,7 +198,7 @@ class Panel:
         upward = _ticks(*self.y, 4) if self.y_ticks is None else list(self.y_ticks)
         return list(zip(upward, self.y_words or _numbers(upward), strict=True))
 
-    def _label_room(self) -> float:
+    def _label_distance(self) -> float:
         """Return the distance of the vertical axis's label, beyond the longest word [pt]."""
         longest = max((len(words) for _, words in self._upward()), default=0)
         return max(33.0, 8 + DIGIT * longest)

@@ -32,18 +32,18 @@ def plot_hits(certification: Certification, statement: str) -> Figure:
     printed, procedure = METRICS[certification.procedure.metric], certification.procedure
     values, place = certification.shot_metric / printed.unit_si, certification.readings.place / INCH
     across = np.arange(values.size) if procedure.scan is None else place
-    valid, used = certification.judgement.valid, certification.outcome.used
+    valid, in_result = certification.judgement.valid, certification.outcome.used
     with style.context(STYLE, after_reset=True):
         figure = Figure(figsize=(PAGE_WIDTH_IN, 2.6), dpi=150, layout="constrained")
         axes = figure.add_subplot()
         for kind, marker, color, fill, label in (
-            (valid & used, "o", "black", "black", "in the result"),
+            (valid & in_result, "o", "black", "black", "in the result"),
             (
-                valid & ~used,
+                valid & ~in_result,
                 "o",
                 "black",
                 "white",
-                "other valid hits" if used.any() else "valid hits",
+                "other valid hits" if in_result.any() else "valid hits",
             ),
             (~valid, "x", "0.5", "0.5", "rejected shots"),
         ):
@@ -55,7 +55,7 @@ def plot_hits(certification: Certification, statement: str) -> Figure:
             axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
         curve = (
-            curve_of(procedure, certification.readings.place, used, values)
+            curve_of(procedure, certification.readings.place, in_result, values)
             if certification.metric
             else None
         )

@@ -325,7 +325,7 @@ def sample(tested: BlockTest) -> Sample:
     aim = certified.block.calibration.get("impact.cannon.along")
     along = marks.along.reshape(count, -1)
     deviation = along - (aim.value[:, None] if aim else 0.0)
-    used = certified.outcome.used
+    in_result = certified.outcome.used
     return Sample(
         sound=~certified.invalid,
         fired=np.bincount(owner, minlength=count),
@@ -333,7 +333,9 @@ def sample(tested: BlockTest) -> Sample:
         place=certified.outcome.place,
         stray=deviation.var(axis=1, ddof=1),
         beside=np.mean(deviation**2, axis=1),
-        scatter=variances_within(owner[used], reduced.place[used], metric[used], count),
+        scatter=variances_within(
+            owner[in_result], reduced.place[in_result], metric[in_result], count
+        ),
         results={
             name: Results(
                 value=budgets.value,

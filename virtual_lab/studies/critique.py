@@ -269,13 +269,13 @@ def critique(
     exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # sorted by bat, then by n
-    chosen = {
+    rules_by_name = {
         each: catalog.load("procedures", each, Procedure).spec
         for each in procedures or _of_this_game(compared.sports)
     }
-    catalog.require_own_names("procedures", [rules.name for rules in chosen.values()])
+    catalog.require_own_names("procedures", [rules.name for rules in rules_by_name.values()])
     ranked = []
-    for procedure, rules in chosen.items():
+    for procedure, rules in rules_by_name.items():
         printed = METRICS[rules.metric]
         exact = [_exact(bat, procedure) for bat in bats]
         columns = []

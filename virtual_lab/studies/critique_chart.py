@@ -109,8 +109,8 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
                 axes.tick_params(axis="y", pad=30)
         for text, below, size in sentences:
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
-        used = set(pairs["verdict"])
-        handles = [_handle(verdict) for verdict in MARKS if verdict in used]
+        verdicts = set(pairs["verdict"])
+        handles = [_handle(verdict) for verdict in MARKS if verdict in verdicts]
         figure.legend(handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3)
         figure.savefig(path)
 
@@ -139,8 +139,10 @@ def _panel(
                 x, y, percent, ha="center", va="center", fontsize=6.5, color=mark.ink, zorder=3
             )
     for y, pair in enumerate(bats):
-        apart = next(row.v_f_mph for row in rows if (row.first, row.second) == pair)
-        axes.text(-0.62, y, f"{apart:+.1f}".replace("-", "−"), ha="right", va="center", fontsize=7)
+        difference = next(row.v_f_mph for row in rows if (row.first, row.second) == pair)
+        axes.text(
+            -0.62, y, f"{difference:+.1f}".replace("-", "−"), ha="right", va="center", fontsize=7
+        )
     axes.text(-0.62, -0.62, "$\\Delta v_f$, mph", ha="right", va="bottom", fontsize=6.5)
     axes.set_xlim(-0.5, len(procedures) - 0.5)
     axes.set_ylim(len(bats) - 0.5, -0.5)

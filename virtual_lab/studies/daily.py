@@ -231,8 +231,8 @@ def daily(
     for name, value in (("step", step), ("drift", drift)):
         if not 0 <= value < 1:
             raise InputError("", name, value, "allowed: 0 to 1, as a share of the rebound speed")
-    gone = np.maximum(np.arange(1, days + 1) - begin + 1, 0)
-    wall = 1 - step * (gone > 0) - drift * gone
+    days_since = np.maximum(np.arange(1, days + 1) - begin + 1, 0)
+    wall = 1 - step * (days_since > 0) - drift * days_since
     if not wall[-1] > 0:
         allowed = f"a drift that leaves some rebound on all {days} days"
         raise InputError("", "drift", drift, f"allowed: {allowed}")

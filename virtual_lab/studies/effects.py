@@ -160,7 +160,7 @@ def effects(
                 stated=stated,
                 realised=realised,
                 se=se,
-                apart=_apart(name, stated, realised, se),
+                apart=_difference(name, stated, realised, se),
                 laboratories=len(cases),
             )
         )
@@ -299,7 +299,7 @@ def _regress(
     )
 
 
-def _apart(name: str, stated: float, realised: float | None, se: float | None) -> float | None:
+def _difference(name: str, stated: float, realised: float | None, se: float | None) -> float | None:
     """Return real minus stated effect in standard errors; None if not comparable."""
     if name == SLOPE_ERROR or realised is None or not se:
         return None

@@ -86,8 +86,8 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
         needed = []  # the rules are for other machines; the reduction reports what is missing
     if needed:
         has_climate = "climate" in session.records.get("bench", {})
-        spared = (DENSITY,) if has_climate else (LOGGER,)  # the density follows from the climate
-        _require_constants(list(session.calibration), needed, spared, str(form))
+        optional = (DENSITY,) if has_climate else (LOGGER,)  # the density follows from the climate
+        _require_constants(list(session.calibration), needed, optional, str(form))
     try:
         return certify_session(apply_options(session))
     except InputError as fault:
@@ -104,14 +104,14 @@ def _constants_of(procedure: str) -> list[str]:
 
 
 def _require_constants(
-    keys: list[str], needed: list[str], spared: tuple[str, ...], where: str
+    keys: list[str], needed: list[str], optional: tuple[str, ...], where: str
 ) -> None:
     """Raise `InputError` if constants are missing or unknown.
 
     Constants whose names begin with one of `spared` are optional. Further numbered constants are
     allowed, such as `distance_2` for a third gate.
     """
-    missing = [key for key in needed if key not in keys and not key.startswith(spared)]
+    missing = [key for key in needed if key not in keys and not key.startswith(optional)]
     kinds = {_without_number(key) for key in needed}
     unknown = [key for key in keys if _without_number(key) not in kinds]
     if missing:

@@ -207,13 +207,13 @@ def _sheet(kind: str, name: str) -> ShownSheet:
     document, data = catalog.sheet(kind, name)
     sources = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
     words = {key: value for key, value in document.items() if isinstance(value, str)}
-    used = sorted({datum.source for datum in data})
+    cited = sorted({datum.source for datum in data})
     return ShownSheet(
         kind=kind,
         name=words.pop("name", name),
         title=words.pop("title"),
         words=words,
         numbers=tuple(data),
-        sources={key: sources[key]["text"] if key in sources else key for key in used},
+        sources={key: sources[key]["text"] if key in sources else key for key in cited},
         slowest_rebound=SlowestRebound.of(name, document.get("kind")),
     )

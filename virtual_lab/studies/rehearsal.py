@@ -146,8 +146,8 @@ class Rehearsal:
             owner = np.append(owner, shots.owner)
             place, metric = np.append(place, places), np.append(metric, measured)
         weights = outcomes_of(rules, many, owner, place, valid, metric, target).weights
-        lost = shortfalls(rules, many, owner, place, valid, metric).mean
-        results = np.bincount(owner, metric * weights, many) + lost
+        shortfall = shortfalls(rules, many, owner, place, valid, metric).mean
+        results = np.bincount(owner, metric * weights, many) + shortfall
         exact = self.metric(place)
         exact_target = self._target_metric(place, exact).value
         return results - results_of_curves(

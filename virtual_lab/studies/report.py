@@ -313,7 +313,9 @@ def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
         if len(names) > 1:
             differing[key] = ", ".join(name or "not stated" for name in list(names)[:6])
     if len(differing) > 1:
-        ways = "; ".join(f"{key}: {names}" for key, names in differing.items())
-        allowed = f"differ in more than one respect ({ways}); allowed: a difference in one at most"
+        differences = "; ".join(f"{key}: {names}" for key, names in differing.items())
+        allowed = (
+            f"differ in more than one respect ({differences}); allowed: a difference in one at most"
+        )
         raise InputError("", "folders", None, allowed)
     return KINDS[next(iter(differing))][0] if differing else REPEATS

@@ -151,8 +151,8 @@ def _constant(key: str, sign: str = "") -> Iterator[str]:
     units = list(DIMENSIONS[constant.dimension]) if constant else [BLANK]
     meaning = f"{constant.meaning}; " if constant else ""
     yield f"# {meaning}{' or '.join(units)}"
-    rest = f'unit = "{units[0]}", u = "{BLANK}", source = ""'
-    yield f'{sign}"{key}" = {{ value = "{BLANK}", {rest} }}'
+    ending = f'unit = "{units[0]}", u = "{BLANK}", source = ""'
+    yield f'{sign}"{key}" = {{ value = "{BLANK}", {ending} }}'
 
 
 def _is_long(record: Record) -> bool:

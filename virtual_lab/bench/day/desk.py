@@ -156,7 +156,7 @@ class Desk:
 
         Raises `InputError` with the name of a missing record.
         """
-        judgement = self._chosen(self.by_rules.shots)
+        judgement = self._judgement(self.by_rules.shots)
         return self.by_rules.judge_hits(lambda *_: judgement, self.readings)
 
     @cached_property
@@ -281,9 +281,9 @@ class Desk:
     @property
     def next_ball(self) -> int:
         """Number of the next ball, from 0. The admitted balls take turns."""
-        used = self.preparation.used[0, 0].copy()
-        used[list(self.day.retired)] = False
-        balls = np.flatnonzero(used if used.any() else ~used)
+        available = self.preparation.used[0, 0].copy()
+        available[list(self.day.retired)] = False
+        balls = np.flatnonzero(available if available.any() else ~available)
         return int(balls[len(self.day.fired) % balls.size])
 
     def last(self, action: str) -> DayEvent | None:
@@ -306,7 +306,7 @@ class Desk:
         following.__dict__.update({name: cache[name] for name in unchanged if name in cache})
         return following
 
-    def _chosen(self, results: ShotResults) -> Judgement:
+    def _judgement(self, results: ShotResults) -> Judgement:
         decisions = self.day.decisions
         reasons = [UNDECIDED] * len(results.speed)
         for shot, decision in decisions.items():

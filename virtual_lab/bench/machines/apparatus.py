@@ -286,7 +286,7 @@ class Apparatus:
     def _swing_clamp(self, day: Day, action: Action) -> Reading:
         """Measure the moment of inertia of the clamp, and use it if the trainee chose so."""
         station: Any = self.laboratory.stations[Stage.BENCH]
-        error = self._table.clamp_u * self._off(day, action)
+        error = self._table.clamp_u * self._reading_error(day, action)
         measured = station.pendulum.true["clamp_inertia"] + error
         entered = day.morning.calibration["bench.pendulum.clamp_inertia"].value
         estimate = Estimate(
@@ -301,7 +301,7 @@ class Apparatus:
             ),
         )
 
-    def _off(self, day: Day, action: Action) -> float:
+    def _reading_error(self, day: Day, action: Action) -> float:
         """Return the error of a manual reading, in standard uncertainties."""
         number = np.array([day.times(action.name)])
         return float(self.laboratory.draws.normal(f"rehearsal.{action.name}", slots=number)[0])
@@ -317,7 +317,7 @@ class Apparatus:
         """Show the first bending frequency of the bat [Hz] in its present condition."""
         bat = specimen_at(Stage.IMPACT if day.fired else Stage.BENCH, self.laboratory).bat
         frequency = float(modes_of(bat.body, Free(), 1).bending_frequencies[0])
-        noise = self._table.tap_u * self._off(day, action)
+        noise = self._table.tap_u * self._reading_error(day, action)
         return Reading(shown=(("first bending frequency", round(frequency + noise, 1), "Hz"),))
 
     # the wall
@@ -347,7 +347,7 @@ class Apparatus:
     def _measure_pivot(self, day: Day, action: Action) -> Reading:
         pivot = instrument_of(self.laboratory.stations[Stage.IMPACT], "pivot")
         surveyed = day.morning.calibration["impact.pivot.from_knob"]
-        error = self._table.pivot_rule_u * self._off(day, action)
+        error = self._table.pivot_rule_u * self._reading_error(day, action)
         measured = _millimetres("axis from the knob, measured", pivot.true["from_knob"] + error, 1)
         return Reading(
             shown=(measured, _millimetres("axis from the knob, surveyed", surveyed.value, 1))
@@ -395,10 +395,10 @@ class Apparatus:
         aim = Desk(day).session.calibration.get("impact.cannon.along")
         if aim is None:
             return Reading()
-        moved = float(action.arguments["along"]) * MILLIMETRE
+        displacement = float(action.arguments["along"]) * MILLIMETRE
         u = sqrt(aim.u**2 + self._table.aim_setting**2)
         return Reading(
-            constants={"impact.cannon.along": replace(aim, value=aim.value + moved, u=u)}
+            constants={"impact.cannon.along": replace(aim, value=aim.value + displacement, u=u)}
         )
 
     def _fire(self, day: Day, _: Action) -> Reading:

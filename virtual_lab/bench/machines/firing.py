@@ -75,8 +75,8 @@ class Firing:
         if walls not in self.after_walls:
             before, play = self._age_balls(walls - 1), self.wall(walls - 1)
             log: Any = play.records["log"]
-            lost = play.truth["restitution_loss"]
-            balls = before.specimen.balls.as_found(log.ball.astype(int), lost)
+            loss = play.truth["restitution_loss"]
+            balls = before.specimen.balls.as_found(log.ball.astype(int), loss)
             specimen = replace(before.specimen, balls=balls)
             self.after_walls[walls] = replace(before, specimen=specimen)
         return self.after_walls[walls]
@@ -94,18 +94,21 @@ class Firing:
         errors = action_table().consequences.aim_setting * self.laboratory.draws.normal(
             "rehearsal.aim", 2, slots
         )
-        moved = (np.array(shift) + errors).sum(axis=0)
+        displacement = (np.array(shift) + errors).sum(axis=0)
         cannon: Any = station
         true = cannon.cannon.true
         return alter_instrument(
-            station, "cannon", along=true["along"] + moved[0], across=true["across"] + moved[1]
+            station,
+            "cannon",
+            along=true["along"] + displacement[0],
+            across=true["across"] + displacement[1],
         )
 
     def conditions(self, day: Day) -> ShotConditions:
         """Return the conditions of the next shot. Raises `InputError` without ball or position."""
         if day.ball is None or day.place is None:
             raise InputError("fire", "cannon", None, "no ball, or no place: decide() comes first")
-        rest = action_table().consequences.ball_rest
+        rest_time = action_table().consequences.ball_rest
         swung = self.laboratory.rules.spec.bat_speed is not None
         return ShotConditions(
             shot=len(day.fired),
@@ -115,7 +118,7 @@ class Firing:
             ready=day.ready - {"clear-scrap"},
             scrap=day.scrap,
             shift=day.shift,
-            warm=sum(ball == day.ball and day.seconds - at < rest for ball, at in day.fired),
+            warm=sum(ball == day.ball and day.seconds - at < rest_time for ball, at in day.fired),
             wall=day.times("hit-wall"),
         )
 

@@ -154,8 +154,8 @@ def _corrected_days(
     sheets = action_table().actions
     by_windows = {
         shot
-        for shot, chosen in day.decisions.items()
-        if shot < len(reasons) and chosen.accepted == (not reasons[shot])
+        for shot, decision in day.decisions.items()
+        if shot < len(reasons) and decision.accepted == (not reasons[shot])
     }
     by_step: dict[str, list[int]] = {}
     for each in omitted_steps(day):

@@ -398,8 +398,8 @@ def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
     """Return the explanation of the best score, and that of the score with the largest loss."""
     best = max(scores, key=lambda score: (score.value, score.weight))
     worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
-    lost = (1 - worst.value) * worst.weight
-    change = f"{worst.name}: {worst.because}" if lost > 0.02 else "nothing"
+    loss = (1 - worst.value) * worst.weight
+    change = f"{worst.name}: {worst.because}" if loss > 0.02 else "nothing"
     return f"{best.name}: {best.because}", change
 
 
@@ -443,11 +443,11 @@ def _expert_review(
         and sheets[event.action].part in {"bench", "wall", "rig"}
     )
     value, u = expert_desk.result or (None, None)
-    apart = ""
+    difference = ""
     if day.verdict != right:
         spoilt = bool(set(faults) - day.repaired_faults)
         expert_right = right_verdict(apparatus, expert_desk, value, u, spoilt=spoilt).word
-        apart = _why_verdicts_differ(right, expert_right, expert_desk, desk)
+        difference = _why_verdicts_differ(right, expert_right, expert_desk, desk)
     return ExpertDay(
         verdict=day.verdict,
         confidence=float(verdict.arguments["confidence"]) / 100,
@@ -456,7 +456,7 @@ def _expert_review(
         shots=len(day.fired),
         doubts=tuple(str(event.arguments["doubt"]) for event in named),
         checks=tuple(checks),
-        apart=apart,
+        apart=difference,
     )
 
 
@@ -477,7 +477,7 @@ def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk:
             "Here the expert is wrong by chance: the expert's result and the truth are on "
             f"different sides of the limit, so {right} is right"
         )
-    lost = (
+    effect = (
         "left you without a result"
         if desk.result is None
         else "made your result wrong by more than its U"
@@ -494,7 +494,7 @@ def _why_verdicts_differ(right: str, expert_right: str, expert_desk: Desk, desk:
     response = f"repaired it ({titles})" if titles else "was not affected by it"
     if right == "INVALID":
         return (
-            f"Both verdicts are right: the fault {lost}, so {right} is right for your day; "
+            f"Both verdicts are right: the fault {effect}, so {right} is right for your day; "
             f"the expert {response}, so {verdict} is right for the expert's day"
         )
     verdicts = f"{right} for what you measured, {verdict} for what the expert measured"

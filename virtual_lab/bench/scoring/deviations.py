@@ -206,12 +206,13 @@ def _gate_evidence(desk: Desk, shot: int) -> Evidence:
 
 
 def _ball_evidence(desk: Desk, shot: int) -> Evidence:
-    rest, fired = action_table().consequences.ball_rest, desk.day.fired
+    rest_time, fired = action_table().consequences.ball_rest, desk.day.fired
     ball, at = fired[shot]
     earlier = [second for ball_fired, second in fired[:shot] if ball_fired == ball]
     rested = (at - earlier[-1]) / 60 if earlier else float("inf")
-    why = f"the ball of shot {shot + 1} had rested {rested:.0f} min; required: {rest / 60:.0f} min"
-    return rested * 60 >= rest, why if earlier else f"it was the first hit of ball {ball + 1}"
+    required = f"required: {rest_time / 60:.0f} min"
+    why = f"the ball of shot {shot + 1} had rested {rested:.0f} min; {required}"
+    return rested * 60 >= rest_time, why if earlier else f"it was the first hit of ball {ball + 1}"
 
 
 BY_SHOT: Mapping[

@@ -377,10 +377,10 @@ def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
         for step in ready_steps(day.desk.day):
             day.do(action_of(step))
         day.do(action_of("fire"))
-        odd = bool(day.desk.reasons[-1])
-        if odd and "stop" in fields:
+        rejected = bool(day.desk.reasons[-1])
+        if rejected and "stop" in fields:
             return
-        if "accept" in fields and not odd:
+        if "accept" in fields and not rejected:
             day.do(action_of("accept", {"shot": len(day.desk.day.fired)}))
 
 

@@ -370,8 +370,8 @@ def _wood(x: Array, length: float) -> BatBody:
 
 
 def _hollow(x: Array, length: float) -> BatBody:
-    barrel, handle, start, end, middle, *rest = map(float, x)
-    wall, wall_middle, wall_handle, knob, knob_place, cap, hoop, hoop_mass = rest
+    barrel, handle, start, end, middle, *others = map(float, x)
+    wall, wall_middle, wall_handle, knob, knob_place, cap, hoop, hoop_mass = others
     between = handle + middle * (barrel - handle)
     return BatBody(
         profile=Profile(

@@ -348,7 +348,7 @@ def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
     worst = max(rows, key=lambda row: abs(row.plain_shift))
     loose = max(rows, key=lambda row: abs(row.loose_shift))
     far = rows[-1]
-    lost = [f"{row.z_in:.3g}" for row in rows if row.seen < 0.5]
+    missed_at = [f"{row.z_in:.3g}" for row in rows if row.seen < 0.5]
     words = [
         f"At the centre of percussion, {percussion_in:.2f} in, the impulse on the "
         f"axis is {near.reaction_ns:+.2f} N s. At {worst.z_in:.3g} in it is "
@@ -360,8 +360,8 @@ def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
         "angle and not the rate, except close to the centre of percussion, where no force "
         "takes up the clearance.",
     ]
-    if lost:
-        words.append(f"The gates miss most rebounds at {', '.join(lost)} in.")
+    if missed_at:
+        words.append(f"The gates miss most rebounds at {', '.join(missed_at)} in.")
     return (
         f"e_A by recoil and by rebound: error without randomness; rms error and u with randomness\n"
         f"{table_text(rows)}\n\n" + "\n".join(words)

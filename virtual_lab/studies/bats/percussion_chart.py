@@ -55,9 +55,11 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
         handles = [*errors.get_legend_handles_labels()[0], *beside.get_lines()]
         errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         plain, loose = "plain bearing, friction 0.09", "loose bearing, clearance ±0.2 mm"
-        rigid, moved = 1e3 * rows["plain_shift"], 1e3 * table["loose_shift"]
+        rigid, loose_shift = 1e3 * rows["plain_shift"], 1e3 * table["loose_shift"]
         shifts.plot(z, rigid, "^-", markersize=4, color=COLOURS["plain"], label=plain)
-        shifts.plot(table["z_in"], moved, "D", markersize=4, color=COLOURS["loose"], label=loose)
+        shifts.plot(
+            table["z_in"], loose_shift, "D", markersize=4, color=COLOURS["loose"], label=loose
+        )
         shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
         shifts.legend(loc="best")
         loads.plot(z, rows["reaction_ns"], "o-", markersize=4, color="black", label="on the axis")

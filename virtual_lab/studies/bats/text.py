@@ -167,10 +167,10 @@ def comparison_text(
     swung = {"n": Column("swing", form=lambda row: swing_text(row.n))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
     pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}
-    apart = pair | swung | columns_of(differences[0])
+    columns = pair | swung | columns_of(differences[0])
     return (
         f"largest values (and positions, inches from the tip), {balls_text(balls)}\n"
-        f"{table_text(peaks, tops)}\n\n{table_text(differences, apart)}"
+        f"{table_text(peaks, tops)}\n\n{table_text(differences, columns)}"
     )
 
 

@@ -49,8 +49,8 @@ class Findings(StudyResult):
     def text(self) -> str:
         """All claims in a table, and the reason of each that does not hold."""
         table = table_text([row.cells for row in self.claims])
-        lost = [f"\n{row.claim.name}: {row.claim.lost}" for row in self.claims if not row.holds]
-        return f"{table}\n\n{self.held} of {len(self.claims)} hold{''.join(lost)}"
+        reasons = [f"\n{row.claim.name}: {row.claim.lost}" for row in self.claims if not row.holds]
+        return f"{table}\n\n{self.held} of {len(self.claims)} hold{''.join(reasons)}"
 
     def draw(self, path: Path) -> None:
         """Draw the paper's Figs. 2 to 4."""

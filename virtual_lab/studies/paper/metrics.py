@@ -215,8 +215,8 @@ def parallel_axes() -> float:
     """
     bat_beam = beam(WOOD)
     pivot = bat_beam.length - 6 * INCH
-    moved = parallel_axis(bat_beam.inertia_cm, bat_beam.mass, pivot - bat_beam.z_cm)
-    return float(moved) / bat_beam.inertia(pivot) - 1
+    shifted = parallel_axis(bat_beam.inertia_cm, bat_beam.mass, pivot - bat_beam.z_cm)
+    return float(shifted) / bat_beam.inertia(pivot) - 1
 
 
 def nearer_is_heavier() -> float:

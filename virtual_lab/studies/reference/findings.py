@@ -70,16 +70,18 @@ class ReferenceResult(StudyResult):
     @property
     def text(self) -> str:
         """The rows represented, the reasons for disagreements, and the counts."""
-        shown = self.represented
-        roles = {role: sum(row.role == role for row in shown) for role in ("prediction", "data")}
-        fits = len(shown) - sum(roles.values())
-        reasons = [_reason(row) for row in shown if row.verdict != "agrees"]
+        represented = self.represented
+        roles = {
+            role: sum(row.role == role for row in represented) for role in ("prediction", "data")
+        }
+        fits = len(represented) - sum(roles.values())
+        reasons = [_reason(row) for row in represented if row.verdict != "agrees"]
         counts = (
-            f"{len(shown)} of {len(self.rows)} published numbers represented: "
+            f"{len(represented)} of {len(self.rows)} published numbers represented: "
             f"{roles['prediction']} predicted, {roles['data']} in the data files, {fits} inputs of "
             f"a fit; {len(reasons)} disagree. The others and their reasons are in the CSV file."
         )
-        return "\n\n".join((table_text(shown), "\n".join(reasons), counts))
+        return "\n\n".join((table_text(represented), "\n".join(reasons), counts))
 
     def draw(self, path: Path) -> None:
         """Draw the predictions, each in half widths of its range of agreement."""
@@ -99,9 +101,9 @@ class ReferenceResult(StudyResult):
                 agrees = row.verdict == "agrees"
                 far = abs(at) > FARTHEST
                 marker = ("<" if at < 0 else ">") if far else "o"
-                shown = min(max(at, -FARTHEST), FARTHEST)
+                drawn_at = min(max(at, -FARTHEST), FARTHEST)
                 axes.plot(
-                    shown, place, marker, color="black", fillstyle="full" if agrees else "none"
+                    drawn_at, place, marker, color="black", fillstyle="full" if agrees else "none"
                 )
             axes.set_yticks(range(len(drawn)), names)
             axes.set_ylim(len(drawn) - 0.5, -0.5)
@@ -168,8 +170,8 @@ def _verdict(number: Published, result: float | None) -> Verdict:
     if number.known is None:
         return "agrees" if within else "DISAGREES"
     change = abs(number.deviation(result) - number.known)
-    stands = not within and change <= KNOWN_CHANGE * abs(number.known)
-    return "known disagreement" if stands else "DISAGREES"
+    unchanged = not within and change <= KNOWN_CHANGE * abs(number.known)
+    return "known disagreement" if unchanged else "DISAGREES"
 
 
 def _reason(row: ReferenceRow) -> str:
