@@ -222,7 +222,10 @@ class EncoderRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimMarks(Record):
-    """Marks of test shots on an aim paper, relative to the aim: along and across the bat."""
+    """Marks of test shots on an aim paper, as distances from the aim, shape (mark,).
+
+    `along` is positive toward the knob, `across` is positive upward.
+    """
 
     along: Array
     across: Array

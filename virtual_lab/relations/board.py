@@ -60,8 +60,8 @@ def board_of(text: str) -> Board:
     Raises
     ------
     InputError
-        Another form, fewer than 4 x 3 squares, a marker that does not fit, or more markers than
-        the dictionary has.
+        Another form, fewer than 4 x 3 squares, a square outside the allowed sizes, a board longer
+        than 10 m, a marker that does not fit, or more markers than the dictionary has.
     """
     key, (kind, *parts) = "--board", text.strip().split(":")
     charuco = kind == "charuco"

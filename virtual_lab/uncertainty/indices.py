@@ -43,8 +43,8 @@ def sobol_indices(
 
     `first` is the share of the variance that an input explains alone, `total` the share with all
     its interactions (Saltelli 2010, by scipy.stats.sobol_indices). `first_u` and `total_u` are
-    their Monte Carlo standard errors, as of independent points; those of Sobol's sequence are
-    mostly smaller. A total below its first is within these errors.
+    their Monte Carlo standard errors, computed as for independent points; the errors with Sobol's
+    sequence are mostly smaller. A total can be below its first within these errors.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def sobol_indices(
     Raises
     ------
     InputError
-        Correlated inputs, one alone, another number of points, a model that no input moves; else
-        as `propagate`.
+        Correlated inputs, fewer than two uncertain inputs, a number of points that is no power of 2
+        or too large, a model whose outputs do not vary; else as `propagate`.
     """
     import pandas as pd
     from scipy.stats import sobol_indices as by_scipy

@@ -113,8 +113,8 @@ def nested_study(values: ArrayLike) -> NestedStudy:
     Raises
     ------
     InputError
-        Fewer than two laboratories or two repeats, values that are not finite, or a data set whose
-        values are all equal.
+        Another shape, fewer than two laboratories or two repeats, values that are not finite, or a
+        data set whose values are all equal.
     """
     results = np.asarray(values, float)
     shape = results.shape

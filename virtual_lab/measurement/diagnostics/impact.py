@@ -26,8 +26,9 @@ RATE_ROUNDING = 1e-5  # relative accuracy of the extrapolation of a rate to cont
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
     """Yield two flags, raised where gates missed a ball: first at the wall, then at the bat.
 
-    At the wall a ball counts as missed if the gates did not detect it both incoming and returning,
-    at the bat if a gate did not detect it incoming. In a sound block both are raised nowhere.
+    At the wall a hit counts as missed if the gates did not detect the incoming or the returning
+    ball, at the bat if a gate did not detect the incoming ball. In a sound block both are raised
+    nowhere.
     """
     hits = evidence.reduced.preparation.balls.ball[:, 0]
     wall_misses = np.sum(hits < 0, axis=1)
@@ -69,10 +70,10 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
 
 
 def aim(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons of the mean mark on the aim paper with the aim [m]: along, then across.
+    """Yield two comparisons: the mean mark on the aim paper minus the known aim [m].
 
-    Along and across refer to the bat. Nothing is yielded without aim paper, or with fewer than
-    `FEWEST_SHOTS` marks per laboratory.
+    The first is that along the bat, the second that across it. Nothing is yielded without aim
+    paper, or with fewer than `FEWEST_SHOTS` marks per laboratory.
     """
     marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks):

@@ -77,10 +77,12 @@ def outcomes_of(
     metric: Array,
     objective: Objective,
 ) -> HitWeights:
-    """Return the weights of the hits and the impact position of the result, for each laboratory.
+    """Return the weights of the hits, (shot,), and the impact position of each laboratory's result.
 
-    A laboratory without a result has NaN as weights and position, and a reason. An incomplete test
-    can have a result and nevertheless a reason, which makes it INVALID.
+    The position is the distance from the barrel tip, (laboratory,) [m]. A laboratory without a
+    result has NaN as weights and position, and a reason. Without a scan that is a laboratory with
+    fewer than two valid hits. An incomplete test can have a result and nevertheless a reason, which
+    makes it INVALID.
 
     Parameters
     ----------
@@ -305,9 +307,10 @@ def verdicts_of(
 
 
 def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -> tuple[str, ...]:
-    """Return the sentences of the reasons for one laboratory's verdict.
+    """Return the sentences of the reasons for one laboratory's `verdict`.
 
-    The tuple is empty for PASS and MEASURED.
+    Reasons for another verdict, or for other laboratories only, are left out. The tuple is empty
+    for PASS and MEASURED.
     """
     return tuple(
         each.sentence(laboratory)

@@ -60,7 +60,8 @@ def passages(
     """Return times [s] and heights [m] at which the balls of a record passed the gates or boards.
 
     The arrays are (shot, direction, gate), with NaN for a passage that was not detected. Heights
-    are NaN for gates, which do not measure them.
+    are NaN for gates, which do not measure them. The u of the heights is 0 and the misfit NaN
+    except for the edges of boards.
 
     Parameters
     ----------

@@ -140,7 +140,8 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times without every second incoming ball at the gate nearest the bat.
 
-    The result has the name ``times`` [s]; missed edges are NaN.
+    The result has the name ``times`` [s]. The edges of the missed balls, those of shots 1, 3, 5, …
+    counted from 0, are NaN.
     """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan

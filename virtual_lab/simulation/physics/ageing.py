@@ -14,10 +14,11 @@ from virtual_lab.units import Array
 def loss_of_restitution(
     ageing: BallAgeing, ball: NDArray[np.int_], speed: Array, rest: float
 ) -> Array:
-    """Return the loss of e0 before each hit, caused by earlier hits on the same ball, (shot,).
+    """Return the loss of e0 before each hit, without unit, caused by earlier hits on the ball.
 
-    The hits are in order of time. `ball` holds the number of the ball and `speed` its speed
-    [m/s], both (shot,). `rest` is the time between two hits of the same ball [s].
+    It is (shot,), and 0 at the first hit of a ball. The hits are in order of time. `ball` holds the
+    number of the ball and `speed` its speed [m/s], both (shot,). `rest` is the time between two
+    hits of the same ball [s].
     """
     in_turn = np.argsort(ball, kind="stable")  # sorts the hits by ball
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)
