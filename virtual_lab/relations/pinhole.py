@@ -60,12 +60,12 @@ def undistort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array
 def project_points(
     points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array
 ) -> Array:
-    """Return the pixels (…, 2) of points (…, 3) in axes of the camera.
+    """Return the pixels (x, y), (…, 2), of points (…, 3) in axes of the camera.
 
     Parameters
     ----------
     points
-        Points in front of the camera, (…, 3).
+        Points in front of the camera, (…, 3), in any unit.
     focal
         Focal length [px].
     centre

@@ -198,7 +198,7 @@ def drifting(record: Any, written: FaultContext) -> Arrays:
 
 
 def too_slow(plan: ShotPlan) -> ShotPlan:
-    """Return the plan with all nominal speeds 3 mph lower."""
+    """Return the plan with all nominal speeds 3 mph (1.34 m/s) lower."""
     return replace(plan, speed=plan.speed - 3 * MPH)
 
 

@@ -294,9 +294,9 @@ def draw_balls(
 ) -> TrueBalls:
     """Return `number` balls of a lot, drawn at random: mass [kg] and e0 of each, (ball,).
 
-    In a block the arrays are (laboratory, ball). The properties of the lot are drawn by `lot`, by
-    default by `draws`. `store` is the relative humidity of the store of the lot, 0 to 1,
-    (laboratory,); None: that of the sheet.
+    The e0 is that at the reference speed of the sheet. In a block the arrays are (laboratory,
+    ball). The properties of the lot are drawn by `lot`, by default by `draws`. `store` is the
+    relative humidity of the store of the lot, 0 to 1, (laboratory,); None: that of the sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread
