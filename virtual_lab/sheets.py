@@ -255,7 +255,7 @@ def entry_names(entries: AnyEntries) -> tuple[str, ...]:
 
 
 def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
-    """Return one word, or a list of words, as a tuple."""
+    """Return one word as a tuple of one, or a list of words as a tuple."""
     return (words,) if isinstance(words, str) else tuple(words)
 
 

@@ -39,7 +39,7 @@ def with_digests(file: bytes) -> bytes:
 
 
 def checked_file(path: Path) -> bytes:
-    """Return the bytes of a Parquet file.
+    """Return the bytes of a Parquet file whose data and footer agree with their digests.
 
     Raises `InputError` if the file cannot be read, and `ChangedPartError` if data or footer differ
     from their digests in the footer.

@@ -35,7 +35,8 @@ def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
 def hits_figure(document: CertificateDocument) -> str:
     """Return an SVG figure of the metric of each hit, and of the result against the limit.
 
-    The hits are drawn in the order of the shots; those of a scan against the impact position.
+    The hits are drawn in the order of the shots; those of a scan against the impact position [in
+    from the tip]. Without a result the right panel is left out.
     """
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0

@@ -107,7 +107,7 @@ def _in_words(value: Any) -> Any:
 
 
 def least_time(work: Callable[[], T]) -> tuple[T, float]:
-    """Return the result of `work`, and the shortest processor time of up to five runs [s].
+    """Return the result of `work`, and the shortest processor time of one to five runs [s].
 
     The runs end when they have taken half a second together.
     """

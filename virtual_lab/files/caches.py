@@ -21,6 +21,7 @@ def provide_cache(package: Path) -> None:
 
     The usual folders are the one that the user names, ``__pycache__`` beside the code of `package`,
     and the cache in the user's home. A line on stderr names the temporary folder when it is made.
+    On Windows nothing is done.
     """
     named, home = os.environ.get(CACHE), Path("~/.cache").expanduser()
     usual = [package / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or home, "numba")]

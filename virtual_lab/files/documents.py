@@ -296,7 +296,7 @@ def check_writable(target: Path, key: str) -> None:
 
 
 def first_free(target: Path) -> Path:
-    """Return the first of `target`, target-2, target-3 … that is absent or empty."""
+    """Return the first of `target`, target-2, target-3 … that is absent or an empty folder."""
     candidate, number = target, 1
     while candidate.exists() and (not candidate.is_dir() or any(candidate.iterdir())):
         number += 1

@@ -36,7 +36,7 @@ def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g")
 
 
 def inline() -> Any:
-    """Return a dataclass field that is a dataclass, whose fields become columns of the row."""
+    """Return a dataclass field for a dataclass whose fields become columns under their names."""
     return field(metadata={INLINE: True})
 
 

@@ -35,7 +35,7 @@ def our_session(procedure: str) -> Session:
 
 
 def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:
-    """Reduce and evaluate a folder of raw records: ours, or the form of another laboratory.
+    """Return the certification of a folder of raw records: ours, or the form of another laboratory.
 
     Parameters
     ----------

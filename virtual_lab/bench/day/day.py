@@ -160,7 +160,10 @@ def is_offered(day: Day, action: str) -> bool:
 
 
 def ready_steps(day: Day) -> tuple[str, ...]:
-    """Return the steps before each shot, in order, for the instruments that the rig has."""
+    """Return the names of the steps before each shot, in order.
+
+    Steps whose instrument the rig does not have are left out.
+    """
     return tuple(step for step in MAKE_READY if has_instrument(day, step))
 
 

@@ -14,7 +14,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 
 def entry_of_record(record: Record) -> dict[str, Any]:
-    """Return a record as a JSON object, with arrays as lists and NaN as null."""
+    """Return a record as a JSON object: its kind, and one list per column, with null for NaN."""
     arrays = {
         name: np.ma.masked_invalid(getattr(record, name)).tolist(None) for name in record.columns
     }

@@ -42,7 +42,7 @@ def steps_due(day: Day) -> Iterator[StepDue]:
 
 
 def omitted_steps(day: Day) -> list[StepDue]:
-    """Return the steps that were due but not done in time, in order."""
+    """Return the steps that were due but not done in time, in order; empty if there are none."""
     return [each for each in steps_due(day) if not each.done]
 
 

@@ -366,7 +366,10 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
 
 
 def shots_before_repair(desk: Desk) -> int:
-    """Return the number of shots that were fired before the last repair; 0 without a repair."""
+    """Return the number of shots that were fired before the last repair; 0 without a repair.
+
+    A repair counts even if nothing was broken.
+    """
     fired = 0
     before = 0
     for event in desk.day.events:

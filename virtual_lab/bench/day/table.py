@@ -96,14 +96,14 @@ def channels() -> Mapping[str, str]:
 
 @cache
 def preparation() -> tuple[str, ...]:
-    """Return the steps of the procedure before the first impact position is set, in order."""
+    """Return the names of the steps before the first impact position is set, in order."""
     book = (name for name, each in action_table().actions.items() if each.in_book)
     return tuple(takewhile(lambda name: name != "set-place", book))
 
 
 @cache
 def repairs() -> Mapping[str, ActionSheet]:
-    """Return the actions that repair a fault, by name."""
+    """Return the actions that repair a fault, by name of the action."""
     return {name: each for name, each in action_table().actions.items() if each.mends}
 
 
@@ -115,7 +115,10 @@ def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
 
 
 def in_buttons(sentence: str) -> str:
-    """Return an error message in which the names of actions are replaced by button titles."""
+    """Return an error message in which button titles replace the names of actions.
+
+    Words that are no action are unchanged.
+    """
     writes = {f"bench/{channel}": name for name, channel in channels().items()}
     writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}
     for channel, action in writes.items():
@@ -141,6 +144,6 @@ def action_table() -> ActionTable:
 
 @cache
 def detectable() -> Mapping[str, FoundBy]:
-    """Return the detection data of each fault that a check at the bench can reveal, by fault."""
+    """Return the data of each fault that a check at the bench can reveal, by name of the fault."""
     detections = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
     return MappingProxyType(detections)

@@ -218,7 +218,10 @@ def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
 
 
 def play_actions(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
-    """Return the day after a series of actions, without a log. Raises as `do_action` does."""
+    """Return the day after a series of actions on a new day, without a log.
+
+    Raises `InputError` if an action is refused.
+    """
     return run_operator(apparatus, lambda _: iter(actions))
 
 

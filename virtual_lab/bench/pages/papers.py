@@ -85,7 +85,10 @@ def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
 
 
 def prices(day: Day) -> list[tuple[str, str, str]]:
-    """Return title, time [min] and effect of omission of each action, without the repairs."""
+    """Return one row of texts per action: title, time [min], and effect of its omission.
+
+    Repairs and actions whose instrument the rig does not have are left out.
+    """
     return [
         (each.title, f"{each.minutes / 60:g}", each.skipped)
         for name, each in action_table().actions.items()
@@ -144,7 +147,10 @@ def _quantity(datum: catalog.Datum) -> str:
 
 
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
-    """Return title, rate [%] and remedy of each listed fault, as printed."""
+    """Return one row of texts per listed fault: title, rate [%], and remedy.
+
+    `listed` are the probabilities of the faults, 0 to 1, by name.
+    """
     sheets, rows = action_table().actions, []
     for name, rate in listed.items():
         remedy = remedy_of(name)

@@ -37,7 +37,7 @@ def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
 
 
 def swings(desk: Desk) -> list[PrintedColumn]:
-    """Return amplitudes and periods of the pendulum as columns, with one row per release.
+    """Return amplitudes [°] and periods [s] of the pendulum as columns, with one row per release.
 
     The list is empty before the pendulum was swung.
     """

@@ -40,7 +40,10 @@ class Traces:
 
 
 def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
-    """Return the traces of a shot, numbered from 1, from the records of its entry by channel."""
+    """Return drawing and tables of the records of one shot, numbered from 1.
+
+    `records` are those of its entry by channel. Without an encoder the tables of samples are empty.
+    """
     edges = _edges(records["gates"])
     encoder = records.get("encoder") or records.get("swing")
     times = counts = np.zeros(0)

@@ -300,7 +300,11 @@ def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
 
 
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
-    """Return the day of the simulated expert with the machines, bat and balls of a trainee."""
+    """Return the day that the simulated expert carries out.
+
+    Machines, bat and balls are those of the trainee's `day`. The expert begins after the entries
+    that another laboratory supplied, if any.
+    """
     return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 
 

@@ -122,7 +122,11 @@ def detection_score(
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
-    """Return whether the trainee gave a fault a probability above its rate; False if unnamed."""
+    """Return whether the trainee gave a fault a probability above its rate.
+
+    `named` and `rates` are probabilities, 0 to 1, by fault. The result is False for an unnamed
+    fault.
+    """
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
 
@@ -143,7 +147,10 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
 
 
 def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
-    """Return the shots, from 0, that were rejected for an anomaly in their records."""
+    """Return the shots, from 0, that were rejected for an anomaly in their records.
+
+    `judged` are the deviations of the day with their judgements; only a justified rejection counts.
+    """
     just = {each.entry for each in judged if each.judged == JUSTIFIED}
     shots = {
         int(event.arguments["shot"]) - 1

@@ -93,7 +93,11 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
 
 
 def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
-    """Plot BPF, e_A and v_f into three panels, from top to bottom, as `draw_comparison`."""
+    """Plot BPF, e_A and v_f [mph] into three panels, from top to bottom, as `draw_comparison`.
+
+    `curves` has the columns of `draw_comparison`. Only positions 1 to 12 in from the tip are
+    plotted.
+    """
     from pandas import isna
 
     rows = curves[curves["z_in"].between(*SHOWN_IN)]

@@ -83,7 +83,7 @@ class PlaceReadings:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PercussionStudy(StudyResult):
-    """Errors of e_A at each impact position."""
+    """Errors of e_A and loads of the axis, one row per impact position."""
 
     bat: str
     percussion_in: float  # centre of percussion of the nominal bat, from the tip

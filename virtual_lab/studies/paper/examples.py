@@ -193,7 +193,7 @@ def least_lead(first: str, second: str, *swings: float) -> float:
 
 
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
-    """Return the lead of the first bat in peak v_f [mph], at exponent `n` less at `n_second`."""
+    """Return the first bat's lead in peak v_f at exponent `n` minus that at `n_second` [mph]."""
     return lead(first, second, n) - lead(first, second, n_second)
 
 

@@ -83,8 +83,8 @@ def symmetrical() -> float:
 def speed_slope(bat: str) -> float:
     """Return the absolute slope of peak e_A with relative speed at 150 mph [1/mph].
 
-    The bat is free. The slope is the difference between 160 and 140 mph, with a ball whose e0 falls
-    with speed.
+    The bat is free. The slope is that between 140 and 160 mph, with a ball whose e0 falls with
+    speed.
     """
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
@@ -334,8 +334,8 @@ def recoils_at_percussion() -> float:
 def pivot_speed() -> float:
     """Return the speed of the pivot point over that of the struck point, just after a hit.
 
-    R161 is free and rigid, and is hit at its centre of percussion for a pivot 6 in from the
-    knob. This point then stays at rest, so the ratio is 0 up to rounding.
+    R161 is free and rigid, and is hit at its centre of percussion for a pivot 6 in from the knob.
+    This point then stays at rest, so the ratio is 0 up to rounding. It may be negative.
     """
     bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)
@@ -376,7 +376,7 @@ def besr_less_efficiency(e_A: float) -> float:
 
 
 def besr_of(e: float, r: float) -> float:
-    """Return BESR from e and r."""
+    """Return BESR (dimensionless) from e and r."""
     return float(besr(efficiency(e, r)))
 
 

@@ -361,7 +361,10 @@ def best_wood(procedure: str) -> float:
 
 
 def expanded_speed_u(bat: str, procedure: str) -> float:
-    """Return the half width of the 95 % interval of v_f [mph] in one test on the swing machine."""
+    """Return the half width of the 95 % interval of v_f [mph] in one test on the swing machine.
+
+    The test is simulated with seed 1; it must have a result.
+    """
     metric = certify_bat(TestSetup.of(bat, procedure=procedure, seed=1)).certification.metric
     rule = rules(procedure)
     assert metric is not None
