@@ -313,7 +313,7 @@ def test_the_debrief_compares_the_trainee_with_an_expert_on_the_same_day() -> No
             "INVALID is right for your day; the expert repaired it (m",
         ),
         ("book", ("ball-worn-out",), None, ""),
-        ("book", (), 0.948, "Here the expert is wrong by chance"),
+        ("book", (), 0.955, "Here the expert is wrong by chance"),
         ("book", ("bat-cracked",), None, ""),
         ("expert", ("gate-moved",), None, ""),
     ],

@@ -112,20 +112,20 @@ def test_a_college_day_shows_its_rules_and_the_hits_that_hold_the_scan() -> None
     )
     assert less
     assert float(less[1]) == pytest.approx(length / 25.4 - mass / 28.349523, abs=0.03)
-    assert "allowed up to 2.610 in (ring gauge)" in rules[2]
+    assert "allowed up to 2.625 in (ring gauge)" in rules[2]
     assert "moment of inertia" in rules[3]
     assert all(html.escape(rule) in day_page(reduced, told.briefing()) for rule in rules)
 
 
 def test_rules_have_the_units_of_the_rule_book_and_si() -> None:
-    """136 mph is 136 x .44704 m/s, 2.61 in x 25.4 mm, 9530 oz in^2 x .0283495 x .0254^2 kg m^2."""
+    """136 mph is 136 x .44704 m/s, 2.625 in x 25.4 mm, 9530 oz in^2 x .0283495 x .0254^2 kg m^2."""
     told = load_scenario("college-day").spec
     text = catalog.load("procedures", "bbcor", Procedure).text
     session = replace(apparatus().laboratory.session, procedure_text=text)
     page = wall_page(Desk(Day(morning=session, balls=12)), told.briefing(), "rules")
     for words in (
         "136 mph (60.8 m/s)",
-        "2.61 in (66.29 mm)",
+        "2.625 in (66.67 mm)",
         "12 deg",
         "0.3 mm",
         "5.25 oz (148.8 g)",

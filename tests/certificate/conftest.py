@@ -21,11 +21,6 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.records.session import Session
 
 LOGO = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path fill="black"/></svg>'
-CORRECTION = """
-[correction]
-method = "control-bat"
-standard = { value = 0.5, unit = "1", source = "assumed", verified = false }
-"""
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +78,8 @@ def controlled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a test with a control bat."""
     folder = tmp_path_factory.mktemp("controlled")
     rules = folder / "controlled.toml"
-    rules.write_text(vl.procedure("bbcor").text + CORRECTION)
+    text = vl.procedure("bbcor").text
+    rules.write_text(text.replace('method = "trampoline"', 'method = "control-bat"'))
     test = vl.certify("r161", procedure=rules, control_bat="check-cylinder", seed=7)
     return test.save(folder / "result")
 

@@ -568,11 +568,13 @@ def test_faults_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path)
     assert [row["fault"] for row in json.loads(out)] == ["none", "aim-along"]
 
 
-def test_every_claim_of_the_paper_holds(run: Run) -> None:
+def test_every_claim_of_the_paper_holds_but_those_marked_as_lost(run: Run) -> None:
     code, out, _ = run("paper", "--json")
     assert code == 0
     document = json.loads(out)
-    assert document["hold"] == document["claims"] == len(document["rows"]) > 200
+    lost = [row["says"] for row in document["rows"] if row["lost"]]
+    assert document["hold"] == len(document["rows"]) - len(lost) >= 212
+    assert document["claims"] == len(document["rows"])
     keys = {"section", "where", "says", "paper", "found", "deviation", "low", "high", "holds"}
     assert keys <= set(document["rows"][0])
 

@@ -156,7 +156,9 @@ def test_lots_of_another_level_and_stiffness_are_those_of_such_a_sheet() -> None
 
     def block(number: int | Array, **changes: float | str) -> lab.BlockTest:
         sheet = vl.ball("baseball-2003").with_(changes)
-        with catalog.sheets_in_place({("balls", "baseball-2003"): sheet.text}):
+        bench = vl.rig("bench").with_({"store.humidity_spread": "0 %"})
+        texts = {("balls", "baseball-2003"): sheet.text, ("rigs", "bench"): bench.text}
+        with catalog.sheets_in_place(texts):
             setup = lab.RoundRobin.of("ea70", "astm-f1881").setup
             return lab.certify_block(replace(setup, seed=SEED, number=np.atleast_1d(number)))
 
@@ -167,7 +169,11 @@ def test_lots_of_another_level_and_stiffness_are_those_of_such_a_sheet() -> None
     for number, (level, stiffness) in enumerate(
         zip(lots.restitution.value, lots.stiffness, strict=True)
     ):
-        sheet = {"restitution.value": float(level), "stiffness": float(stiffness)}
+        sheet = {
+            "restitution.value": float(level),
+            "restitution.value_u": 0.0,
+            "stiffness": float(stiffness),
+        }
         alone = block(number, **sheet)
         for name, values in alone.measurands.items():
             assert values == pytest.approx(many.measurands[name][[number]], abs=3e-5), name

@@ -16,7 +16,7 @@ from types import FrameType
 import pytest
 
 import rigs
-from tests.lab.test_control import BBCOR, CORRECTION, CYLINDER
+from tests.lab.test_control import CONTROLLED, CYLINDER
 from tests.laboratories import certify
 from virtual_lab import catalog, simulation, streams
 from virtual_lab.simulation.faults import CATALOGUE
@@ -89,7 +89,7 @@ def test_a_bat_and_its_control_bat_draw_different_numbers(
 ) -> None:
     """In tests 1, 2 and 3 of a laboratory, which share only its rigs."""
     rules = tmp_path / "controlled.toml"
-    rules.write_text(BBCOR + CORRECTION)
+    rules.write_text(CONTROLLED)
     branches = []
     for test in (1, 2, 3):
         with overheard(monkeypatch) as asked:

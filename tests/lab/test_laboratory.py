@@ -306,7 +306,9 @@ def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
     assert valid == 6
     assert 6 < len(result.judgement.reasons) <= 12
     shots = result.session.records["impact"]
-    assert shots["log"].ball.tolist() == list(range(len(result.judgement.reasons)))
+    fired = shots["log"].ball.tolist()  # in the order of the lot; some balls are set aside
+    assert fired == sorted(set(fired))
+    assert len(fired) == len(result.judgement.reasons)
     assert len(shots["gates"].times) == len(shots["encoder"].counts) == len(shots["log"].ball)
     # the mean of the valid hits, by definition
     bpf = result.shots.bat_performance_factor[result.judgement.valid]
@@ -408,12 +410,16 @@ def scores(played: Play) -> dict[str, np.ndarray]:
 def test_scores_of_real_days_are_standard_normal(name: str, scores: dict[str, np.ndarray]) -> None:
     """24 seeds: mean z within 4/√24 of 0, standard deviation 0.6 to 1.6, no z beyond 6.
 
+    That of e0 is -0.3, because balls are set aside by their measured e0, and the window ends .005
+    above the mean of all lots (`virtual-lab coverage r161 --summed --laboratories 3000`: -.29).
+
     A Student t with 5 degrees of freedom has a standard deviation of 1.29; with 24 of them the
     sample standard deviation is within 32 % at two standard errors.
     """
     z = scores[name]
     assert len(z) >= 22
-    assert abs(z.mean()) < 4 / sqrt(len(z))
+    expected = -0.3 if name == "ball_restitution" else 0.0
+    assert abs(z.mean() - expected) < 4 / sqrt(len(z))
     assert 0.6 < z.std(ddof=1) < 1.6
     assert np.abs(z).max() < 6
 

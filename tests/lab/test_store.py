@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from math import sqrt
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,8 @@ from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.simulation.stations.rig import Reality
 
 INCH = 0.0254
-ASTM_U = 0.0044  # standard uncertainty of BPF by astm-f1881
+ASTM_U = 0.0046  # standard uncertainty of BPF by astm-f1881
 STANDARD = 0.50  # relative humidity at which the sheet's e0 holds
-CONDITIONING = """
-[conditioning]
-humidity = { value = 50, unit = "%", source = "recalled", verified = false }
-tolerance = { value = 10, unit = "%", source = "assumed", verified = false }
-"""
 
 
 @contextmanager
@@ -57,19 +51,20 @@ def test_lots_of_a_store_have_the_published_fall_of_e0() -> None:
     def lots() -> lab.Laboratory:
         return lab.Laboratory.open(replace(setup, seed=3, number=np.arange(200)))
 
-    plain = lots().specimen.balls
+    with stored(humidity_spread=0):
+        plain = lots().specimen.balls
     with stored(humidity_spread=8):
         damp = lots().specimen.balls
     assert damp.store is not None
     assert np.abs(damp.store.std() / 0.08 - 1) < 4.5 / sqrt(2 * 200)
-    expected = 0.55 * -0.12 * (damp.store - STANDARD)
+    expected = plain.spec.restitution.value * -0.12 * (damp.store - STANDARD)
     assert (damp.restitution - plain.restitution).mean(axis=1) == pytest.approx(expected, abs=1e-12)
     slopes = damp.spec.restitution.slope / plain.spec.restitution.slope
     assert slopes == pytest.approx(1 - 0.12 * (damp.store - STANDARD), abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("bat", "inches", "most"), [("r161", 6.4, 0.01), ("ea70", 7.1, 0.4)], ids=["rigid", "hollow"]
+    ("bat", "inches", "most"), [("r161", 6.4, 0.02), ("ea70", 7.1, 0.4)], ids=["rigid", "hollow"]
 )
 def test_bpf_of_damp_balls_moves_by_the_shell_alone(bat: str, inches: float, most: float) -> None:
     """A store 8 % off moves BPF of a rigid shell by nothing, of a hollow one by at most .4 u."""
@@ -80,7 +75,7 @@ def test_bpf_of_damp_balls_moves_by_the_shell_alone(bat: str, inches: float, mos
     assert bat == "r161" or shift > 0.2 * ASTM_U
 
 
-@pytest.mark.parametrize(("bat", "most"), [("r161", 5e-4), ("ea70", 1e-4)])
+@pytest.mark.parametrize(("bat", "most"), [("r161", 5e-4), ("ea70", 3e-4)])
 def test_a_result_normalized_by_trampoline_hardly_feels_the_store(bat: str, most: float) -> None:
     """From 42 to 58 % relative humidity e moves by .008, and normalized by 1/20 of it or less.
 
@@ -97,16 +92,14 @@ def test_a_result_normalized_by_trampoline_hardly_feels_the_store(bat: str, most
     assert np.ptp(normalized) < most
 
 
-def test_the_store_is_recorded_flagged_and_no_line_of_the_budget(tmp_path: Path) -> None:
+def test_the_store_is_recorded_flagged_and_no_line_of_the_budget() -> None:
     """At 70 % where 40 to 60 % are allowed: readings, and a flag without INVALID.
 
     As found, the result is lower; it holds for these balls, so the store adds nothing to its u.
     """
-    rules = tmp_path / "conditioned.toml"
-    rules.write_text(vl.procedure("bbcor").text + CONDITIONING)
-    choices: dict[str, Any] = {"procedure": str(rules), "seed": 2, "correction": "trampoline:0.5"}
+    choices: dict[str, Any] = {"procedure": "bbcor", "seed": 2}
     plain = certify("r161", **choices)
-    with stored(humidity=70):
+    with stored(humidity=70, humidity_spread=0):
         damp = certify("r161", **choices)
     session = damp.certification.session
     record: Any = session.records["bench"]["store"]

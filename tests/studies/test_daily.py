@@ -15,7 +15,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.studies.daily import daily
 
-HIT = 0.003 / sqrt(10)  # standard deviation of the mean of ten hits, data/balls/check-ball.toml
+HIT = 0.0037 / sqrt(10)  # standard deviation of the mean of ten hits, data/balls/check-ball.toml
 
 
 def test_days_in_control_scatter_as_ten_hits_do() -> None:

@@ -31,6 +31,7 @@ FEWEST_RELEASES = 3  # smallest number of releases that gives a scatter
 ROUNDING = 1e-9  # rounding error of masses in floating-point arithmetic [kg]
 DENSITY_U = 5e-4  # uncertainty of the air density from its stated digits [kg/m³]
 # relative uncertainty of the loss of amplitude, whose two readings differ by only a few steps
+ODD_BALL = 0.02  # deviation of a ball's e0 from the median of its lot that a sound ball never has
 DECAY_U = 0.4
 
 
@@ -393,16 +394,17 @@ def store(evidence: Evidence) -> Iterator[Raised]:
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised in the laboratories that have a wrong ball in their lot.
 
-    A ball is wrong if its e0 is more than 0.005 outside the window of the procedure, or if it
-    was fired although its mass or e0 is outside. In a sound block the flag is raised nowhere.
+    A ball is wrong if its e0 is outside the window of the procedure and more than 0.02 from the
+    median of the lot, or if it was fired although its mass or e0 is outside its window. In a sound
+    block the flag is raised nowhere.
     """
     windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high
     fired = np.zeros(at.shape, dtype=bool)
     fired[evidence.owner, evidence.readings.ball] = True
-    # margin that the balls of a sound lot do not exceed
-    far = ~((low - 5e-3 <= at) & (at <= high + 5e-3))
+    # five standard deviations of the measured e0 of a ball about the median of a sound lot
+    far = ~(np.abs(at - np.median(at, axis=-1, keepdims=True)) <= ODD_BALL)
     fit = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
     bad = ~(fit & (low <= at) & (at <= high)) & (fired | far)
     yield Raised(
