@@ -113,10 +113,10 @@ class CoverageTable(Rows[Coverage]):
             }
             size = max(metric.laboratories // TENTHS, 1)
             least, most = (100 * binom.ppf(p, size, 0.95) / size for p in (0.025, 0.975))
-            words = "range of 95 % of tenths, by chance"
+            words = "95 % range by chance"
             tenths.axhspan(least, most, color=INTERVAL_GREY, linewidth=0, label=words)
             plot_tenths(tenths, labels)
-            tenths.set(ylabel="intervals for the metric, %")
+            tenths.set(ylabel="intervals with the true metric, %")
             figure.legend(loc="outside lower center", ncols=3)
 
 

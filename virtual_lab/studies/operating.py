@@ -29,12 +29,13 @@ from virtual_lab.units import Array, Mask
 TESTS = (1, 3)  # numbers of tests per laboratory; the best one counts
 # half range of the true metric about the limit [standard deviations of the error], and number of
 # true metrics
-REACH, POINTS = 3.0, 20
+HALF_RANGE, POINTS = 3.0, 20
 
 WORDS = (
-    "PASS: P(the test is valid and its result at most the limit | x), joint. PASS if valid:\n"
-    "P(result at most the limit | x, valid), conditional. Best of 3: at least one of three tests\n"
-    "of one laboratory. At least, at most: 95 % interval of the Monte Carlo (Clopper-Pearson)."
+    "PASS: joint probability that the test of a bat with the true metric x is valid and that its\n"
+    "result does not exceed the limit. PASS if valid: conditional probability among valid tests.\n"
+    "Best of 3: at least one of three tests of one laboratory passes. At least, at most: 95 %\n"
+    "confidence limits of the simulation (Clopper-Pearson)."
 )
 
 
@@ -79,10 +80,11 @@ class OperatingCurves(Rows[OperatingPoint]):
                     words = "one test" if best_of == 1 else f"best of {best_of}"
                     axes.plot(true, passes, line, color="black", label=words)
                 axes.axvline(limit, color="0.5", linewidth=0.6)
-                axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}, line: limit")
+                words = "vertical line: limit; grey: 95 % interval of the simulation"
+                axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}; {words}")
                 axes.set(
                     xlabel=f"true {points[0].metric} {points[0].unit}".rstrip(),
-                    ylabel="P(PASS | x)",
+                    ylabel="probability of PASS",
                 )
                 axes.legend()
 
@@ -144,7 +146,7 @@ def operating(
         errors, valid = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
         printed = METRICS[rules.metric]
         limits[rules.name] = rules.metric_limit / printed.unit_si
-        deviations = REACH * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
+        deviations = HALF_RANGE * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
         for best_of in TESTS:
             for x in rules.metric_limit + deviations:
                 below = valid[:, :best_of] & (x + errors[:, :best_of] <= rules.metric_limit)

@@ -73,7 +73,9 @@ class PlaceReadings:
         "impulse on the axis", "N s", "+.2f"
     )  # positive in the direction of the ball
     reaction_n: float = column("mean force", "N", "+.0f")
-    ring_mrad: float = column("ring", "mrad", ".2f")  # amplitude of the vibration at the encoder
+    ring_mrad: float = column(
+        "vibration at the encoder", "mrad", ".2f"
+    )  # amplitude of the vibration at the encoder
     seen: float = column("rebounds detected", form=".0%")
     recoil: ReadError
     rebound: ReadError

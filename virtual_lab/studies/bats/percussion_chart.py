@@ -66,8 +66,10 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
         loads.set_ylabel("impulse on\nthe axis, N s")
         ringing = loads.twinx()
         ringing.spines["right"].set_visible(True)
-        ringing.plot(z, rows["ring_mrad"], "--", color="0.4", label="ring at the encoder (right)")
-        ringing.set(ylabel="ring, mrad", ylim=(0, None))
+        ringing.plot(
+            z, rows["ring_mrad"], "--", color="0.4", label="vibration at the encoder (right)"
+        )
+        ringing.set(ylabel="amplitude of\nvibration, mrad", ylim=(0, None))
         loads.legend(handles=[*loads.get_lines(), *ringing.get_lines()], loc="upper center")
         loads.set_xlabel(PLACE)
         for axes in (errors, shifts, loads):
