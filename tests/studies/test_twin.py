@@ -124,6 +124,14 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
         vl.twin(FOREIGN, days=10, progress=quiet)
     with pytest.raises(InputError, match=r"session.json"):
         vl.twin(tmp_path / "nothing", progress=quiet)
+    with pytest.raises(InputError, match=r"impact rig = 'filmed-cannon'; has no twin"):
+        scattered_as_stated(
+            replace(
+                stated_by(certified().certification),
+                session=replace(session, rigs={**session.rigs, "impact": "filmed-cannon"}),
+            ),
+            seed=1,
+        )
     unknown = replace(certified().certification.session, rigs={**session.rigs, "impact": "mine"})
     statement = stated_by(certify_session(unknown))
     with pytest.raises(InputError, match=r"impact rig = 'mine'; .*installed"):

@@ -18,17 +18,26 @@ from virtual_lab.catalog.specs import (
     Profile,
     RestitutionLine,
 )
+from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestDay, TestSetup
 from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.lab.measurand import measurands
 from virtual_lab.lab.setup import NO_FAULTS
 from virtual_lab.measurement.certification import Certifications, evaluate
+from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.session_reduction import observe_hits
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import FittedStation, RecordDetail
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
 from virtual_lab.simulation.physics.truth import TrueBalls
-from virtual_lab.simulation.stations.rig import Specimen, Stage, Station, find_rig
+from virtual_lab.simulation.stations.rig import (
+    ImpactStation,
+    Specimen,
+    Stage,
+    Station,
+    find_rig,
+    knows_blocks,
+)
 from virtual_lab.streams import Draws
 from virtual_lab.studies.twin.collision import StatedBat
 from virtual_lab.studies.twin.statement import Statement, ball_template
@@ -88,12 +97,15 @@ class TwinDays:
         assert reduced is not None
         readings = day.readings or observe_hits(sessions, reduced.preparation)
         certified = evaluate(sessions, reduced, readings)
-        stated_bat: Any = self.statement.law
-        weights = certified.outcome.weights
-        return PlayedDays(
-            certified=certified,
-            measurands=measurands(stated_bat, day.laboratory.specimen, reduced, weights),
+        control = self.statement.calibration.get(CONTROL)
+        true = measurands(
+            cast("ImpactStation", self.statement.law),  # of a station only `outcome` is called
+            day.laboratory.specimen,
+            reduced,
+            certified.outcome.weights,
+            control.value if control else 1.0,
         )
+        return PlayedDays(certified=certified, measurands=true)
 
     def blocks(self, days: int, first: int = 0) -> Iterator[PlayedDays]:
         """Yield the tests of `days` days whose instruments write sums, in blocks."""
@@ -102,7 +114,8 @@ class TwinDays:
 
     def _laboratory(self, days: Any, detail: RecordDetail) -> Laboratory:
         statement, law = self.statement, self.statement.law
-        rigs = {Stage(name): rig for name, rig in statement.session.rigs.items()}
+        stated_rigs = statement.session.rigs
+        rigs = {stage: stated_rigs[stage.value] for stage in Stage if stage.value in stated_rigs}
         setup = TestSetup(
             bat=Entry(spec=_bat_sheet(statement), text="", sheet=()),
             ball=Entry(spec=ball_template(statement.rules.spec), text="", sheet=()),
@@ -120,6 +133,8 @@ class TwinDays:
             },
         )
         draws = setup.draws(self.seed)
+        if lacking := [each.value for each in Stage if each not in rigs]:
+            raise InputError("session.json", "rigs", None, f"missing: {', '.join(lacking)}")
         stations = {
             stage: self.faults.station(stage, _commissioned(stage, rig, statement, draws))
             for stage, rig in rigs.items()
@@ -214,7 +229,11 @@ def _stack(estimate: Estimate | Estimates, count: int) -> Estimates:
 
 def _commissioned(stage: Stage, rig: str, statement: Statement, draws: Draws) -> Station:
     """Return a rig with the stated constants, and true ones that differ by their u."""
-    station: Any = find_rig(rig, stage).commission(draws)
+    installed = find_rig(rig, stage)
+    if not knows_blocks(installed):
+        allowed = "has no twin: it is simulated in one laboratory at a time"
+        raise InputError("", f"{stage.value} rig", rig, allowed)
+    station: Any = installed.commission(draws)
     assert isinstance(station, FittedStation)
     for part in fields(cast("Any", station)):
         old = getattr(station, part.name)

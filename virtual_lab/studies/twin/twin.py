@@ -44,6 +44,10 @@ IMPROVEMENT_WORDS = (
     "Changes that lower the u of the metric most. Planned: from the budget. The errors are those\n"
     "of as many days with the change; their hits scatter as before."
 )
+QUIET = (
+    "The hits of the records agree better than their instruments and aim make likely; on the days\n"
+    "they scatter more."
+)
 READING_WORDS = (
     "Tail probability: share of the days with an equally extreme reading; adjusted for the number\n"
     f"of readings (Holm). Below {LEVEL:g} a reading is unlike its twins."
@@ -101,6 +105,7 @@ class Twin(StudyResult):
     full_days: int = 0  # number of days with every edge and count that gave a result
     readings: tuple[TwinReading, ...] = ()  # () without such days
     improvements: tuple[Improvement, ...] = ()  # changes that lower u most
+    remark: str = ""  # where the days differ from the records
 
     name = "twin"
 
@@ -118,7 +123,8 @@ class Twin(StudyResult):
     def text(self) -> str:
         """The tables, with the words beneath them."""
         days = f"{self.invalid} of the {self.days} days were INVALID and are left out."
-        parts = [self.title, table_text(self.rows), f"{WORDS}\n{days}"]
+        words = "\n".join(part for part in (WORDS, days, self.remark) if part)
+        parts = [self.title, table_text(self.rows), words]
         if self.improvements:
             parts += [table_text(self.improvements), IMPROVEMENT_WORDS]
         if self.readings:
@@ -143,6 +149,7 @@ class Twin(StudyResult):
             "procedure": self.procedure,
             "days": self.days,
             "invalid": self.invalid,
+            "remark": self.remark,
             "quantities": [dict(record(row)) for row in self.rows],
             "improvements": [dict(record(row)) for row in self.improvements],
             "full_days": self.full_days,
@@ -169,8 +176,12 @@ class Twin(StudyResult):
                 adjusted = [row.adjusted for row in self.readings]
                 tails.plot(adjusted, of_readings, "ok", markersize=3)
                 tails.axvline(LEVEL, color="0.5", linewidth=0.6)
-                words = f"adjusted tail probability; line: {LEVEL:g}, unlike its twins"
-                tails.set(xscale="log", xlabel=words, xlim=(self.smallest / 2, 1.5), ymargin=0.1)
+                tails.set(
+                    xscale="log",
+                    xlabel="adjusted tail probability",
+                    xlim=(self.smallest / 2, 1.5),
+                    ymargin=0.1,
+                )
                 tails.invert_yaxis()
 
 
@@ -238,6 +249,7 @@ def twin(
         full_days=played,
         readings=tuple(readings),
         improvements=tuple(changes),
+        remark="" if playing.hit_scatter else QUIET,
     )
 
 
