@@ -250,7 +250,7 @@ class FunctionCommand(click.Command):
             expose_value=False,
             callback=load,
             help="A .toml file with values for these options, by the names of their parameters in "
-            "Python. An option that is given here comes before it.",
+            "Python. Options on the command line override the file.",
         )
 
 

@@ -65,7 +65,7 @@ class Sections(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write one table of commands per section."""
         others = self.others()
-        sections = {**self.sections, **({"Of other packages": others} if others else {})}
+        sections = {**self.sections, **({"From other packages": others} if others else {})}
         widest = max(len(str(each.name)) for commands in sections.values() for each in commands)
         for title, commands in sections.items():
             with formatter.section(title):
