@@ -21,8 +21,8 @@ def chart(
     Parameters
     ----------
     part
-        Part: ``uncertainty`` compares the methods to propagate it, ``laboratory`` all parts of a
-        test.
+        Part: ``uncertainty`` compares the methods to propagate uncertainty, ``laboratory`` all
+        parts of a test.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 

@@ -36,7 +36,7 @@ def campaign(
     """Certify bats in very many laboratories, and store the tests as Parquet files in a folder.
 
     Finished parts stay if the run is interrupted; the next run makes those that are missing or
-    damaged. Exit code 4 if a part is missing in the end: its block failed twice.
+    damaged. The exit code is 4 if a part is still missing because its block failed twice.
 
     Parameters
     ----------

@@ -136,11 +136,11 @@ class Verification(StudyResult):
 
 
 def verify(folder: Folder, *, key: File | None = None) -> Verification:
-    """Repeat the reduction in a result folder, make its certificate anew, and list what differs.
+    """Repeat the reduction and the certificate of a result folder, and list the differences.
 
-    Of its truth only the digest is compared. The exit code is 3 if anything was altered, 4 if not
-    all could be checked, or if another version made the folder and this one finds other results in
-    its records.
+    The truth stays closed; only its digest is compared. The exit code is 3 if anything was altered,
+    and 4 if a part could not be checked, or if another version made the folder and this version
+    computes other results from its records.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class ModeConvergence(Rows[dict[str, Any]]):
 
 
 def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConvergence:
-    """Show the largest error of e_A against 120 bending modes, by the number of modes.
+    """Show the largest error of e_A by the number of modes, compared with 120 bending modes.
 
     The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
     modes (with or without their static flexibility). Columns ``8_modes`` to ``30_modes`` hold the

@@ -150,7 +150,7 @@ def coverage(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> CoverageTable:
-    """Return the coverage of the 95 % intervals over many laboratories.
+    """Show the coverage of the 95 % intervals over many laboratories.
 
     One bat design is certified in each laboratory. The table has one row per quantity, the metric
     first. INVALID tests have no result and are counted separately.
@@ -175,9 +175,9 @@ def coverage(
     summed
         Instruments write sums instead of every reading, and the bat is nominal: much faster.
     individual
-        With ``summed``: a made bat in every laboratory.
+        With ``summed``: an individual bat in every laboratory instead of the nominal one.
     earlier_tests
-        Number of earlier tests of each laboratory, whose scatter of hits counts, too.
+        Number of earlier tests of each laboratory, which contribute to the scatter of the hits.
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments

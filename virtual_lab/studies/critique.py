@@ -230,7 +230,7 @@ def critique(
         Or sheets.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
-        sport of the field's balls. A procedure always uses its own ball.
+        sport of the field's balls. The tests use the balls of the procedures.
 
         Or a sheet, or a list of several.
     swings

@@ -140,8 +140,8 @@ def faults(
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     procedures
-        Test procedure: a name in the catalog or a .toml file. By default all with predictions of
-        the faults.
+        Test procedure: a name in the catalog or a .toml file. By default all procedures with
+        predictions of the faults.
 
         Or a sheet, or a list of several.
     laboratories

@@ -98,9 +98,10 @@ def operating(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> OperatingCurves:
-    """Show the probability that bats of a design pass, over their true metric.
+    """Show the probability that a bat passes, as a function of its true metric.
 
-    Each laboratory tests three times, for the best of one, two and three tests.
+    Each laboratory makes three tests of a bat. The table has the probability for one test and for
+    the best of three.
 
     Parameters
     ----------

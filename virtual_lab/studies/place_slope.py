@@ -58,7 +58,7 @@ class Slopes(Rows[Slope]):
 def slope(
     bats: AnyBats = (), *, procedure: AnyProcedure = "astm-f1881", instruments: Instruments = ()
 ) -> Slopes:
-    """Show the slope of e_A along the barrel [1/in] where a procedure hits the bats.
+    """Show the slope of e_A along the barrel [1/in] at the impact position of a procedure.
 
     Two more rows hold the mean and the standard deviation over the bats. Bat and ball are
     nominal, and the speed is that of the procedure.

@@ -258,9 +258,10 @@ class CertificateReport(StudyResult):
 def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> CertificateReport:
     """Compare the certificates in result folders.
 
-    The report takes bats by one procedure, one bat by several procedures, laboratories of one bat,
-    or repeats of one test, and says which; certificates that differ in more than one way are
-    refused, and copies of one test. The numbers are those stated, not verified: `verify` does that.
+    The certificates are those of bats by one procedure, of one bat by several procedures, of one
+    bat in several laboratories, or of repeats of one test. Certificates that differ in more than
+    one way are refused, and so are copies of one test. The numbers are those of the certificates;
+    `verify` checks them.
 
     Parameters
     ----------

@@ -425,7 +425,7 @@ TEMPLATES: dict[str, Template] = {
             Parameter("knob mass", 2.0 * OUNCE, 1.0 * OUNCE, 0.2 * OUNCE, 10 * OUNCE),
             Parameter("knob place, of the length", 0.97, 0.015, 0.9, 1.0),
             Parameter("end cap mass", 0.8 * OUNCE, 0.5 * OUNCE, 0.1 * OUNCE, 5 * OUNCE),
-            # of a shell with this wall and a rigid cap: EA70 has 1.26 and 1, softball-34 1 and 1
+            # ratios to a shell with this wall and a rigid cap: EA70 1.26 and 1, softball-34 1 and 1
             Parameter("hoop frequency over that of the shell", 1.1, 0.15, 0.5, 2.0),
             Parameter("hoop modal mass over that of the shell", 1.0, 0.1, 0.5, 2.0),
         ),

@@ -166,14 +166,14 @@ def fit_bat(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
-    """Make a bat that fits the measurements in a file, and show what they leave uncertain.
+    """Make a bat that fits the measurements in a file, and show its remaining uncertainty.
 
     Parameters
     ----------
     path
-        File of the measurements, .toml; see ``data/README.md``. Each may have its uncertainty.
+        File of the measurements, .toml; see ``data/README.md``. Each measurement may have a u.
     members
-        Number of fitted bats that show the spread; those whose fit fails are omitted.
+        Number of fitted bats that show the spread; bats whose fit fails are omitted.
     seed
         Seed of the random parameters and of the variation of the measurements.
     progress
