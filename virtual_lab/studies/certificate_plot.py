@@ -22,8 +22,8 @@ def plot_hits(certification: Certification, statement: str) -> Figure:
 
     For a scan the horizontal axis is the impact position [in from the tip], and the fitted curve is
     drawn. Hits of the result are filled circles, other valid hits are open circles, and rejected
-    shots are crosses. Value, 95 % interval and limit are lines; without a result only the limit is
-    drawn. The `statement` of the certificate is printed below the figure.
+    shots are crosses. Value and limit are lines, and the 95 % interval is a band; without a result
+    only the limit is drawn. The `statement` of the certificate is printed below the figure.
     """
     from matplotlib import style
     from matplotlib.figure import Figure
