@@ -20,7 +20,7 @@ from typing import Any
 from virtual_lab.files import whole_file
 from virtual_lab.files.tables import write_csv
 from virtual_lab.lab import RoundRobin
-from virtual_lab.output.style import figure_file
+from virtual_lab.output.style import page_figure
 from virtual_lab.studies.coverage import coverage_table, plot_tenths, sample
 
 HERE = Path(__file__).parent
@@ -44,7 +44,7 @@ def tenths(row: dict[str, Any], key: str) -> list[float]:
 
 
 def draw(path: str) -> None:
-    with figure_file(Path(path), 5.4) as figure:
+    with page_figure(5.4) as figure:
         panels = figure.subplots(2, 2, sharex=True, sharey=True)
         for across, (pattern, said) in zip(panels, TABLES.items(), strict=True):
             for axes, (key, words) in zip(across, TENTHS.items(), strict=True):
@@ -56,6 +56,7 @@ def draw(path: str) -> None:
             across[0].set_ylabel("intervals with the true value, %")
         named = panels[0, 0].get_legend_handles_labels()
         figure.legend(*named, loc="outside lower center", ncols=6)
+    figure.savefig(path)
 
 
 def main(procedure: str, laboratories: str, history: str, path: str) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from virtual_lab.fidelity.mode_convergence import ModeConvergence
 from virtual_lab.output.result import StudyResult
@@ -20,20 +18,12 @@ from virtual_lab.studies.place_slope import Slope, Slopes
 NOTHING: dict[str, Any] = dict.fromkeys(Coverage.__dataclass_fields__, 0)
 
 
-@pytest.fixture
-def panels(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return the function that draws a result and returns the axes of its picture."""
-    figures: list[Figure] = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
-
-    def drawn(result: StudyResult) -> list[Any]:
-        result.plot(Path("unused.png"))
-        return figures[-1].axes
-
-    return drawn
+def panels(result: StudyResult) -> list[Any]:
+    """Return the axes of the picture of a result."""
+    return result.plot().axes
 
 
-def test_the_coverage_picture_shows_its_table(panels: Any) -> None:
+def test_the_coverage_picture_shows_its_table() -> None:
     """The interval is not symmetric; of 100 laboratories per tenth, 90 to 99 hold the value."""
     about = NOTHING | {"quantity": "metric", "laboratories": 1000}
     shares = {"coverage": 0.96, "low": 0.90, "high": 0.98}
@@ -51,7 +41,7 @@ def test_the_coverage_picture_shows_its_table(panels: Any) -> None:
     assert (band.get_y(), band.get_y() + band.get_height()) == pytest.approx((90, 99))
 
 
-def test_the_sensitivity_picture_shows_its_table(panels: Any) -> None:
+def test_the_sensitivity_picture_shows_its_table() -> None:
     curves = {"z_in": [5.0, 6.0], "e": [0.49, 0.48], "v_f_mph": [104.0, 102.0]}
     peaks = {"e": 0.5, "e_at_in": 5.2, "v_f_mph": 105.0, "v_f_mph_at_in": 5.4}
     law = {"law": "power law", "exponent": 1.5, "stiffness": 0, "wall_time_ms": 0}
@@ -63,7 +53,7 @@ def test_the_sensitivity_picture_shows_its_table(panels: Any) -> None:
         assert peak == pytest.approx([peaks[f"{name}_at_in"], peaks[name]])
 
 
-def test_the_slope_picture_shows_its_table(panels: Any) -> None:
+def test_the_slope_picture_shows_its_table() -> None:
     slopes = {"r161": -0.01, "ea70": 0.03, "mean": 0.01, "deviation": 0.02}
     rows = [Slope(bat=bat, place_in=None, slope_per_in=at) for bat, at in slopes.items()]
     (axes,) = panels(Slopes(name="slope", title="", rows=rows, on_sheet=(0.006, 0.014)))
@@ -74,7 +64,7 @@ def test_the_slope_picture_shows_its_table(panels: Any) -> None:
     assert bar.get_segments()[0][:, 0] == pytest.approx([-0.01, 0.03])
 
 
-def test_the_bias_picture_shows_its_table(panels: Any) -> None:
+def test_the_bias_picture_shows_its_table() -> None:
     words = "bat_performance_factor collision_efficiency restitution recoil_factor ball_restitution"
     names = words.split()
     rows = [
@@ -92,7 +82,7 @@ def test_the_bias_picture_shows_its_table(panels: Any) -> None:
         )
 
 
-def test_the_convergence_picture_shows_its_table(panels: Any) -> None:
+def test_the_convergence_picture_shows_its_table() -> None:
     """Four lines, solid for those with the flexibility of the omitted modes."""
     modes = np.array([8, 12, 16, 20, 30])
     rows = [

@@ -153,5 +153,7 @@ def test_the_table_names_size_and_reason_and_the_picture_is_drawn(tmp_path: Path
     result = ReferenceResult(rows=rows)
     assert f"2 of {len(rows)} published numbers represented" in result.text
     assert "ASA swing speed assumed: known disagreement, -10 mph (open:" in result.text
-    assert result.plot(tmp_path / "picture.png").stat().st_size > 1000
+    shown = result.plot(tmp_path / "picture.png")._repr_png_()  # as in a notebook
+    assert shown.startswith(b"\x89PNG")
+    assert (tmp_path / "picture.png").stat().st_size > 1000
     assert set(result.table["verdict"]) == {"agrees", "known disagreement", "not represented"}

@@ -21,7 +21,7 @@ from virtual_lab.fidelity.results import SpeedChart
 from virtual_lab.output.progress import Progress, quiet
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 SCENES: dict[tuple[str, str], Case] = {
@@ -95,10 +95,11 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
     return rows
 
 
-def draw_camera(rows: list[Row], title: str) -> Figure:
+def draw_camera(rows: list[Row], title: str) -> PageFigure:
     """Return the figure of the rows of `camera_chart`, with one panel per kind of ball."""
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+
+    from virtual_lab.output.page_figure import PageFigure
 
     wheel = (
         "#7f7f7f #009e73 #8c564b #bcbd22 #e69f00 #17becf #cc79a7 #d55e00 #aec7e8 #0072b2 #000000"
@@ -106,7 +107,7 @@ def draw_camera(rows: list[Row], title: str) -> Figure:
     colour_of = dict(zip(ESTIMATORS, wheel.split(), strict=True))
     colours = {name: colour_of[name] for name in dict.fromkeys(row["estimator"] for row in rows)}
     balls = list(dict.fromkeys(row["ball"] for row in rows))
-    figure = Figure(figsize=(11.5, 5.4), dpi=150, layout="constrained")
+    figure = PageFigure(figsize=(11.5, 5.4), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(balls), sharex=True, sharey=True, squeeze=False)[0]
     for ball, axes in zip(balls, panels, strict=True):
         _panel(axes, [row for row in rows if row["ball"] == ball], colours)

@@ -67,9 +67,8 @@ def _maps(rows: list[dict[str, Any]]) -> StabilityMap:
         title="stability of the camera",
         text=_maps_text(rows),
         rows=rows,
-        picture=lambda cells, path: draw_maps(
+        picture=lambda cells: draw_maps(
             sorted(cells, key=itemgetter("method")),
-            path,
             title=title,
             states=PictureState,
             map_of=itemgetter("map"),

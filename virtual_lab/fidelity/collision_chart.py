@@ -38,7 +38,7 @@ from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH, Array
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 Efficiency = Callable[[Scenes], Array]
@@ -262,12 +262,13 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
     return Scenes.with_ball(usual_ball(), impact_position=place, relative_speed=speed)
 
 
-def draw_collision(rows: list[Row], title: str) -> Figure:
+def draw_collision(rows: list[Row], title: str) -> PageFigure:
     """Return the figure of the rows of `collision_chart`, with one panel per reference."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.5, 5.8), dpi=150, layout="constrained")
+    from virtual_lab.output.page_figure import PageFigure
+
+    figure = PageFigure(figsize=(11.5, 5.8), dpi=150, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)
     panels = dict(zip(Question, figure.subplots(1, len(Question)), strict=True))
     panel_rows = {

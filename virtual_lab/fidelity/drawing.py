@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import StrEnum
 from itertools import pairwise, product
-from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from virtual_lab.output.tables import table_text
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 
@@ -93,7 +95,6 @@ def maps_text(rows: Sequence[Row], down: str) -> str:
 
 def draw_maps(
     rows: Sequence[Row],
-    path: Path,
     *,
     title: str,
     states: type[CellState],
@@ -102,16 +103,16 @@ def draw_maps(
     down: str = "",
     abreast: int = 5,
     framed: str | None = None,
-) -> None:
-    """Draw the maps of `rows` into a file. Each row is a cell with the keys `value` and `state`.
+) -> PageFigure:
+    """Draw the maps of `rows`. Each row is a cell with the keys `value` and `state`.
 
     The number in a cell counts scenes with too large an error (key `off`) or wrong pictures without
     a flag (key `unsaid`). A `refused` cell is hatched.
 
     Parameters
     ----------
-    rows, path
-        Cells, and the file to write.
+    rows
+        Cells.
     title
         Title of the figure.
     states
@@ -125,12 +126,13 @@ def draw_maps(
     framed
         Name of the line that gets a frame.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
+
+    from virtual_lab.output.page_figure import PageFigure
 
     maps = _maps(rows, map_of)
     high = -(-len(maps) // abreast)
-    figure = Figure(figsize=(17, 3.6 * high + 0.6), dpi=110, layout="constrained")
+    figure = PageFigure(figsize=(17, 3.6 * high + 0.6), dpi=110, layout="constrained")
     panels = figure.subplots(high, abreast, squeeze=False).ravel()
     shared_labels: list[str] = []  # tick labels that maps to the right share
     for k, (axes, (name, map_rows)) in enumerate(zip(panels, maps.items(), strict=False)):
@@ -148,7 +150,7 @@ def draw_maps(
         keys.append(Patch(fill=False, hatch="//", edgecolor="0.5", label="refused"))
     figure.legend(handles=keys, loc="outside lower center", ncols=6, frameon=False, fontsize=9)
     figure.suptitle(title, fontsize=11)
-    figure.savefig(path)
+    return figure
 
 
 def _draw_map(

@@ -15,7 +15,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.ladder import SHARE
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 LEAST = 1e-4  # smallest drawn effect [u]; smaller effects are drawn at this value
@@ -54,11 +54,11 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
     )
 
 
-def draw_laboratory(rows: list[Row], title: str) -> Figure:
+def draw_laboratory(rows: list[Row], title: str) -> PageFigure:
     """Return the figure of the rows of `laboratory_chart`, with one panel per part."""
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
-    figure = Figure(figsize=(11.5, 6.4), dpi=150, layout="constrained")
+    figure = PageFigure(figsize=(11.5, 6.4), dpi=150, layout="constrained")
     panels = figure.subplots(2, 3, sharex=True, sharey=True).ravel()
     parts = list(dict.fromkeys(row["part"] for row in rows))
     for axes, part in zip(panels, parts, strict=True):

@@ -8,8 +8,7 @@ reference has 120 modes and the same contact.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import as_drawn, figure_file
+from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyBats, entry_names
 from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
@@ -26,6 +25,9 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH, MPH
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 COUNTS = (8, 12, 16, 20, 30)  # numbers of bending modes
 MARKERS = "osD^v<>"  # markers of the bats, used again after the last one
@@ -37,10 +39,10 @@ DASHES = {"without": "--", "with residual": "-"}  # line styles by treatment of 
 class ModeConvergence(Rows[dict[str, Any]]):
     """Largest errors of e_A by the number of modes, one row per bat, contact and treatment."""
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the errors against the number of modes, one panel per contact."""
         bats = list(dict.fromkeys(row["bat"] for row in self.rows))
-        with figure_file(path, 3.6) as figure:
+        with page_figure(3.6) as figure:
             panels = figure.subplots(1, 2, sharex=True, sharey=True)
             for axes, (contact, title) in zip(panels, CONTACTS.items(), strict=True):
                 for row in (row for row in self.rows if row["contact"] == contact):
@@ -55,6 +57,7 @@ class ModeConvergence(Rows[dict[str, Any]]):
             figure.legend(*handles, loc="outside lower center", ncols=4)
             words = "static flexibility of the omitted modes: with (solid), without (dashed)"
             figure.suptitle(words, fontsize=8)
+        return figure
 
 
 def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConvergence:

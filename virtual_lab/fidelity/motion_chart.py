@@ -34,7 +34,7 @@ from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.units import INCH, Array
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 
@@ -228,11 +228,11 @@ def _rms(error: Array) -> float:
     return float(np.sqrt(np.mean(np.square(error))))
 
 
-def draw_motion(rows: list[Row], title: str) -> Figure:
+def draw_motion(rows: list[Row], title: str) -> PageFigure:
     """Return the figure of the rows of `motion_chart`: errors, missed contacts, and lost energy."""
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
-    figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")
+    figure = PageFigure(figsize=(11.5, 4.6), dpi=150, layout="constrained")
     errors, misses, losses = figure.subplots(1, 3, width_ratios=(2.0, 1.0, 1.0))
     _draw_errors(errors, [row for row in rows if row["us_a_shot"]])
     _draw_misses(misses, [row for row in rows if row["scene"].startswith("missed")])

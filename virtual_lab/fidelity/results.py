@@ -14,7 +14,7 @@ from virtual_lab.output.result import StudyResult
 from virtual_lab.output.tables import Column, table_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 T = TypeVar("T")
@@ -59,7 +59,7 @@ class SpeedChart(StudyResult):
     title: str
     words: str  # description of the figure on the page
     rows: list[Row]
-    figure: Callable[[list[Row], str], Figure]  # function of rows and title
+    figure: Callable[[list[Row], str], PageFigure]  # function of rows and title
 
     @property
     def text(self) -> str:
@@ -71,9 +71,9 @@ class SpeedChart(StudyResult):
         """The columns of the rows by key."""
         return {key: COLUMNS.get(key, Column(key.replace("_", " "))) for key in self.rows[0]}
 
-    def draw(self, path: Path) -> None:
-        """Draw the chart into a file."""
-        self.figure(self.rows, self.title).savefig(path)
+    def draw(self) -> PageFigure:
+        """Draw the chart."""
+        return self.figure(self.rows, self.title)
 
     def fill(self, folder: Path) -> None:
         """Write the rows as CSV, the figure as PNG, and a page with both as HTML."""
@@ -93,12 +93,12 @@ class StabilityMap(StudyResult):
     title: str
     text: str
     rows: list[Row]
-    picture: Callable[[list[Row], Path], None]
+    picture: Callable[[list[Row]], PageFigure]
     name: str = "stability"
 
-    def draw(self, path: Path) -> None:
-        """Draw the maps into a file."""
-        self.picture(self.rows, path)
+    def draw(self) -> PageFigure:
+        """Draw the maps."""
+        return self.picture(self.rows)
 
 
 def _in_words(value: Any) -> Any:

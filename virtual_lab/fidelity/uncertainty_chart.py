@@ -14,7 +14,7 @@ from virtual_lab.fidelity.results import SpeedChart
 from virtual_lab.output.progress import Progress, quiet
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 Row = dict[str, Any]
 PANELS = {"u_error": "of u", "low_error": "of the lower end", "high_error": "of the upper end"}
@@ -47,11 +47,11 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
     )
 
 
-def draw_uncertainty(rows: list[Row], title: str) -> Figure:
+def draw_uncertainty(rows: list[Row], title: str) -> PageFigure:
     """Return the figure of the rows of `uncertainty_chart`, with one panel per error."""
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
-    figure = Figure(figsize=(11.5, 4.6), dpi=150, layout="constrained")
+    figure = PageFigure(figsize=(11.5, 4.6), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(PANELS), sharex=True, sharey=True)
     models = list(dict.fromkeys(row["model"] for row in rows))
     for axes, (key, words) in zip(panels, PANELS.items(), strict=True):

@@ -16,6 +16,8 @@ from virtual_lab.output.tables import Column, record, table_text
 if TYPE_CHECKING:
     import pandas as pd
 
+    from virtual_lab.output.page_figure import PageFigure
+
 Row = TypeVar("Row")
 Json = dict[str, Any]  # JSON document
 
@@ -68,21 +70,29 @@ class StudyResult(ABC):
         """The result for a terminal."""
         return table_text(self.rows)
 
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Figures that `save` draws, by file name."""
-        return (self.name,) if hasattr(self, "draw") else ()
+    def plot(self, path: str | Path | None = None) -> PageFigure:
+        """Return the picture, which a notebook shows, and write it into a file if one is named.
 
-    def plot(self, path: str | Path) -> Path:
-        """Draw the picture into a file, its format by the name's ending: .png, .svg, .pdf."""
+        Parameters
+        ----------
+        path
+            File to write; its name ends in .png, .svg or .pdf.
+
+        Raises
+        ------
+        InputError
+            This result has no picture.
+        """
         draw = getattr(self, "draw", None)
         if draw is None:
             raise InputError("", "plot", self.name, "this result has no picture")
-        draw(Path(path))
-        return Path(path)
+        picture: PageFigure = draw()
+        if path is not None:
+            picture.savefig(path)
+        return picture
 
     def save(self, folder: str | Path) -> Path:
-        """Write the tables as CSV and the pictures as PNG into a new folder.
+        """Write the tables as CSV and the picture as PNG into a new folder.
 
         Raises `InputError` if the folder is not empty or cannot be written; no partial files are
         left.
@@ -95,8 +105,8 @@ class StudyResult(ABC):
         """Write the files of `save` into an existing folder."""
         for name, table in self.tables.items():
             write_csv(table, folder / f"{name}.csv")
-        for name in self.pictures:
-            self.plot(folder / f"{name}.png")
+        if hasattr(self, "draw"):
+            self.plot(folder / f"{self.name}.png")
 
     def __repr__(self) -> str:
         return f"<{self.title}, {len(self.rows)} rows>"

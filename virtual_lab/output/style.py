@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
+
+LayoutName = Literal["constrained", "compressed", "tight", "none"]
 
 PAGE_WIDTH_IN = 6.9  # text width of an A4 page [in]
 STYLE: dict[str, Any] = {
@@ -40,20 +41,21 @@ def as_drawn(name: str) -> str:
 
 
 @contextmanager
-def figure_file(path: Path, height: float) -> Iterator[Figure]:
-    """Yield an empty figure as wide as a page, and write it into a file at the end.
+def page_figure(
+    height: float, width: float = PAGE_WIDTH_IN, *, layout: LayoutName | None = "constrained"
+) -> Iterator[PageFigure]:
+    """Yield an empty figure, and draw what follows in the program's style.
 
     Parameters
     ----------
-    path
-        File to write, its format by the name's ending.
-    height
-        Height of the figure [in].
+    height, width
+        Size of the figure [in]; by default it is as wide as a page.
+    layout
+        Layout engine of Matplotlib.
     """
     from matplotlib import style
-    from matplotlib.figure import Figure
+
+    from virtual_lab.output.page_figure import PageFigure
 
     with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(PAGE_WIDTH_IN, height), dpi=150, layout="constrained")
-        yield figure
-        figure.savefig(path)
+        yield PageFigure(figsize=(width, height), dpi=150, layout=layout, look=STYLE)

@@ -9,7 +9,7 @@ reduction.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,19 +18,22 @@ from virtual_lab.lab import TestSetup, certify_bat
 from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import as_drawn, figure_file
+from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.stations.rig import Reality
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Biases(Rows[dict[str, str | float | None]]):
     """Systematic errors, one row per bat."""
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the errors as bars, one panel per quantity and one bar per bat."""
-        with figure_file(path, 1.4 + 0.2 * len(self.rows)) as figure:
+        with page_figure(1.4 + 0.2 * len(self.rows)) as figure:
             panels = figure.subplots(1, len(QUANTITIES), sharex=True, sharey=True)
             for axes, name in zip(panels, QUANTITIES, strict=True):
                 errors = np.array([row[name] for row in self.rows], dtype=float)  # None: NaN
@@ -44,6 +47,7 @@ class Biases(Rows[dict[str, str | float | None]]):
             panels[0].invert_yaxis()
             figure.suptitle(as_drawn(self.title), fontsize=8)
             figure.supxlabel("measured minus true value, 10$^{-3}$", fontsize=8)
+        return figure
 
 
 def bias(

@@ -8,16 +8,15 @@ import numpy as np
 
 from virtual_lab.measurement.procedure import curve_of
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.style import INTERVAL_GREY, PAGE_WIDTH_IN, STYLE, as_drawn
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.units import INCH
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from virtual_lab.measurement.certification import Certification
+    from virtual_lab.output.page_figure import PageFigure
 
 
-def plot_hits(certification: Certification, statement: str) -> Figure:
+def plot_hits(certification: Certification, statement: str) -> PageFigure:
     """Return a figure of the metric of each shot, in its printed unit, against its number from 0.
 
     For a scan the horizontal axis is the impact position [in from the tip], and the fitted curve is
@@ -25,16 +24,13 @@ def plot_hits(certification: Certification, statement: str) -> Figure:
     shots are crosses. Value and limit are lines, and the 95 % interval is a band; without a result
     only the limit is drawn. The `statement` of the certificate is printed below the figure.
     """
-    from matplotlib import style
-    from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
     printed, procedure = METRICS[certification.procedure.metric], certification.procedure
     values, place = certification.shot_metric / printed.unit_si, certification.readings.place / INCH
     across = np.arange(values.size) if procedure.scan is None else place
     valid, in_result = certification.judgement.valid, certification.outcome.used
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(PAGE_WIDTH_IN, 2.6), dpi=150, layout="constrained")
+    with page_figure(2.6) as figure:
         axes = figure.add_subplot()
         for kind, marker, color, fill, label in (
             (valid & in_result, "o", "black", "black", "in the result"),

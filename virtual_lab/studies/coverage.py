@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -26,7 +25,7 @@ from virtual_lab.measurement.procedure import variances_within
 from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import Positive, Seed
 from virtual_lab.records import AimMarks
@@ -38,6 +37,8 @@ from virtual_lab.units import Array, Mask
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from virtual_lab.output.page_figure import PageFigure
 
 WORDS = (
     "Error: measured minus true value. At least, at most: 95 % confidence interval of the\n"
@@ -93,12 +94,12 @@ class Coverage:
 class CoverageTable(Rows[Coverage]):
     """Coverage, errors and bias, one row per quantity, the metric first."""
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the coverage of each quantity, and of the metric by tenths of the laboratories."""
         shares = np.array([(row.coverage, row.low, row.high) for row in self.rows])
         share, low, high = 100 * shares.T
         names = [row.quantity.replace("_", " ") for row in self.rows]
-        with figure_file(path, 2.9) as figure:
+        with page_figure(2.9) as figure:
             quantities, tenths = figure.subplots(1, 2)
             spread = (share - low, high - share)
             quantities.errorbar(share, names, xerr=spread, capsize=3, fmt="ok", markersize=3)
@@ -118,6 +119,7 @@ class CoverageTable(Rows[Coverage]):
             plot_tenths(tenths, labels)
             tenths.set(ylabel="intervals with the true metric, %")
             figure.legend(loc="outside lower center", ncols=3)
+        return figure
 
 
 def plot_tenths(axes: Axes, shares: Mapping[str, Sequence[float | None]]) -> None:

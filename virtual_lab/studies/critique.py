@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import nan
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,6 +49,8 @@ from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from virtual_lab.output.page_figure import PageFigure
 
 FIELD_TIE_MPH = 0.1  # difference of v_f below which two bats tie in the field
 RELIABLE_SHARE = 0.95  # smallest probability of a reliable ranking
@@ -192,9 +193,9 @@ class Critique(StudyResult):
         """Table of the ranks of each bat, and table of the pairs of bats."""
         return _text(self.metrics, self.pairs, self.balls)
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the probability of a wrong ranking for each pair and procedure."""
-        draw_critique(self.table, path)
+        return draw_critique(self.table)
 
     @property
     def document(self) -> Json:

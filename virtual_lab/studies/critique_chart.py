@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import cos, radians, sin
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from virtual_lab.output.style import STYLE, as_drawn
+from virtual_lab.output.style import as_drawn, page_figure
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from virtual_lab.output.page_figure import PageFigure
 
 
 class Mark(NamedTuple):
@@ -49,7 +50,7 @@ PAGE = PageLayout()
 SLANT = 55  # angle of the procedures' names [°]
 
 
-def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
+def draw_critique(pairs: pd.DataFrame) -> PageFigure:
     """Draw one panel per exponent n: one row per pair of bats, one column per procedure.
 
     The number in a cell is the probability, in per cent, that a laboratory ranks the two bats in
@@ -59,12 +60,7 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
     ----------
     pairs
         One row per pair of bats, exponent and procedure: the table of `Critique`.
-    path
-        File to write: .png, .svg or .pdf.
     """
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
     rows: list[Any] = list(pairs.itertuples())
     swings = list(dict.fromkeys(row.n for row in rows))
     bats = list(dict.fromkeys((row.first, row.second) for row in rows))
@@ -95,8 +91,7 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
             7.5,
         ),
     )
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(width, height), dpi=150)
+    with page_figure(height, width, layout=None) as figure:
         for i, n in enumerate(swings):
             left = left_of_all + i * (panel[0] + PAGE.gap)
             box = (left / width, bottom / height, panel[0] / width, panel[1] / height)
@@ -112,7 +107,7 @@ def draw_critique(pairs: pd.DataFrame, path: Path) -> None:
         verdicts = set(pairs["verdict"])
         handles = [_handle(verdict) for verdict in MARKS if verdict in verdicts]
         figure.legend(handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3)
-        figure.savefig(path)
+    return figure
 
 
 def _panel(

@@ -48,6 +48,8 @@ from virtual_lab.units import MPH, Array
 if TYPE_CHECKING:
     import pandas as pd
 
+    from virtual_lab.output.page_figure import PageFigure
+
 SPEED = 60 * MPH  # ball speed of the wall test [m/s]
 CYLINDER = "check-cylinder"
 
@@ -138,18 +140,16 @@ class Daily(StudyResult):
         )
         return "\n\n".join(f"{words}\n{table_text(rows)}" for words, rows in checks)
 
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Names of the pictures, one control chart per check standard."""
-        return ("daily", "cylinder")
+    def draw(self) -> PageFigure:
+        """Draw the control chart of the ball."""
+        return draw_control_chart(self.values, self.charted, "$e_0$ of the check ball")
 
-    def draw(self, path: Path) -> None:
-        """Draw the control chart of the ball, or of the cylinder into ``cylinder.png``."""
-        if path.stem == "cylinder":
-            label = "$e_A$ of the check cylinder"
-            draw_control_chart(self.cylinder, self.cylinder_charted, label, path)
-        else:
-            draw_control_chart(self.values, self.charted, "$e_0$ of the check ball", path)
+    def fill(self, folder: Path) -> None:
+        """Write the table and the control charts of ball and cylinder."""
+        super(Daily, self).fill(folder)
+        label = "$e_A$ of the check cylinder"
+        chart = draw_control_chart(self.cylinder, self.cylinder_charted, label)
+        chart.savefig(folder / "cylinder.png")
 
     @property
     def document(self) -> Json:

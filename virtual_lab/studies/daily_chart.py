@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import page_figure
 from virtual_lab.studies.control_charts import (
     CUSUM_LIMIT,
     EWMA_LIMIT,
@@ -21,11 +20,13 @@ from virtual_lab.units import Array, Mask
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from virtual_lab.output.page_figure import PageFigure
+
 LIMIT = {"color": "black", "linestyle": "--", "linewidth": 0.7}
 FIRST = "#d55e00"
 
 
-def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path) -> None:
+def draw_control_chart(values: Array, charted: DayCharts, label: str) -> PageFigure:
     """Draw four panels: daily values, moving range, moving average, and cumulative sums.
 
     The values are in their unit, the other charts in standard deviations. Days with an alarm are
@@ -39,19 +40,13 @@ def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path
         The charts of the days after the baseline.
     label
         Axis label of the values.
-    path
-        File to write: .png, .svg or .pdf.
     """
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
     base, first = charted.baseline, charted.baseline_days
     days = np.arange(1, values.size + 1)
     later = days[first:]
     words = [run.words for run in RULES.values()]
     shewhart = [flags for name, flags in charted.alarms.items() if name in words]
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(7.2, 8.0), dpi=150, layout="constrained")
+    with page_figure(8.0, 7.2) as figure:
         panels = figure.subplots(4, 1, sharex=True, height_ratios=(3, 2, 2, 2))
         panels[0].plot(days, values, ".-", color="black", linewidth=0.6)
         for side, dash in zip(range(-3, 4), ("--", ":", ":", "-", ":", ":", "--"), strict=True):
@@ -82,7 +77,7 @@ def draw_control_chart(values: Array, charted: DayCharts, label: str, path: Path
         for axes in panels:
             axes.axvspan(0.5, first + 0.5, facecolor="0.93", edgecolor="none", zorder=0)
         panels[3].set(xlabel="day", xlim=(0.5, values.size + 0.5))
-        figure.savefig(path)
+    return figure
 
 
 def _mark(axes: Axes, days: NDArray[np.int_], values: Array, alarms: Mask) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import binomtest
@@ -20,11 +20,14 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import Seed
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
 from virtual_lab.units import Array, Mask
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 TESTS = (1, 3)  # numbers of tests per laboratory; the best one counts
 # half range of the true metric about the limit [standard deviations of the error], and number of
@@ -64,9 +67,9 @@ class OperatingCurves(Rows[OperatingPoint]):
 
     limits: Mapping[str, float]  # limit of each procedure, in the unit of its metric
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the probability of PASS with its interval, one panel per procedure."""
-        with figure_file(path, 2.6 * len(self.limits)) as figure:
+        with page_figure(2.6 * len(self.limits)) as figure:
             panels = figure.subplots(len(self.limits), 1, squeeze=False).ravel()
             for axes, (procedure, limit) in zip(panels, self.limits.items(), strict=True):
                 for best_of, line in zip(TESTS, ("-", "--"), strict=True):
@@ -87,6 +90,7 @@ class OperatingCurves(Rows[OperatingPoint]):
                     ylabel="probability of PASS",
                 )
                 axes.legend()
+        return figure
 
 
 def operating(

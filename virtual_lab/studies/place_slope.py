@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +13,15 @@ from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.sheets import AnyBats, AnyProcedure, Instruments, entry_name, entry_names
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.units import INCH
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +39,11 @@ class Slopes(Rows[Slope]):
 
     on_sheet: tuple[float, float]  # slope of the procedure, and its standard uncertainty [1/in]
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the slope of each bat, and their mean, against the slope on the sheet."""
         *bats, mean, deviation = self.rows
         value, u = self.on_sheet
-        with figure_file(path, 1.3 + 0.25 * len(bats)) as figure:
+        with page_figure(1.3 + 0.25 * len(bats)) as figure:
             axes = figure.subplots()
             words = "slope on the sheet of the procedure ± $u$"
             axes.axvspan(value - u, value + u, color=INTERVAL_GREY, linewidth=0, label=words)
@@ -53,6 +56,7 @@ class Slopes(Rows[Slope]):
             axes.set(title=title, ymargin=0.1, xlabel="slope of $e_A$ along the barrel, 1/in")
             axes.invert_yaxis()
             figure.legend(loc="outside lower center", ncols=3)
+        return figure
 
 
 def slope(

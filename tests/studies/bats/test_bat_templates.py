@@ -167,7 +167,7 @@ def test_data_that_no_bat_of_the_template_can_have_are_refused(
 @pytest.mark.parametrize(
     ("other", "said"),
     [
-        ({"z_cm": 35 * INCH}, "off a bat"),
+        ({"z_cm": 35 * INCH}, "outside a bat"),
         ({"inertia_axis": 33 * INCH}, "less than mass times"),
         ({"bending_frequencies": (551.0, 164.0)}, "increase"),
         ({"bending_frequencies": (-1.0,)}, "above 0"),

@@ -32,7 +32,8 @@ def test_names_are_drawn_and_written_as_they_are(tmp_path: Path) -> None:
     names = [r"$\frac{1$", "costs $5 or $6", "=cmd|' /C calc'!A0", "_hidden"]
     bats = [vl.bat("r161").with_(name=name, title=name) for name in names]
     found = vl.profile(bats, swings=0)
-    drawn = found.plot(tmp_path / "bats.svg").read_text("utf-8")
+    found.plot(tmp_path / "bats.svg")
+    drawn = (tmp_path / "bats.svg").read_text("utf-8")
     for name in names:
         assert name in html.unescape(drawn), name
     vl.profile(bats[0]).plot(tmp_path / "bat.png")

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.measurement.reduction.kinematics import recoil_factor_free
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import as_drawn, figure_file
+from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import columns_of
 from virtual_lab.relations.swing import bat_speed
 from virtual_lab.sheets import AnyBat, entry_name
@@ -36,6 +35,9 @@ from virtual_lab.studies.bats.curves import PLACE
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions, curves_of, peaks_of
 from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, peak_entries, spread_of
 from virtual_lab.units import INCH, Array
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 PLACES_IN = np.arange(2.5, 9.01, 0.5)
 
@@ -64,9 +66,9 @@ class LawTable(Rows[LawRow]):
 
     curves: Sequence[Mapping[str, Array]]  # curves along the bat by name, one mapping per law
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw e and v_f along the barrel for each law, with a marker at each peak."""
-        with figure_file(path, 4.6) as figure:
+        with page_figure(4.6) as figure:
             panels = figure.subplots(2, 1, sharex=True)
             for row, curves in zip(self.rows, self.curves, strict=True):
                 dash, colour = LINES[row.law]
@@ -82,6 +84,7 @@ class LawTable(Rows[LawRow]):
             panels[1].set_xlabel(PLACE)
             handles = panels[0].get_legend_handles_labels()
             figure.legend(*handles, loc="outside lower center", ncols=3)
+        return figure
 
 
 def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:

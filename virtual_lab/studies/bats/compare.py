@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from virtual_lab import catalog
@@ -24,6 +23,8 @@ from virtual_lab.units import OZ_IN2
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from virtual_lab.output.page_figure import PageFigure
 
 PROFILE_SWINGS = (0.0, 0.5)
 
@@ -65,9 +66,9 @@ class BatComparison(StudyResult):
         """Tables of the peaks, and of their differences from the first bat."""
         return comparison_text(self.peaks, self.differences, self.balls)
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the paper's Figs. 3 and 4 of these bats."""
-        draw_comparison(self.curves, path)
+        return draw_comparison(self.curves)
 
     @property
     def curves(self) -> pd.DataFrame:

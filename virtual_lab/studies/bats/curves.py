@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.output.style import STYLE, as_drawn
+from virtual_lab.output.style import as_drawn, page_figure
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+
+    from virtual_lab.output.page_figure import PageFigure
 
 SHOWN_IN = (1.0, 12.0)  # drawn range of impact positions [in]; the CSV has more
 COLOURS = ("black", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
@@ -18,7 +19,7 @@ DASHES = ("-", "--", ":", "-.")
 PLACE = "impact position from the barrel tip $z$, in"
 
 
-def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
+def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
     """Draw e, r and e_A in the upper panel; e_A, v_bat and v_f in the lower (the paper's Fig. 2).
 
     The positions are 1 to 12 in from the tip, the speeds are in mph.
@@ -29,18 +30,12 @@ def draw_profile(table: pd.DataFrame, title: str, path: Path) -> None:
         Columns z_in, e, r, e_A, v_bat_mph, v_f_mph.
     title
         Title of the figure.
-    path
-        File to write: .png, .svg or .pdf.
     """
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(6.0, 6.6), dpi=150, layout="constrained")
+    with page_figure(6.6, 6.0) as figure:
         above, below = figure.subplots(2, 1, sharex=True)
         plot_profile(above, below, table)
         above.set_title(as_drawn(title))
-        figure.savefig(path)
+    return figure
 
 
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
@@ -66,7 +61,7 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
         axes.legend(loc="lower center", ncols=3)
 
 
-def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
+def draw_comparison(curves: pd.DataFrame) -> PageFigure:
     """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
     The positions are 1 to 12 in from the tip, v_f is in mph. BPF and e_A are drawn for the first
@@ -77,19 +72,13 @@ def draw_comparison(curves: pd.DataFrame, path: Path) -> None:
     ----------
     curves
         Columns bat, n, z_in, BPF, e_A, v_f_mph; n is None for the law of constant energy.
-    path
-        File to write: .png, .svg or .pdf.
     """
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(7.2, 8.0), dpi=150, layout="constrained")
+    with page_figure(8.0, 7.2) as figure:
         panels = figure.subplots(3, 1, sharex=True)
         plot_comparison(panels, curves)
         for axes in (panels[0], panels[2]):
             axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
-        figure.savefig(path)
+    return figure
 
 
 def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:

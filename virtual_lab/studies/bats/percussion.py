@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,6 +35,9 @@ from virtual_lab.studies.bats.percussion_chart import draw_percussion
 from virtual_lab.uncertainty.budget import HITS, Variants, combine_components, types_a
 from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import INCH, Array
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 READINGS = {"recoil": "recoil_efficiency", "rebound": "rebound_efficiency"}
 
@@ -103,9 +105,9 @@ class PercussionStudy(StudyResult):
         """Table of the positions, and sentences on the largest errors."""
         return _text(self.rows, self.percussion_in)
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw errors, shifts and loads against the impact position."""
-        draw_percussion(self.table, self.percussion_in, self.bat, path)
+        return draw_percussion(self.table, self.percussion_in, self.bat)
 
     @property
     def document(self) -> Json:

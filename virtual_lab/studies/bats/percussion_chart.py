@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from virtual_lab.output.style import STYLE, as_drawn
+from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.studies.bats.curves import PLACE
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from virtual_lab.output.page_figure import PageFigure
+
 COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose": "#cc79a7"}
 
 
-def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: Path) -> None:
+def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> PageFigure:
     """Draw three panels against the impact position: errors of e_A, shifts of e_A, loads.
 
     Parameters
@@ -25,19 +26,13 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
         Centre of percussion [in from the tip].
     bat
         Name of the bat, for the title.
-    path
-        File to write: .png, .svg or .pdf.
     """
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
     table = table.astype(float)  # None, for no detected rebound, becomes NaN
     # close to the centre of percussion, only a loose bearing makes a difference
     rows = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
     z = rows["z_in"]
 
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(7.6, 7.6), dpi=150, layout="constrained")
+    with page_figure(7.6, 7.6) as figure:
         errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
         for name, mark in (("recoil", "o"), ("rebound", "s")):
             colour = COLOURS[name]
@@ -86,4 +81,4 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str, path: P
         )
         for axes in (shifts, loads):
             axes.axhline(0, color="0.6", linewidth=0.6, zorder=0)
-        figure.savefig(path)
+    return figure

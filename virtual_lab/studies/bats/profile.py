@@ -9,7 +9,6 @@ import re
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -43,6 +42,8 @@ from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, Array, to_si
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from virtual_lab.output.page_figure import PageFigure
 
 CONDITIONS = "standard-2003"
 BARREL_END = 12.0  # end of the barrel in the search for the peaks [in]
@@ -124,9 +125,9 @@ class BatProfile(StudyResult):
         """Properties of the bat, beside the published ones, and its curves."""
         return profile_text(self.document, self.rows, self.bat.published)
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the paper's Fig. 2."""
-        draw_profile(self.table, self.bat.title, path)
+        return draw_profile(self.table, self.bat.title)
 
     @property
     def peaks(self) -> dict[str, Peak]:

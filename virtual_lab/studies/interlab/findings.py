@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
-from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import File, Positive
 from virtual_lab.studies.interlab.playing import Play
@@ -32,6 +33,9 @@ from virtual_lab.uncertainty.interlaboratory import (
     nested_study,
 )
 from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 TOLERANCE, NEGLIGIBLE = 0.1, 0.02  # largest difference [share of the prediction; share of s_R]
 CONTROLLED = ", control bat"  # ending of the name of a result corrected by the control bat
@@ -67,7 +71,7 @@ class Interlab(Rows[InterlabTerm]):
 
     exercises: dict[str, NestedStudy]  # first exercise, by the name of bat, procedure and result
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the causes of each result's scatter, and h and k of its first exercise.
 
         Raises `InputError` for predictions alone.
@@ -75,7 +79,7 @@ class Interlab(Rows[InterlabTerm]):
         if not self.exercises:
             raise InputError("", "plot", None, "predictions have no picture; leave out predict")
         cases = list(self.exercises.items())
-        with figure_file(path, 2.2 * len(cases)) as figure:
+        with page_figure(2.2 * len(cases)) as figure:
             panels = figure.subplots(len(cases), 3, squeeze=False, width_ratios=(2, 1, 1))
             for (name, study), (causes, h, k) in zip(cases, panels, strict=True):
                 rows = [row for row in self.rows if _case_name(row) == name and row.found]
@@ -94,6 +98,7 @@ class Interlab(Rows[InterlabTerm]):
                     axes.axhspan(low, limit, color=INTERVAL_GREY, linewidth=0)
                     axes.plot(1 + np.arange(values.size), values, "ok", markersize=3)
                     axes.set(title=words, xlabel="laboratory")
+        return figure
 
 
 def interlab(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from virtual_lab.catalog.reading import DATA
 from virtual_lab.files.tables import write_csv
@@ -14,6 +15,9 @@ from virtual_lab.output.tables import table_text
 from virtual_lab.studies.paper import computed, examples, metrics, models, procedures
 from virtual_lab.studies.paper.claim import Claim, Row, read_claims
 from virtual_lab.studies.paper.page import draw_page, write_page
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 FINDERS = {
     name: finder
@@ -52,9 +56,9 @@ class Findings(StudyResult):
         reasons = [f"\n{row.claim.name}: {row.claim.lost}" for row in self.claims if not row.holds]
         return f"{table}\n\n{self.held} of {len(self.claims)} hold{''.join(reasons)}"
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the paper's Figs. 2 to 4."""
-        draw_page().savefig(path)
+        return draw_page()
 
     def fill(self, folder: Path) -> None:
         """Write table, picture and page."""

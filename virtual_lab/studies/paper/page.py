@@ -7,23 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from virtual_lab.output.chart_page import chart_page
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import page_figure
 from virtual_lab.studies.bats.compare import BatComparison
 from virtual_lab.studies.bats.curves import plot_comparison, plot_profile
 from virtual_lab.studies.paper.claim import Row
 from virtual_lab.studies.paper.computed import ALUMINIUM, BARREL, KNOB, WOOD, profiles_by_swing
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from virtual_lab.output.page_figure import PageFigure
 
 
-def draw_page() -> Figure:
+def draw_page() -> PageFigure:
     """Return a single figure with the paper's Figs. 2 to 4, for the swing exponents 0 and 0.5."""
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(12.6, 6.6), dpi=150, layout="constrained")
+    with page_figure(6.6, 12.6) as figure:
         grid = figure.add_gridspec(1, 3, wspace=0.03)
         parts = [figure.add_subfigure(grid[0, column]) for column in range(3)]
         above, below = parts[0].subplots(2, 1, sharex=True)
@@ -49,7 +45,7 @@ def draw_page() -> Figure:
     return figure
 
 
-def write_page(rows: Sequence[Row], figure: Figure, path: Path) -> None:
+def write_page(rows: Sequence[Row], figure: PageFigure, path: Path) -> None:
     """Write the figure and the table of claims into `path` as one self-contained HTML page.
 
     An existing file is overwritten.

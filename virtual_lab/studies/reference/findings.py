@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import StudyResult
-from virtual_lab.output.style import INTERVAL_GREY, as_drawn, figure_file
+from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.studies.reference import results
 from virtual_lab.studies.reference.published import (
@@ -18,6 +17,9 @@ from virtual_lab.studies.reference.published import (
     finder_of,
     read_published,
 )
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 FINDERS = {
     name: finder
@@ -83,7 +85,7 @@ class ReferenceResult(StudyResult):
         )
         return "\n\n".join((table_text(represented), "\n".join(reasons), counts))
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the predictions, each in half widths of its range of agreement."""
         drawn = [
             row
@@ -93,7 +95,7 @@ class ReferenceResult(StudyResult):
         names = [
             f"{as_drawn(row.quantity)}: {row.value} {row.unit.removeprefix('1')}" for row in drawn
         ]
-        with figure_file(path, 0.17 * len(drawn) + 0.6) as figure:
+        with page_figure(0.17 * len(drawn) + 0.6) as figure:
             axes = figure.subplots()
             axes.axvspan(-1, 1, color=INTERVAL_GREY, linewidth=0)
             for place, row in enumerate(drawn):
@@ -109,6 +111,7 @@ class ReferenceResult(StudyResult):
             axes.set_ylim(len(drawn) - 0.5, -0.5)
             axes.set_xlim(-FARTHEST - 0.3, FARTHEST + 0.3)
             axes.set_xlabel("our result in half widths of the\nrange of agreement (open: outside)")
+        return figure
 
 
 FARTHEST = 3.0  # largest deviation drawn [half widths]; farther results are arrows

@@ -19,7 +19,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
-from virtual_lab.output.style import as_drawn, figure_file
+from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder, Seed
 from virtual_lab.records.session import SESSION
@@ -32,6 +32,8 @@ from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from virtual_lab.output.page_figure import PageFigure
 
 RECORDS = "records"  # folder of the records in a result folder
 TOLERANCE = 0.1  # largest harmless error of a stated u: that of its coverage is then below 2 %
@@ -157,10 +159,10 @@ class Twin(StudyResult):
             "readings": [dict(record(row)) for row in self.readings],
         }
 
-    def draw(self, path: Path) -> None:
+    def draw(self) -> PageFigure:
         """Draw the stated u over the standard deviation of the errors, and the tails."""
         names = [row.quantity.replace("_", " ") for row in self.rows]
-        with figure_file(path, 2.4) as figure:
+        with page_figure(2.4) as figure:
             panels = figure.subplots(1, 2 if self.readings else 1, squeeze=False)[0]
             axes = panels[0]
             figure.suptitle(as_drawn(self.title), fontsize=8)
@@ -183,6 +185,7 @@ class Twin(StudyResult):
                     ymargin=0.1,
                 )
                 tails.invert_yaxis()
+        return figure
 
 
 def twin(
