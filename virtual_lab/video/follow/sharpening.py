@@ -250,8 +250,8 @@ def _flatten(
 
     A ball at the height h over the plane of a camera at the distance Z looks larger, and farther
     from the camera's foot, by 1 + h/Z. h is 0 at the contact. The rate of h is estimated from the
-    growth of the ball's picture, and from the calibration: the slope of a flight to the plane is 0
-    with u of half a degree, unless the growth contradicts that.
+    growth of the ball's picture. In the first flight the slope to the plane is 0 with u of half a
+    degree, too, unless the growth contradicts that.
     """
     calibration, plane = knowledge.calibration, ball.plane
     assert calibration is not None
@@ -272,12 +272,12 @@ def _flatten(
         grown = np.log(ball.located.radius[rows] / plane.sizes[rows]) - bend * late**2
         climb, u = _growth_rate(way, grown, late)
         before = STATED_LEVEL_U * float(np.hypot(*fit.states[k, 2:])) / far
-        if abs(climb) < SHARPNESS.misfit_u * np.hypot(u, before):
-            share = before**2 / (before**2 + u**2)
-            climb, u = share * climb, np.sqrt(share) * u
-        else:
+        if abs(climb) > SHARPNESS.misfit_u * np.hypot(u, before):
             words = f"flight {k + 1} leaves the plane: the ball's picture grows by "
             notes.append(("OFF_PLANE", f"{words}{100 * climb * np.ptp(late):+.2g} % in it"))
+        elif k == 0 or not camera:  # a struck ball leaves in any direction
+            share = before**2 / (before**2 + u**2)
+            climb, u = share * climb, np.sqrt(share) * u
         climbs.append((climb, u))
 
     def flat(moved: int | None = None) -> list[Piece]:
