@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import csv
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.streams import Quiet, Selected, Streams
-from virtual_lab.studies.interlab.findings import CONTROLLED, _precision
+from virtual_lab.studies.interlab.expected import expected_scatter, summarise
+from virtual_lab.studies.interlab.findings import _precision
 from virtual_lab.studies.interlab.playing import Play
 from virtual_lab.studies.interlab.study import Factors, LotFactor, read_interlab
 
@@ -56,7 +58,7 @@ def test_factors_alone_agree_with_their_predictions(study: Path) -> None:
     s = {term: rows["as found", term].found or 0.0 for term in ("s_L", "s_r", "s_R")}
     assert s["s_R"] ** 2 == pytest.approx(s["s_L"] ** 2 + s["s_r"] ** 2)
     # a wall and calibrations that are common to both bats leave no scatter of laboratories
-    cured = rows[f"as found{CONTROLLED}", "s_L"].found or 0.0
+    cured = rows["as found, control bat r161", "s_L"].found or 0.0
     assert cured < s["s_L"] / 2
     # by hand: BPF is divided by an e0 that the wall lowers, so its share scatters by 0.3 %/0.99
     bpf = rows["as found", "wall"].found or 0.0
@@ -118,6 +120,55 @@ def test_laboratories_with_an_invalid_test_are_left_out() -> None:
     assert precision.mean[0] == pytest.approx(left.mean())
     with pytest.raises(vl.InputError, match="at least 2 whose tests are all valid, of 12"):
         _precision(np.full((3, 4, 2, 2), np.nan))
+
+
+KEYS = "bat", "procedure", "result", "term"
+STORED = sorted(Path(__file__).parent.glob("interlab-2*.csv"))[-1]
+
+
+def test_the_shipped_table_is_that_of_the_stored_study() -> None:
+    with STORED.open(encoding="utf-8", newline="") as file:
+        rows = summarise(csv.DictReader(file))
+    for row in rows:
+        stored = expected_scatter(row["bat"], row["procedure"])
+        assert stored is not None
+        for key, value in asdict(stored).items():
+            wanted = row[key] if isinstance(value, str) else pytest.approx(row[key], rel=1e-3)
+            assert value == wanted, (row["bat"], key)
+    assert expected_scatter("a bat of mine", "bbcor") is not None
+    assert expected_scatter("r161", "mine") is None
+
+
+def test_the_page_states_the_stored_study() -> None:
+    """Every number of the first table, to its last printed digit."""
+    page = (Path(vl.__file__).parent / "studies" / "README.md").read_text("utf-8")
+    lines = page.split("## Laboratories compared")[1].split("\n\n")[2].splitlines()[2:]
+    with STORED.open(encoding="utf-8", newline="") as file:
+        rows = {tuple(row[key] for key in KEYS): row["found"] for row in csv.DictReader(file)}
+    for line in lines:
+        where, bat, *cells = (cell.strip() for cell in line.strip("| ").split("|"))
+        procedure, result = where.replace("`", "").split(", ")
+        terms = [(result, term) for term in ("s_r", "s_lot", "s_L", "s_R")]
+        for cell in cells.pop(4).split("; "):
+            number, control = cell.rstrip(")").split(" (")
+            cells.append(number)
+            terms.append((f"{result}, control bat {control}", "s_R"))
+        terms.insert(4, (result, "stated u"))
+        for cell, (name, term) in zip(cells, terms, strict=True):
+            unit = 10.0 ** -len(cell.split(".")[1])
+            found = float(rows[bat, procedure, name, term])
+            assert abs(float(cell) - found) <= 0.51 * unit, (line, term)
+
+
+def test_a_scatter_is_compared_with_that_of_the_study() -> None:
+    """The 1 % limit of χ² with 4 degrees of freedom is 13.28 = 4 · 3.32."""
+    stored = expected_scatter("r161", "bbcor")
+    assert stored is not None
+    s_R = stored.reproducibility
+    assert "is what laboratories differ by" in stored.explain(s_R, 5)
+    assert "is what laboratories differ by" in stored.explain((3.31**0.5) * s_R, 5)
+    assert "is larger than that" in stored.explain((3.33**0.5) * s_R, 5)
+    assert "is smaller than that" in stored.explain(0.01 * s_R, 5)
 
 
 @pytest.mark.parametrize(

@@ -74,6 +74,12 @@ def test_certificates_that_differ_in_more_than_one_way_are_refused_by_name(resul
     assert "\n" not in said
 
 
+def test_the_scatter_of_laboratories_is_compared_with_the_stored_study(results: Path) -> None:
+    said = "Simulated laboratories scatter by s_R 0.0061 (virtual-lab interlab, r161: repeats"
+    assert said in vl.report(results / "laboratories").text
+    assert "interlab" not in vl.report(results / "repeats").text
+
+
 def test_a_copy_is_no_repeat(results: Path, tmp_path: Path) -> None:
     """The same test with another customer's name is no repeat either."""
     copy = shutil.copytree(results / "repeats" / "n0", tmp_path / "copy")

@@ -20,6 +20,7 @@ from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, description_of, fi
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.output.template import page_template
 from virtual_lab.parameters import Folders, Paper, paths_of
+from virtual_lab.studies.interlab.expected import expected_scatter
 
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "repeats of one test"
@@ -157,6 +158,10 @@ class CertificateReport(StudyResult):
                 + f" is the mean of {len(results)} results; their standard deviation is "
                 f"{stdev(values):.2g}, which is {stdev(values) / rms:.2g} times their rms u"
             )
+            if self.kind != REPEATS:
+                bat = first.bat.split(" ")[0]  # without its serial number
+                expected = expected_scatter(bat, first.procedure)
+                sentences += [expected.explain(stdev(values), len(values))] if expected else []
         return [*(f"{each}." for each in sentences), AS_STATED]
 
     @property

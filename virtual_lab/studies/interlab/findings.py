@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 TOLERANCE, NEGLIGIBLE = 0.1, 0.02  # largest difference [share of the prediction; share of s_R]
-CONTROLLED = ", control bat"  # ending of the name of a result corrected by the control bat
 ALL, REST = "all factors", "interaction"
 WORDS = (
     "s_r: repeats with one lot; s_lot: between lots; s_L: between laboratories; s_R: single tests\n"
@@ -91,13 +90,14 @@ class Interlab(Rows[InterlabTerm]):
                 unit = f" [{rows[0].unit}]" if rows[0].unit else ""
                 causes.set_xlabel(f"standard deviation{unit}; mark: predicted")
                 for axes, values, limit, words in (
-                    (h, study.h[0], study.h_limit(), "h: mean of a laboratory"),
-                    (k, study.k[0], study.k_limit(), "k: scatter in a laboratory"),
+                    (h, study.h[0], study.h_limit(), "h: means"),
+                    (k, study.k[0], study.k_limit(), "k: scatter of repeats"),
                 ):
                     low = -limit if values.min() < 0 else 0
                     axes.axhspan(low, limit, color=INTERVAL_GREY, linewidth=0)
                     axes.plot(1 + np.arange(values.size), values, "ok", markersize=3)
                     axes.set(title=words, xlabel="laboratory")
+                    axes.locator_params(axis="x", integer=True)
         return figure
 
 
@@ -176,10 +176,8 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
             for name, row in predicted.items()
         ]
         if alone:
-            squares = [alone[name][result] ** 2 for name in play.factors]
-            rest = (alone[ALL][result] ** 2 - sum(squares)) / size**2
-            root = np.copysign(sqrt(abs(rest)), rest)
-            rows.append(replace(like, term=REST, predicted=0.0, found=float(root)))
+            parts = [alone[name][result] / size for name in play.factors]
+            rows.append(_interaction(parts, alone[ALL][result] / size, study.alone, like))
         of_lots = [row.predicted or 0.0 for key, row in predicted.items() if key in OF_LOTS]
         expected = {"s_lot": hypot(*of_lots, 0.0)} if study.lots > 1 else {}
         rows += _sds(precision, like, expected)
@@ -189,7 +187,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         if control:
             reference = control[result][0].mean(axis=-1, keepdims=True)  # one per lot
             corrected = values * np.nanmean(reference) / reference
-            cured = replace(like, result=f"{result}{CONTROLLED}")
+            cured = replace(like, result=f"{result}, control bat {study.control}")
             yield _sds(_precision(corrected), cured, {}), _precision(corrected[:1])
 
 
@@ -230,6 +228,21 @@ def _found(row: InterlabTerm, found: float, laboratories: int, s_R: float) -> In
         found_u=found / sqrt(2 * (laboratories - 1)),
         agrees=None if row.term == ALL else abs(found - predicted) <= tolerance,
     )
+
+
+def _interaction(
+    alone: list[float], together: float, laboratories: int, like: InterlabTerm
+) -> InterlabTerm:
+    """Return the row of the interaction, from standard deviations in `laboratories` each.
+
+    The interaction is negative if all factors together cause less than the root of the sum of their
+    squares. Its u is the size that chance alone gives it.
+    """
+    squares = np.square([together, *alone])
+    rest = squares[0] - squares[1:].sum()
+    chance = sqrt(2 / (laboratories - 1)) * float(np.linalg.norm(squares))
+    root = float(np.copysign(sqrt(abs(rest)), rest))
+    return replace(like, term=REST, predicted=0.0, found=root, found_u=sqrt(chance))
 
 
 def _precision(values: Array) -> NestedStudy:

@@ -1,0 +1,90 @@
+"""Scatter of laboratories that the stored interlaboratory studies found, for comparison."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from virtual_lab.catalog.reading import DATA
+
+TABLE = DATA / "uncertainty" / "interlab.csv"
+FACTORS = ("lot", "stiffness", "store", "calibration", "wall", "clamp")
+UNLIKELY = 0.01  # p-value below which a scatter is not that of the study, one-sided
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedScatter:
+    """Standard deviations of a bat's result by a procedure, in the unit of its metric."""
+
+    bat: str
+    procedure: str
+    repeats: float
+    lots: float
+    laboratories: float
+    reproducibility: float
+    cause: str  # factor with the largest effect
+
+    def explain(self, found: float, results: int) -> str:
+        """Return a sentence on the standard deviation `found` of a number of results."""
+        from scipy.special import chdtrc
+
+        square = (results - 1) * (found / self.reproducibility) ** 2
+        above = float(chdtrc(results - 1, square))
+        verdict = "is what laboratories differ by"
+        if above < UNLIKELY:
+            verdict = f"is larger than that (p = {above:.1g})"
+        elif 1 - above < UNLIKELY:
+            verdict = f"is smaller than that (p = {1 - above:.1g})"
+        return (
+            f"Simulated laboratories scatter by s_R {self.reproducibility:.2g} (virtual-lab "
+            f"interlab, {self.bat}: repeats {self.repeats:.2g}, lots {self.lots:.2g}, laboratories "
+            f"{self.laboratories:.2g}; largest cause: {self.cause}); the scatter here {verdict}"
+        )
+
+
+def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
+    """Return the stored scatter of a procedure, of this bat or else of the bat that scatters most.
+
+    None if no study of the procedure is stored.
+    """
+    with TABLE.open(encoding="utf-8", newline="") as file:
+        rows = [_read(row) for row in csv.DictReader(file) if row["procedure"] == procedure]
+    same = [row for row in rows if row.bat == bat]
+    return max(same or rows, key=lambda row: row.reproducibility, default=None)
+
+
+def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows of the stored table from the terms of studies, one per bat and procedure.
+
+    A procedure that converts to a standard ball is represented by its converted result.
+    """
+    terms: dict[tuple[str, str, str], dict[str, float]] = {}
+    for row in rows:
+        if row["found"] not in ("", None):
+            case = row["bat"], row["procedure"], row["result"]
+            terms.setdefault(case, {})[row["term"]] = float(row["found"])
+    summary = []
+    for (bat, procedure, result), sds in terms.items():
+        normalised = (bat, procedure, "normalised") in terms
+        if result == ("normalised" if normalised else "as found"):
+            scatter = ExpectedScatter(
+                bat=bat,
+                procedure=procedure,
+                repeats=sds["s_r"],
+                lots=sds["s_lot"],
+                laboratories=sds["s_L"],
+                reproducibility=sds["s_R"],
+                cause=max(sds.keys() & set(FACTORS), key=lambda name: sds[name]),
+            )
+            summary.append(asdict(scatter))
+    return summary
+
+
+def _read(row: Mapping[str, str]) -> ExpectedScatter:
+    words = ("bat", "procedure", "cause")
+    values: dict[str, Any] = {
+        key: text if key in words else float(text) for key, text in row.items()
+    }
+    return ExpectedScatter(**values)
