@@ -73,7 +73,7 @@ def served(
     """Serve a day, of an exam where a trainer's token is given; give it and its first address."""
     import uvicorn
 
-    day = ServedDay(folder, with_faults(folder, scenario, faults), SEED, chosen=bool(trainer))
+    day = ServedDay(folder, with_faults(folder, scenario, faults), SEED, is_fixed=bool(trainer))
     day.open()
     port = free_port()
     exam = (trainer, Hall("Spring class", {"Ada": day})) if trainer else None

@@ -104,8 +104,8 @@ class Browser:
         return self.ask("/do", {"do": name, "entry_number": number[1], **given})
 
 
-def served(folder: Path, scenario: str = "plain-day", *, chosen: bool = True) -> ServedDay:
-    day = ServedDay(folder, load_scenario(scenario), 3, chosen=chosen)
+def served(folder: Path, scenario: str = "plain-day", *, is_fixed: bool = True) -> ServedDay:
+    day = ServedDay(folder, load_scenario(scenario), 3, is_fixed=is_fixed)
     day.open()
     return day
 
@@ -119,7 +119,7 @@ def browser(tmp_path: Path) -> Browser:
 
 def test_the_first_page_lists_the_days_and_begins_one(tmp_path: Path) -> None:
     """Until the first entry, and never where a trainer has chosen; exams are not in the list."""
-    browser = Browser(served(tmp_path / "day", chosen=False))
+    browser = Browser(served(tmp_path / "day", is_fixed=False))
     browser.open()
     names = set(re.findall(r'name="scenario" value="([\w-]+)"', browser.ask("/").text))
     assert names == set(catalog.names("bench/scenarios")) - {"exam-day"}

@@ -29,7 +29,7 @@ def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> Non
         x, y = np.array([x, y]) - batch.inputs.regions.corners[k]
         off = (size - case.side) // 2
         inside = slice(off, off + case.side)
-        m = disc(size, x + off, y + off, 15, CASE.lens, case.way)[inside, inside]
+        m = disc(size, x + off, y + off, 15, CASE.lens, case.shift)[inside, inside]
         exact = behind * (1 - m) + ball * m
         assert np.abs(batch.inputs.regions.pixels[k] - exact).max() < 1e-3 * 150
 

@@ -83,7 +83,7 @@ def test_the_error_of_plain_pymunk_is_proportional_to_its_step(rows: list[Row]) 
 def test_the_share_of_missed_balls_is_that_of_jumped_bats(speed: float, step: float) -> None:
     """1 - (R + r) / (v dt), to one of a hundred evenly spaced shots."""
     share = missed_share(rod(), speed, step, 100)
-    assert share == pytest.approx(max(0.0, 1 - rod().reach / (speed * step)), abs=0.0101)
+    assert share == pytest.approx(max(0.0, 1 - rod().contact_distance / (speed * step)), abs=0.0101)
 
 
 def test_the_text_and_the_files_have_every_row(drawn: SpeedChart, tmp_path: Path) -> None:

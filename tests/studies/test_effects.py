@@ -50,7 +50,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
                 HITS: component(HITS, (3e-3, 4e-3)[k % 2], 1.0),
                 CHOICE: component(CHOICE, 1e-3, 1.0),
             },
-            off={CLOCK: float(off[k])},
+            constant_errors={CLOCK: float(off[k])},
             across=np.zeros(2),
         )
         for k in range(COUNT)

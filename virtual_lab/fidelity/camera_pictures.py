@@ -79,7 +79,7 @@ def _means(case: Case, centres: Array, draws: Streams, slots: Slots) -> tuple[Ar
     side, count = case.side, len(centres)
     middle = (side - 1) / 2
     balls = render_balls(
-        centres[:, None] + np.array(case.way) / 2 * np.array([[-1.0], [1.0]]),
+        centres[:, None] + np.array(case.shift) / 2 * np.array([[-1.0], [1.0]]),
         case.radius,
         np.zeros((count, 2)),
         (side, side),
@@ -162,7 +162,7 @@ def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -
 def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Located:
     errors = 2 * case.start_off * draws.uniform("start", 2, slots).T
     places = np.stack([x + errors[0], y + errors[1]], axis=1)
-    return Located.start(places, case.radius * (1 + case.radius_off), np.array(case.way))
+    return Located.start(places, case.radius * (1 + case.radius_off), np.array(case.shift))
 
 
 def _clip(samples: NDArray[np.uint8]) -> Clip:

@@ -48,7 +48,7 @@ class Case:
         return 2 * ceil(1.1 * self.radius + self.blur / 2 + MARGIN) + 1
 
     @property
-    def way(self) -> tuple[float, float]:
+    def shift(self) -> tuple[float, float]:
         """Shift of the ball during the exposure, in x and y [px]."""
         return self.blur * cos(0.3), self.blur * sin(0.3)
 

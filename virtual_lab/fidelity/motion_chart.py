@@ -184,7 +184,9 @@ def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
         return arm - foot, foot
 
     behind = float(-start.x / start.vx)  # time at which the ball reaches the bat at rest
-    time = brentq(lambda t: np.linalg.norm(separation(t)[0]) - bat.reach, 0, behind, xtol=1e-16)
+    time = brentq(
+        lambda t: np.linalg.norm(separation(t)[0]) - bat.contact_distance, 0, behind, xtol=1e-16
+    )
     offset, foot = separation(time)
     normal, place = offset / np.linalg.norm(offset), bat.axis - np.linalg.norm(foot)
     speed = float((np.cross(turning, foot) - velocity) @ normal)
@@ -263,7 +265,7 @@ def _draw_errors(axes: Any, rows: list[Row]) -> None:
 
 
 def _draw_misses(axes: Any, rows: list[Row]) -> None:
-    contact_distance = rod().reach
+    contact_distance = rod().contact_distance
     steps_m = np.linspace(1e-3, 0.3, 300)
     axes.plot(
         steps_m,

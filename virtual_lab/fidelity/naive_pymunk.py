@@ -46,7 +46,7 @@ class Rod:
         return self.inertia - self.mass * (self.axis - self.z_cm) ** 2
 
     @property
-    def reach(self) -> float:
+    def contact_distance(self) -> float:
         """Distance between the centre of the ball and the axis of the bat at contact [m]."""
         return self.radius + self.ball_radius
 
@@ -248,7 +248,7 @@ def _off_round_tip(bat: Rod, place: float, speed: float) -> Array:
 
     Within one radius from the tip the ball hits the semicircle, elsewhere the straight side.
     """
-    aside = np.arcsin(min(place - bat.radius, 0.0) / bat.reach)
+    aside = np.arcsin(min(place - bat.radius, 0.0) / bat.contact_distance)
     normal = np.array([-np.cos(aside), np.sin(aside)])
     lever = (bat.axis - max(place, bat.radius)) * np.cos(aside)
     gain = (1 + bat.restitution) / (1 + bat.recoil(lever)) * speed * np.cos(aside)

@@ -65,7 +65,7 @@ class _Case:
     error: float  # error of the metric, without `choice`
     choice: float  # error caused by the choice of a position; NaN if unknown
     components: Mapping[str, Component]
-    off: Mapping[str, float]  # error of each constant: certified minus true value
+    constant_errors: Mapping[str, float]  # error of each constant: certified minus true value
     across: Array  # impact positions across the bat minus the mean aim [m]
 
 
@@ -195,7 +195,7 @@ def _case(tested: BatTest) -> _Case:
         error=error,
         choice=choice,
         components=components,
-        off=_constant_errors(tested),
+        constant_errors=_constant_errors(tested),
         across=across,
     )
 
@@ -258,15 +258,15 @@ def _errors_of(name: str, cases: list[_Case]) -> Array | None:
     if name == REPEATABILITY:
         parts = [case.components[name].parts if name in case.components else () for case in cases]
         shifts = [
-            sum(part.sensitivity * case.off[part.name] for part in each)
+            sum(part.sensitivity * case.constant_errors[part.name] for part in each)
             for each, case in zip(parts, cases, strict=True)
         ]
         return np.asarray(np.array(shifts) / _stated_effect(name, cases))
     if name == "impact.aim.across_square":
         square = float(np.mean(np.concatenate([case.across for case in cases]) ** 2))
         errors = [case.components[name].value - square for case in cases]
-    elif all(name in case.off for case in cases):
-        errors = [case.off[name] for case in cases]
+    elif all(name in case.constant_errors for case in cases):
+        errors = [case.constant_errors[name] for case in cases]
     else:
         return None
     u = sqrt(float(np.mean([case.components[name].u ** 2 for case in cases])))

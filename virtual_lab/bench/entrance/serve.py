@@ -68,9 +68,10 @@ def serve(
     _require(tls, len(folders))
     family, numbers = _address(host, port, secure=tls is not None)
     url_host = f"[{host}]" if ":" in host else host  # notation of IPv6 in an address, RFC 3986
-    chosen = scenario is None or len(folders) > 1 or bool(exam)
+    is_fixed = scenario is None or len(folders) > 1 or bool(exam)
     days = {
-        name: ServedDay(folder, scenario, seed, chosen=chosen) for name, folder in folders.items()
+        name: ServedDay(folder, scenario, seed, is_fixed=is_fixed)
+        for name, folder in folders.items()
     }
     doors = {secrets.token_urlsafe(24): day for day in days.values()}
     hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None

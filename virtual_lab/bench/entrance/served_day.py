@@ -67,10 +67,10 @@ class ServedDay:
         scenario: Entry[Scenario] | None,
         seed: int | None = None,
         *,
-        chosen: bool = True,
+        is_fixed: bool = True,
     ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
-        self.chosen = chosen  # whether the trainee can no longer choose the scenario
+        self.is_fixed = is_fixed  # whether the trainee can no longer choose the scenario
         self._opened: Future[StoredDay] = Future()
         self._begun = (folder / LOG).exists()
         self.first_view = threading.Event()
@@ -247,7 +247,7 @@ class ServedDay:
     @property
     def scenarios_offered(self) -> Mapping[str, Scenario]:
         """Scenarios that can be begun instead of this day, by name; none after the first entry."""
-        return {} if self.chosen or self.desk.day.events else scenarios_to_choose()
+        return {} if self.is_fixed or self.desk.day.events else scenarios_to_choose()
 
     def begin(self, name: str) -> ServedDay:
         """Begin another scenario in the folder of this day, which is deleted, and return it.
@@ -265,7 +265,7 @@ class ServedDay:
         for each in (LOG, SECRET):
             (self.folder / each).unlink()
         self.folder.rmdir()
-        day = ServedDay(self.folder, load_scenario(name), chosen=False)
+        day = ServedDay(self.folder, load_scenario(name), is_fixed=False)
         day.open()
         return day
 

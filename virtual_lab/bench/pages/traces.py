@@ -18,7 +18,7 @@ from virtual_lab.units import Array
 class Passing(NamedTuple):
     """Times of one passage through a gate [ms], as printed."""
 
-    way: str
+    direction: str
     gate: int
     broke: str
     cleared: str
