@@ -9,6 +9,7 @@ from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
 from virtual_lab.lab.true_metric import Visits, results_of_curves
 from virtual_lab.measurement.procedure import Objective, Procedure
+from virtual_lab.measurement.procedure.outcome import _degrees
 from virtual_lab.streams import Streams
 
 BESR = catalog.load("procedures", "ncaa-besr", Procedure).spec
@@ -145,3 +146,10 @@ def test_the_effects_are_the_derivatives_by_each_hit() -> None:
     assert np.abs(outcome.effects - outcome.weights).max() > 0.01
     alone = outcome_of(RULES, PLACES, ALL, besr)
     assert np.array_equal(alone.effects, alone.weights)
+
+
+def test_missing_hits_count_as_no_positions() -> None:
+    """A laboratory of two positions beside one of five; a warning of numpy would fail the test."""
+    place = np.array([[0.10, 0.11, 0.12, 0.13, 0.14], [0.10, 0.10, 0.12, 0.13, 0.14]])
+    is_hit = np.array([[True] * 5, [True] * 3 + [False] * 2])
+    assert _degrees(place, is_hit).tolist() == [3, 1]

@@ -234,7 +234,7 @@ def _tops_of_curves(
 def _degrees(place: Array, is_hit: Mask) -> NDArray[np.intp]:
     """Return the degrees of the curves through hits: odd ones are free at equal steps."""
     at = np.sort(np.where(is_hit, np.round(place, 6), np.inf), axis=1)
-    differs = np.diff(at, axis=1, prepend=-np.inf) > 0
+    differs = np.pad(at[:, 1:] > at[:, :-1], ((0, 0), (1, 0)), constant_values=True)
     return np.asarray(np.minimum(3, (differs & np.isfinite(at)).sum(axis=1) - 1))
 
 
