@@ -525,3 +525,12 @@ def test_a_sheet_refuses_a_value_that_toml_cannot_hold() -> None:
     for value in (None, {1, 2}, [None]):
         with pytest.raises(vl.InputError, match="cannot be written in a sheet; allowed: texts"):
             toml_text({"key": value})
+
+
+def test_bad_input_is_one_line_in_a_notebook() -> None:
+    """IPython prints what `_render_traceback_` returns in place of the traceback."""
+    with pytest.raises(vl.InputError) as fault:
+        vl.certify("r16")
+    (line,) = fault.value._render_traceback_()
+    assert line == f"InputError: {fault.value}"
+    assert "\n" not in line

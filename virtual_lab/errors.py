@@ -25,6 +25,10 @@ class InputError(ValueError):
         """Return the error's type and parts, from which another process makes it again."""
         return type(self), (self.where, self.key, self.value, self.allowed)
 
+    def _render_traceback_(self) -> list[str]:
+        """Return the lines that a notebook prints in place of a traceback."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 class IncompleteError(Exception):
     """A result that was saved without some of its forms; the text is one line."""
