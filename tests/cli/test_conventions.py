@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 import pytest
+from numba import njit
 
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.cli import cli
@@ -136,6 +137,22 @@ def test_progress_has_rate_and_time_left(monkeypatch: pytest.MonkeyPatch) -> Non
     with show_progress(quick := Terminal()) as progress:
         progress("bats")
     assert quick.getvalue() == ""
+
+
+def test_progress_names_a_kernel_in_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    def kernel(x: float) -> float:
+        return x + 1
+
+    monkeypatch.setattr(module, "PIPE_STEP", 1e-3)
+    with show_progress(stream := io.StringIO()) as progress:
+        progress("impact rig")
+        for _ in range(20):
+            if "kernel" not in stream.getvalue():
+                njit(kernel)(1.0)
+        time.sleep(0.05)
+    lines = stream.getvalue().splitlines()
+    assert any(line.endswith(" s, compiling kernel (first run only)") for line in lines)
+    assert "compiling" not in lines[-1]
 
 
 @pytest.mark.parametrize(

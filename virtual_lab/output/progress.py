@@ -1,7 +1,8 @@
 """Progress of long computations: amount done, rate, and time left.
 
 On a terminal one line is updated; in a pipe a line is written every ten seconds, so that a log
-shows that the program is running. Computations of less than two seconds show nothing.
+shows that the program is running. While a kernel is compiled, the line names it. Computations of
+less than two seconds show nothing.
 """
 
 from __future__ import annotations
@@ -87,7 +88,7 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
     if over.wait(PATIENCE if terminal else PIPE_STEP):
         return
     while True:
-        line = f"… {status.line()}"
+        line = f"… {status.line()}{_compilation()}"
         if terminal:
             line = CLEAR_LINE + line[: get_terminal_size().columns - 1]
         try:
@@ -98,6 +99,15 @@ def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
                 return
         except (OSError, ValueError):  # the reader has closed the stream
             return
+
+
+def _compilation() -> str:
+    """Return the words of a line about the present compilation, empty if there is none."""
+    if not hasattr(sys.modules.get("numba"), "njit"):  # not loaded, and slow to load
+        return ""
+    from virtual_lab.output.compiling import COMPILED
+
+    return "".join(f", compiling {name} (first run only)" for name in COMPILED.names[:1])
 
 
 def _rate(rate: float) -> str:

@@ -1,0 +1,26 @@
+"""The function that numba compiles at present, for the lines of progress of a first run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import event
+
+
+class CompiledFunctions(event.Listener):
+    """Names of the functions in compilation: first the one that Python calls, then its callees."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+
+    def on_start(self, event: Any) -> None:
+        """Add the function whose compilation starts."""
+        self.names.append(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event: Any) -> None:
+        """Remove the function whose compilation ends."""
+        del self.names[-1:]
+
+
+COMPILED = CompiledFunctions()
+event.register("numba:compile", COMPILED)  # type: ignore[no-untyped-call]
