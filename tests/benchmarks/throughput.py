@@ -67,8 +67,7 @@ def main() -> None:
 
 
 def _rows() -> Iterator[Row]:
-    generator = np.random.Generator(np.random.PCG64DXSM(1))
-    normals = processor_seconds(lambda: generator.standard_normal(NORMALS), ROUNDS) / NORMALS
+    normals = normal_time()
     yield Row(part="machine", what="a normal number", value=normals * 1e9, unit="ns")
     for procedure in catalog.names("procedures"):
         for detail, (shots, goal) in BLOCKS.items():
@@ -82,7 +81,7 @@ def _rows() -> Iterator[Row]:
                 note=f"{1 / rate / normals:.0f} normal numbers each",
             )
     for procedure, most in CERTIFICATES.items():
-        spent = processor_seconds(_certify(procedure), ROUNDS // 2) / LABORATORIES
+        spent = processor_seconds(certify_blocks(procedure), ROUNDS // 2) / LABORATORIES
         yield Row(
             part=procedure,
             what=f"{procedure}, a certificate, summed",
@@ -91,9 +90,9 @@ def _rows() -> Iterator[Row]:
             at_most=most,
             note=f"{1 / spent:.0f} a second",
         )
-    spent = processor_seconds(_one(RecordDetail.SUMMED), 50)
+    spent = processor_seconds(certify_alone(RecordDetail.SUMMED), 50)
     yield Row(part="astm-f1881", what="one alone, summed", value=1e3 * spent, unit="ms", at_most=5)
-    spent = processor_seconds(_one(RecordDetail.FULL, individual=True), 20) / normals
+    spent = processor_seconds(certify_alone(RecordDetail.FULL, individual=True), 20) / normals
     what = "one alone in full, a bat of its own"
     yield Row(part="astm-f1881", what=what, value=spent, unit="normals", at_most=5_000_000)
     spent = _campaign()
@@ -107,7 +106,13 @@ def _rows() -> Iterator[Row]:
     )
 
 
-def _one(detail: RecordDetail, *, individual: bool = False) -> Work:
+def normal_time() -> float:
+    """Return the processor time of a normally distributed random number of numpy [s]."""
+    generator = np.random.Generator(np.random.PCG64DXSM(1))
+    return processor_seconds(lambda: generator.standard_normal(NORMALS), ROUNDS) / NORMALS
+
+
+def certify_alone(detail: RecordDetail, *, individual: bool = False) -> Work:
     """Return a work that certifies the next laboratory alone."""
     round_robin = RoundRobin.of("r161", "astm-f1881", individual=individual)
     setup = replace(round_robin.setup, seed=1, detail=detail)
@@ -124,7 +129,7 @@ def _campaign() -> float:
         return (time.perf_counter() - start) / CAMPAIGN
 
 
-def _certify(procedure: str) -> Work:
+def certify_blocks(procedure: str) -> Work:
     """Return a work that certifies the same laboratories of a round robin."""
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
     return lambda: list(round_robin.blocks(LABORATORIES, 1))
