@@ -16,6 +16,8 @@ from virtual_lab.units import Array
 if TYPE_CHECKING:
     import pandas as pd
 
+    Table = pd.DataFrame | Mapping[str, NDArray[Any]]  # columns by name, of one length
+
 LARGEST = 1e18  # largest value that a recorder shows, so that products stay finite
 PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes of length two
 AXES = {  # meaning of each index column; all indices start at 0
@@ -166,7 +168,7 @@ class Record:
 
     @classmethod
     def from_table(
-        cls, table: pd.DataFrame, where: str, first: Mapping[str, int] = MappingProxyType({})
+        cls, table: Table, where: str, first: Mapping[str, int] = MappingProxyType({})
     ) -> Self:
         """Return the record in a table. Raises `InputError` if columns, rows or times do not fit.
 
@@ -174,32 +176,29 @@ class Record:
         """
         axes = cls.axes()
         required = [*axes, *(column.name for column in cls.columns.values())]
-        if list(table.columns) != required:
-            raise InputError(
-                where,
-                "columns",
-                ", ".join(map(str, table.columns)),
-                f"expected {', '.join(required)}",
-            )
-        _check_numbers(table, axes, cls.columns.values(), where, first)
-        shifted = {name: table[name] - at for name, at in first.items() if name in table}
-        table = table.assign(**shifted)
-        sizes = {axis: int(table[axis].max()) + 1 if len(table) else 0 for axis in axes}
+        if list(table) != required:
+            names = ", ".join(map(str, table))
+            raise InputError(where, "columns", names, f"expected {', '.join(required)}")
+        numbers_of = _check_numbers(table, axes, cls.columns.values(), where, first)
+        for name in first.keys() & numbers_of.keys():
+            numbers_of[name] = numbers_of[name] - first[name]
+        many = numbers_of[axes[0]].size
+        sizes = {axis: int(numbers_of[axis].max(initial=-1)) + 1 for axis in axes}
         for axis in sizes.keys() & PAIRS.keys():
-            if len(table) and sizes[axis] != 2:
+            if many and sizes[axis] != 2:
                 numbers = f"{first.get(axis, 0)} and {first.get(axis, 0) + 1}"
                 raise InputError(where, axis, None, f"needs {numbers}, {PAIRS[axis]}")
         rows = int(np.prod(list(sizes.values())))
-        if rows == 0 or len(table) != rows:
-            raise InputError(
-                where, "rows", len(table), f"expected {rows} (is the record cut short?)"
-            )
-        if table.duplicated(axes).any():
+        if rows == 0 or many != rows:
+            raise InputError(where, "rows", many, f"expected {rows} (is the record cut short?)")
+        index = tuple(numbers_of[axis].astype(np.intp) for axis in axes)
+        row = np.ravel_multi_index(index, tuple(sizes.values()))
+        if np.unique(row).size < rows:
             raise InputError(where, "rows", None, f"two rows have the same {', '.join(axes)}")
-        table = table.sort_values(axes)
+        order = np.argsort(row)
         arrays = {}
         for name, column in cls.columns.items():
-            grid = table[column.name].to_numpy(dtype=np.float64).reshape(tuple(sizes.values()))
+            grid = numbers_of[column.name][order].reshape(tuple(sizes.values()))
             values = grid[tuple(slice(None) if axis in column.axes else 0 for axis in axes)]
             others = tuple(i for i, axis in enumerate(axes) if axis not in column.axes)
             if not np.array_equal(
@@ -223,25 +222,28 @@ class Record:
 
 
 def _check_numbers(
-    table: pd.DataFrame, axes: list[str], columns: Any, where: str, first: Mapping[str, int]
-) -> None:
+    table: Table, axes: list[str], columns: Any, where: str, first: Mapping[str, int]
+) -> dict[str, Array]:
+    """Return the columns of a table as floats. Raises `InputError` for values that do not fit."""
     require_numbers(table, where)
+    numbers_of = {str(name): np.asarray(values, np.float64) for name, values in table.items()}
     for axis in axes:
-        _check_index(table[axis].to_numpy(float), axis, first.get(axis, 0), where)
-        numbers = np.unique(table[axis])
+        _check_index(numbers_of[axis], axis, first.get(axis, 0), where)
+        numbers = np.unique(numbers_of[axis])
         due = first.get(axis, 0) + np.arange(numbers.size)
         if (numbers != due).any():
             skipped = due[numbers != due][0]
             allowed = f"is missing, although the numbers go up to {numbers[-1]:g}"
             raise InputError(where, axis, skipped, allowed)
     for column in columns:
-        values = table[column.name].to_numpy(float)
+        values = numbers_of[column.name]
         sound = np.abs(values) <= LARGEST
         if not (sound | (np.isnan(values) & column.may_be_missing)).all():
             allowed = f"every row needs a finite number up to {LARGEST:g}"
             raise InputError(where, column.name, values[~sound][0], allowed)
         if column.is_index:
             _check_index(values, column.name, first.get(column.name, 0), where)
+    return numbers_of
 
 
 def _check_index(values: Array, name: str, first: int, where: str) -> None:
@@ -250,19 +252,18 @@ def _check_index(values: Array, name: str, first: int, where: str) -> None:
         raise InputError(where, name, wrong[0], f"must be whole numbers, {first} and up")
 
 
-def require_numbers(table: pd.DataFrame, where: str) -> None:
+def require_numbers(table: Table, where: str) -> None:
     """Raise `InputError` for the first cell of a table that is no number. Otherwise return None.
 
     `where` is the name of the table for the message. Empty cells are allowed.
     """
-    import pandas as pd
-
-    for name in table.columns:
-        cells = table[name]
-        if pd.api.types.is_bool_dtype(cells):
-            cells = cells.astype(str)
-        if pd.api.types.is_numeric_dtype(cells):
+    for name, values in table.items():
+        kind = np.asarray(values).dtype.kind
+        if kind in "iuf":
             continue
+        import pandas as pd
+
+        cells = pd.Series(values, dtype=str if kind == "b" else None)
         text = cells[pd.to_numeric(cells, errors="coerce").isna()].dropna()
         cell = str(text.iloc[0]) if len(text) else None
         raise InputError(where, str(name), cell, "must be numbers, without unit or decimal comma")

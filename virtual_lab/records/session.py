@@ -25,7 +25,7 @@ import numpy as np
 from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, Whole
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.files import contents, parse_table, read_bytes, read_json, read_text
+from virtual_lab.files import contents, parse_numbers, read_bytes, read_json, read_text
 from virtual_lab.files.tables import csv_text
 from virtual_lab.records import Record, record_name, record_types
 from virtual_lab.records.constants import require_plausible
@@ -375,10 +375,11 @@ def _record(
         raise InputError(str(where), f"{key}.record", entry.record, allowed)
     path = folder / f"{'/'.join(name)}.csv"
     data = read_bytes(path)
-    table = parse_table(data, str(path))
-    if entry.rows != len(table):
+    table = parse_numbers(data, str(path))
+    rows = len(next(iter(table.values())))
+    if entry.rows != rows:
         allowed = f"session.json says {entry.rows} (is the record cut short?)"
-        raise InputError(str(path), "rows", len(table), allowed)
+        raise InputError(str(path), "rows", rows, allowed)
     if entry.sha256 != digest_of_text(data, start):
         raise InputError(str(path), "sha256", None, RECORD_CHANGED)
     record = kinds[entry.record].from_table(table, str(path))
