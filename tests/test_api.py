@@ -534,3 +534,13 @@ def test_bad_input_is_one_line_in_a_notebook() -> None:
     (line,) = fault.value._render_traceback_()
     assert line == f"InputError: {fault.value}"
     assert "\n" not in line
+
+
+def test_a_notebook_shows_what_the_text_says(tmp_path: Path) -> None:
+    """The display of a table has its title and words; another result shows its text."""
+    shown = vl.shelf("bats")._repr_html_()
+    assert "<td>r161</td>" in shown
+    vl.certify("r161", seed=7).save(tmp_path / "out")
+    assert "<pre>whole\n" in vl.verify(tmp_path / "out")._repr_html_()
+    risks = vl.risk(vl.Input(0.230, 0.004), 0.0014, upper=0.235)
+    assert "customer's risk" in repr(risks)

@@ -28,6 +28,7 @@ from virtual_lab.api.clip_statements import (
 )
 from virtual_lab.errors import InputError
 from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import preformatted
 from virtual_lab.parameters import (
     BoardText,
     File,
@@ -104,6 +105,9 @@ class Track:
         progress = self.progress
         save_track(self.clip, Path(folder), progress, film=self.film, settings=self.settings)
         return Path(folder)
+
+    def _repr_html_(self) -> str:
+        return preformatted(self.text)
 
     def __repr__(self) -> str:
         from virtual_lab.video.show.track_text import track_title
@@ -277,6 +281,9 @@ class Calibration:
             draw_calibration(self.camera, draft / target.with_suffix(".png").name)
             (draft / target.name).write_text(calibration_toml(self.camera), encoding="utf-8")
         return target
+
+    def _repr_html_(self) -> str:
+        return preformatted(self.text)
 
     def __repr__(self) -> str:
         return f"<Calibration with {len(self.document['views'])} pictures of a board>"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -27,6 +28,15 @@ def frame(rows: Sequence[Any]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame([record(row) for row in rows])
+
+
+def preformatted(text: str) -> str:
+    """Return a text as HTML with its lines and spaces, as a notebook shows it."""
+    return f"<pre>{escape(text)}</pre>"
+
+
+def _table_html(table: pd.DataFrame) -> str:
+    return str(table.to_html(index=False, float_format="{:.4g}".format))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -112,7 +122,10 @@ class StudyResult(ABC):
         return f"<{self.title}, {len(self.rows)} rows>"
 
     def _repr_html_(self) -> str:
-        return str(self.table.to_html(index=False, float_format="{:.4g}".format))
+        """Return what a notebook shows: the rows as a table, or the text if it says more."""
+        if type(self).text is StudyResult.text:
+            return _table_html(self.table)
+        return preformatted(self.text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -135,6 +148,11 @@ class Rows(StudyResult, Generic[Row]):
         """The title, the table and the words beneath it."""
         body = table_text(self.rows, self.columns, across=self.across)
         return "\n\n".join(part for part in (self.title, body, self.words) if part)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the title, the table and the words beneath it."""
+        parts = (f"<p>{escape(each)}</p>" if each else "" for each in (self.title, self.words))
+        return _table_html(self.table).join(parts)
 
     def __iter__(self) -> Iterator[Row]:
         return iter(self.rows)

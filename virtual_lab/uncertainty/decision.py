@@ -67,7 +67,7 @@ class Tolerance:
         return np.asarray(stdtr(nu, (self.upper - y) / u) - stdtr(nu, (self.lower - y) / u))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Risks:
     """Global risks of a decision rule, for all items that a process makes."""
 
@@ -78,7 +78,7 @@ class Risks:
     consumer_given_accepted: float
     producer_given_conforming: float
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         rows = (
             (self.consumer, f"customer's risk, {CONSUMER}"),
             (self.producer, f"maker's risk, {PRODUCER}"),
