@@ -12,9 +12,14 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
-from virtual_lab.simulation.stations.rig import Reality
+from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.faults.catalogue import CATALOGUE
+from virtual_lab.simulation.instruments import RecordDetail
+from virtual_lab.simulation.stations.rig import Reality, Stage
+from virtual_lab.studies.twin import noticing
 from virtual_lab.studies.twin.days import TwinDays, scattered_as_stated
 from virtual_lab.studies.twin.improving import improvements, promising_changes
+from virtual_lab.studies.twin.noticing import blend, sized
 from virtual_lab.studies.twin.readings import READINGS, holm, largest_deviation, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.studies.twin.twin import Twin, certify_records, summed_days
@@ -189,6 +194,43 @@ def test_altered_records_look_unlike_their_twins(certification, days) -> None:
     for reading in ("wall hits", "chords"):
         assert tails[0][reading] > 0.1, reading
         assert tails[1][reading] == pytest.approx(0.1), reading
+
+
+def test_a_fault_of_half_the_size_moves_half_as_far(days) -> None:
+    """The moved gate and the damped readings of another unit, changed by hand."""
+    moved = {size: replace(days, faults=sized_set("gate-moved", size)) for size in (0.0, 0.5, 1.0)}
+    at = [
+        each._laboratory(0, RecordDetail.FULL).stations[Stage.IMPACT].gates.true["distance_1"]
+        for each in moved.values()
+    ]
+    assert abs(at[2] - at[0]) > 1e-3
+    assert at[1] - at[0] == pytest.approx((at[2] - at[0]) / 2)
+    before = {"a": np.array([1.0, np.nan, 3.0]), "b": 7, "c": 1.0}
+    after = {"a": np.array([2.0, 5.0, np.nan]), "b": 9, "c": 3.0}
+    half = blend(before, after, 0.5)
+    np.testing.assert_array_equal(half["a"], [1.5, 5.0, np.nan])
+    assert (half["b"], half["c"]) == (9, 2.0)
+
+
+def sized_set(name: str, size: float) -> FaultSet:
+    return FaultSet(faults=(sized(CATALOGUE[name], size),))
+
+
+def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monkeypatch) -> None:
+    few = {name: CATALOGUE[name] for name in ("gate-moved", "ounces-as-grams", "sabot-trip")}
+    monkeypatch.setattr(noticing, "CATALOGUE", few)
+    monkeypatch.setattr(noticing, "SIZES", (1e-4, 1.0))
+    rows = noticing.noticed_faults(days, 0.006, tmp_path, days=1)
+    shown = {row.fault: row for row in rows}
+    assert shown["ounces-as-grams"].noticed_from == 1.0
+    assert shown["gate-moved"].shares[0] == 0.0
+    (tmp_path / "sabot-trip.json").unlink()
+    played = []
+    monkeypatch.setattr(noticing, "_played", lambda *each: played.append(each) or rows[-1])
+    assert noticing.noticed_faults(days, 0.006, tmp_path, days=1) == rows
+    assert [fault.name for fault, *_ in played] == ["sabot-trip"]
+    with pytest.raises(InputError, match="has days of other records, another seed"):
+        noticing.noticed_faults(replace(days, seed=2), 0.006, tmp_path, days=1)
 
 
 def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:

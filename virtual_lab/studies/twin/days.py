@@ -144,10 +144,11 @@ class TwinDays:
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
-        calibration = {
-            name: _stack(self._stated(name, estimate, known, draws), setup.count)
+        stated = {
+            name: self._stated(name, estimate, known, draws)
             for name, estimate in statement.calibration.items()
         }
+        entered = self.faults.calibration(cast("Any", stated))
         balls = _balls(statement, draws, setup.shape, self.wall_scatter)
         bat = StatedBat(name=statement.session.bat, bodies=(_body(statement),), measured=law.bat)
         return Laboratory(
@@ -160,7 +161,7 @@ class TwinDays:
             collision=law,
             stations=stations,
             specimen=Specimen(bat=bat, balls=balls, collision=law),
-            calibration=cast("Any", self.faults.calibration(cast("Any", calibration))),
+            calibration={name: _stack(each, setup.count) for name, each in entered.items()},
         )
 
     @staticmethod

@@ -26,6 +26,7 @@ from virtual_lab.records.session import SESSION
 from virtual_lab.studies.foreign import certify_folder
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays, scattered_as_stated
 from virtual_lab.studies.twin.improving import Improvement, improvements
+from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
 from virtual_lab.studies.twin.readings import LEVEL, TwinReading, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.units import Array
@@ -49,6 +50,10 @@ IMPROVEMENT_WORDS = (
 QUIET = (
     "The hits of the records agree better than their instruments and aim make likely; on the days\n"
     "they scatter more."
+)
+FAULT_WORDS = (
+    "Noticed: by a flag, the verdict INVALID, or records that are refused. Sizes are shares of\n"
+    "the fault in the catalogue; a change of a whole number has its full size at each."
 )
 READING_WORDS = (
     "Tail probability: share of the days with an equally extreme reading; adjusted for the number\n"
@@ -107,6 +112,7 @@ class Twin(StudyResult):
     full_days: int = 0  # number of days with every edge and count that gave a result
     readings: tuple[TwinReading, ...] = ()  # () without such days
     improvements: tuple[Improvement, ...] = ()  # changes that lower u most
+    faults: tuple[NoticedFault, ...] = ()  # faults that the laboratory can have, if requested
     remark: str = ""  # where the days differ from the records
 
     name = "twin"
@@ -133,12 +139,18 @@ class Twin(StudyResult):
             least = f"The smallest that {self.full_days} days can show is {self.smallest:.3f}."
             parts += [table_text(self.readings), f"{READING_WORDS}\n{least}"]
             parts.append("\n".join(f"{row.reading}: {row.meaning}" for row in self.readings))
+        if self.faults:
+            parts += [table_text(self.faults), FAULT_WORDS]
         return "\n\n".join(parts)
 
     @property
     def tables(self) -> dict[str, pd.DataFrame]:
         """The tables of the quantities, of the readings and of the changes."""
-        others = {"twin-readings": self.readings, "twin-improvements": self.improvements}
+        others = {
+            "twin-readings": self.readings,
+            "twin-improvements": self.improvements,
+            "twin-faults": self.faults,
+        }
         return {self.name: self.table} | {
             name: frame(rows) for name, rows in others.items() if rows
         }
@@ -154,6 +166,7 @@ class Twin(StudyResult):
             "remark": self.remark,
             "quantities": [dict(record(row)) for row in self.rows],
             "improvements": [dict(record(row)) for row in self.improvements],
+            "faults": [dict(record(row)) for row in self.faults],
             "full_days": self.full_days,
             "smallest_tail": self.smallest if self.readings else None,
             "readings": [dict(record(row)) for row in self.readings],
@@ -193,6 +206,7 @@ def twin(
     *,
     days: int = 1000,
     full_days: int = 250,
+    faults: Folder | None = None,
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> Twin:
@@ -214,6 +228,9 @@ def twin(
     full_days
         Number of days whose instruments write every edge and count, to compare the readings; 0 or
         at least 100. With 250 days a reading can be pointed at. Records of sums have none.
+    faults
+        Folder for the days of each fault of the catalogue that the rigs can have, in four sizes; if
+        it has some of these days, the others are played. Some minutes. By default no faults.
     seed
         Seed of the days.
     progress
@@ -239,6 +256,13 @@ def twin(
         return metric.sd, metric.low, metric.high
 
     changes = improvements(certification, playing, simulate)
+    noticed: list[NoticedFault] = []
+    if faults is not None:
+        if not statement.replayed:
+            allowed = "needs records of every edge and count"
+            raise InputError("", "faults", str(faults), allowed)
+        assert certification.metric is not None
+        noticed = noticed_faults(playing, certification.metric.u, Path(faults), progress)
     readings: list[TwinReading] = []
     played = 0
     if full_days and statement.replayed:
@@ -252,6 +276,7 @@ def twin(
         full_days=played,
         readings=tuple(readings),
         improvements=tuple(changes),
+        faults=tuple(noticed),
         remark="" if playing.hit_scatter else QUIET,
     )
 
