@@ -137,8 +137,8 @@ class AstmPivotStation(RestingBatStation):
 
     def at(self, owner: Owner) -> AstmPivotStation:
         """Return the station with the true constants of each shot's laboratory."""
-        here = RestingBatStation.at(self, owner)
-        return replace(here, clamp=of_owners(self.clamp, owner))
+        station = RestingBatStation.at(self, owner)
+        return replace(station, clamp=of_owners(self.clamp, owner))
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest; the times of each shot start at its trigger."""

@@ -91,24 +91,24 @@ class BallWallStation(FittedStation):
 
     def at(self, owner: Owner) -> BallWallStation:
         """Return the station with the true constants of each shot's laboratory."""
-        here = FittedStation.at(self, owner)
-        return replace(here, wall_restitution=of_owners(self.wall_restitution, owner))
+        station = FittedStation.at(self, owner)
+        return replace(station, wall_restitution=of_owners(self.wall_restitution, owner))
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire the balls of `plan` at the wall. The impact positions of the plan are not used."""
-        here, streams, balls = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan).balls
-        launch = here.cannon.fire(plan.speed, streams, "ball-wall.launch", plan.slot)
+        station, streams, balls = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan).balls
+        launch = station.cannon.fire(plan.speed, streams, "ball-wall.launch", plan.slot)
         loss = self._loss(plan, specimen, launch.speed)
         hit = balls.draw_hits(..., launch.speed, streams, "ball-wall.hit", plan.slot, loss)
-        rebound = here.wall_restitution * hit
+        rebound = station.wall_restitution * hit
         passage = Passage(
             speed_in=launch.speed,
             speed_out=rebound * launch.speed,
-            drag=here.air.drag(balls.spec.radius, balls.mass),
+            drag=station.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
-            gravity=0.0 if self.ideal else here.hall.acceleration,
+            gravity=0.0 if self.ideal else station.hall.acceleration,
         )
-        contact = here.gates.arrival(passage)
+        contact = station.gates.arrival(passage)
         touching = wall_contact(
             speed=launch.speed,
             mass=balls.mass,
@@ -116,7 +116,7 @@ class BallWallStation(FittedStation):
             stiffness=np.array(balls.spec.stiffness),
             exponent=np.array(balls.spec.exponent),
         ).time
-        record = here.gates.watch(
+        record = station.gates.watch(
             passage, contact, contact + touching, streams, "ball-wall.gates", plan.slot, plan.detail
         )
         log = plan.log()

@@ -113,40 +113,40 @@ class NcaaSwingStation(CannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the rotating bat. The ball is timed in both directions, the shaft to contact."""
-        here, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
+        station, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         balls, slots = struck.balls, plan.slot
-        launch = here.cannon.fire(plan.speed, streams, "ncaa-swing.launch", slots)
+        launch = station.cannon.fire(plan.speed, streams, "ncaa-swing.launch", slots)
         swing = self._swing(plan, streams)
-        axis = struck.bat.body.length - here.holder.from_knob
+        axis = struck.bat.body.length - station.holder.from_knob
         # the ball flies at a set distance from the pivot, so it meets an oblique bat farther out
         abreast = axis - plan.place - launch.along
         cosine, sine = np.cos(swing.angle), np.sin(swing.angle)
         lever = abreast / cosine
         bat_speed = swing.rate * lever
-        across = launch.across - here.holder.height
+        across = launch.across - station.holder.height
         tilt = contact_angle(struck, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
         e0 = balls.draw_hits(..., closing, streams, "ncaa-swing.hit", slots)
-        blows = here.blows(plan.detail, struck, axis - lever, closing * np.cos(tilt), e0)
+        blows = station.blows(plan.detail, struck, axis - lever, closing * np.cos(tilt), e0)
         efficiency = blows.efficiency
         square, up = thrown_back(efficiency, tilt, closing, bat_speed)
         back = square * cosine - launch.speed * sine**2
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
-            drag=here.air.drag(balls.spec.radius, balls.mass),
+            drag=station.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
-            gravity=here.hall.acceleration,
+            gravity=station.hall.acceleration,
             height=launch.across,
             slope_in=launch.slope,
             slope_out=up,
             plane=lever * sine,
         )
-        contact = here.gates.arrival(passage)
+        contact = station.gates.arrival(passage)
         leaving = contact + blows.contact_time
         return RigOutput(
             records=self.records(passage, contact, leaving, plan, draws)
-            | {"swing": here._count(plan, swing, contact, streams)},
+            | {"swing": station._count(plan, swing, contact, streams)},
             truth={
                 "speed": launch.speed,
                 "bat_speed": bat_speed,
@@ -162,11 +162,11 @@ class NcaaSwingStation(CannonStation):
 
     def _swing(self, plan: ShotPlan, draws: Draws) -> _Swing:
         drive = self.drive
-        scatter, late = draws.normal("ncaa-swing.drive", 2, plan.slot).T
+        scatter, delay = draws.normal("ncaa-swing.drive", 2, plan.slot).T
         even = plan.turn_rate * (1 + drive.speed_scatter * scatter)
         phase = tau * draws.uniform("ncaa-swing.ripple", slots=plan.slot)
         return _Swing(
-            angle=even * drive.timing_scatter * late,
+            angle=even * drive.timing_scatter * delay,
             rate=even * (1 + drive.ripple * np.cos(phase)),
             even=even,
             phase=phase,

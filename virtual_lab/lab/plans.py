@@ -70,12 +70,12 @@ def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> Shot
     in an ideal laboratory.
     """
     owner = shots.owner
-    turn, many = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
+    turn, counts = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
     slot = before.fired[owner] + shot_numbers(owner)
     exact = setup.reality is Reality.IDEAL
     return ShotPlan(
         slot=slot,
-        ball=turn[owner, slot % many[owner]],
+        ball=turn[owner, slot % counts[owner]],
         speed=np.full(slot.shape, setup.rules.spec.ball_speed),
         place=to_set(shots.place - before.along[owner], exact=exact),
         turn_rate=before.turn_rate[owner],

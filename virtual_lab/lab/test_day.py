@@ -124,18 +124,18 @@ class TestDay:
         done = 0 if self.reduced is None else self.reduced.owner.size
         ends = np.cumsum([plan.slot.size for plan in self.plans])
         sessions = self.collect_records(int(np.searchsorted(ends, done, side="right")))
-        whole = self.reduced is None or acceptance is not None or sessions.counted
-        if whole:
+        reduce_all = self.reduced is None or acceptance is not None or sessions.counted
+        if reduce_all:
             sessions = self.collect_records()
         readings = observe_hits(sessions, self.preparation)
         reduced = reduce_shots(sessions, self.preparation, readings)
         if acceptance is not None:
             reduced = reduced.judge_hits(acceptance, readings)
-        if not whole:
+        if not reduce_all:
             assert self.reduced is not None
             reduction = Reduction.concatenate([self.reduced, reduced])
             reduced = replace(reduction, latest=reduced.owner)
-        return replace(self, reduced=reduced, readings=readings if whole else None)
+        return replace(self, reduced=reduced, readings=readings if reduce_all else None)
 
     def collect_records(self, first: int = 0) -> SessionBlock:
         """Return all records so far, with the rounds at the bat from number `first` on."""

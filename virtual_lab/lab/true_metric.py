@@ -129,13 +129,16 @@ def results_of_curves(
     pairs, first, inverse = np.unique(
         owner + 1j * np.round(place, 6), return_index=True, return_inverse=True
     )
-    whole = np.flatnonzero(np.bincount(inverse, valid) >= procedure.valid_hits)
-    whose = pairs.real[whole].astype(np.intp)  # sorted
-    many = np.bincount(whose, minlength=laboratories)
-    turn = np.arange(whole.size) - (np.cumsum(many) - many)[whose]
-    at, objectives, metrics = np.full((3, laboratories, max(many.max(initial=0), 1)), np.nan)
-    at[whose, turn] = pairs.imag[whole]
-    objectives[whose, turn], metrics[whose, turn] = objective[first[whole]], metric[first[whole]]
+    complete = np.flatnonzero(np.bincount(inverse, valid) >= procedure.valid_hits)
+    whose = pairs.real[complete].astype(np.intp)  # sorted
+    counts = np.bincount(whose, minlength=laboratories)
+    turn = np.arange(complete.size) - (np.cumsum(counts) - counts)[whose]
+    at, objectives, metrics = np.full((3, laboratories, max(counts.max(initial=0), 1)), np.nan)
+    at[whose, turn] = pairs.imag[complete]
+    objectives[whose, turn], metrics[whose, turn] = (
+        objective[first[complete]],
+        metric[first[complete]],
+    )
     best = np.where(np.isnan(objectives), -np.inf, objectives).argmax(axis=1)[:, None]
     if procedure.scan.final_hits:
         return np.asarray(np.take_along_axis(metrics, best, axis=1)[:, 0])
@@ -151,8 +154,8 @@ def _at_the_top(at: Array, near: NDArray[np.bool_], objectives: Array, metrics: 
     """
     low = np.min(at, axis=1, where=near, initial=np.inf)[:, None]
     high = np.max(at, axis=1, where=near, initial=-np.inf)[:, None]
-    wide = np.where(high > low, high - low, 1.0)
-    along = np.where(near, (2 * at - low - high) / wide, 0.0)
+    width = np.where(high > low, high - low, 1.0)
+    along = np.where(near, (2 * at - low - high) / width, 0.0)
     degree = np.minimum(near.sum(axis=1) - 1, 3)[:, None, None]
     powers = np.arange(4)
     rows = np.where(near[..., None] & (powers <= degree), along[..., None] ** powers, 0.0)

@@ -78,8 +78,8 @@ class SessionBlock:
         def select_laboratory(stage: str, record: Record) -> Record:
             if stage == "impact" and "shot" in record.sizes():
                 return record.select(mask)
-            many = next(iter(record.sizes().values())) // self.laboratories
-            return record.select(slice(laboratory * many, (laboratory + 1) * many))
+            row_count = next(iter(record.sizes().values())) // self.laboratories
+            return record.select(slice(laboratory * row_count, (laboratory + 1) * row_count))
 
         return replace(
             self,

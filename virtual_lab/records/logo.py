@@ -106,9 +106,9 @@ def _require_png(data: bytes) -> bytes:
     if not data.startswith(PNG_SIGNATURE) or data[12:16] != b"IHDR" or len(head) < 8:
         raise ValueError("is not a PNG picture")
     _require_small(data)
-    wide, high = (int.from_bytes(part, "big") for part in (head[:4], head[4:]))
-    if not 0 < wide * high <= MOST_PIXELS:
-        raise ValueError(f"has {wide} x {high} pixels, allowed up to {MOST_PIXELS:,} in all")
+    width, height = (int.from_bytes(part, "big") for part in (head[:4], head[4:]))
+    if not 0 < width * height <= MOST_PIXELS:
+        raise ValueError(f"has {width} x {height} pixels, allowed up to {MOST_PIXELS:,} in all")
     import cv2
     import numpy as np
 

@@ -239,12 +239,12 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
     def describe(i: int) -> str:
         release = int(irregular[i].argmax())
         swing = int(odd[i, release].argmax())
-        times, many = swings[i, release, swing] / usual[i], int(irregular[i].sum())
+        times, swing_count = swings[i, release, swing] / usual[i], int(irregular[i].sum())
         outcome = "too many to leave out" if too_many[i] else "left out of the period"
         return (
             f"in release {release + 1} of bench/pendulum, the swing after passage {swing + 1} "
             f"takes {times:.2f} times the usual time, so a passage was lost or counted twice; "
-            f"releases with such a swing: {many} of {irregular.shape[1]}, {outcome}"
+            f"releases with such a swing: {swing_count} of {irregular.shape[1]}, {outcome}"
         )
 
     yield Raised(name="pendulum-even", where=any_left_out, sentence=describe)

@@ -216,13 +216,15 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
         return
     mean, components, number = heights_of_balls.mean(heights_of_balls.at_target)
     across = marks.across.reshape(evidence.laboratories, -1)
-    difference, many = mean - across.mean(axis=1), across.shape[1]
+    difference, mark_count = mean - across.mean(axis=1), across.shape[1]
     yield pairs(
         "heights",
         _height_said("balls strike the bat", "the marks of impact/aim", difference),
         difference,
         components
-        + types_a("marks", difference, across.std(axis=1, ddof=1) / sqrt(many), many - 1.0),
+        + types_a(
+            "marks", difference, across.std(axis=1, ddof=1) / sqrt(mark_count), mark_count - 1.0
+        ),
         of="marks",
         least=DROP_U,
         moves=evidence.moves(components),

@@ -51,8 +51,8 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         if not finite.any():
             continue
         longest = np.where(finite, flat, 0.0).max(axis=1, initial=0.0)
-        wide = longest > nominal[owner] * (1 + SIZE)
-        yield _too_wide(evidence, where, owner, longest, wide, nominal)
+        is_wide = longest > nominal[owner] * (1 + SIZE)
+        yield _too_wide(evidence, where, owner, longest, is_wide, nominal)
         # a single beam meets most balls off their centre and shows less than the diameter
         size = nominal.copy()
         for laboratory in range(evidence.laboratories):

@@ -258,22 +258,22 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     if no laboratory has enough.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
-    both = evidence.reduced.valid & np.isfinite(difference)
-    mean, _, number = evidence.mean_of(difference, both)
+    has_both = evidence.reduced.valid & np.isfinite(difference)
+    mean, _, number = evidence.mean_of(difference, has_both)
     marks = _marks_along(evidence)
     compared = number >= (FEWEST_SHOTS if marks is None else 1)
     if not compared.any():
         return
-    hits, differences = _variant_differences(evidence, both)
-    mask = np.where(hits >= 0, both[hits], False)
+    hits, differences = _variant_differences(evidence, has_both)
+    mask = np.where(hits >= 0, has_both[hits], False)
     weights = mask / np.maximum(mask.sum(axis=1, keepdims=True), 1)
     shared = evidence.variants.components(weighted_sums(differences, weights))
-    square, degrees = _scatter(evidence, difference, both, shared, marks)
+    square, degrees = _scatter(evidence, difference, has_both, shared, marks)
     yield pairs(
         "recoil-and-rebound",
         lambda i: (
             f"e_A from the recoil (impact/encoder) minus e_A from the rebound (impact/gates) is "
-            f"{mean[i]:+.4f} on average ({evidence.shots_of(both, i)})"
+            f"{mean[i]:+.4f} on average ({evidence.shots_of(has_both, i)})"
         ),
         mean,
         shared + types_a("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),

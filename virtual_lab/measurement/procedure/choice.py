@@ -82,9 +82,9 @@ def variances_within(
     laboratory has two hits.
     """
     of, inverse = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
-    many = np.bincount(inverse)
-    deviation = metric - (np.bincount(inverse, metric) / many)[inverse]
+    counts = np.bincount(inverse)
+    deviation = metric - (np.bincount(inverse, metric) / counts)[inverse]
     whose = of.real.astype(np.intp)
-    freedom = np.bincount(whose, many - 1, laboratories)
+    freedom = np.bincount(whose, counts - 1, laboratories)
     square = np.bincount(owner, deviation**2, laboratories)
     return np.where(freedom > 0, square / np.where(freedom > 0, freedom, 1.0), np.nan)

@@ -74,12 +74,12 @@ def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
             ),
         )
     if rules.barrel_diameter is not None:
-        wide, ring = 2 * np.ravel(bat.barrel_radius), rules.barrel_diameter
+        diameter, ring = 2 * np.ravel(bat.barrel_radius), rules.barrel_diameter
         yield rule(
-            wide <= ring,
+            diameter <= ring,
             lambda i: beyond(
                 "barrel diameter {0:.{d}f} in, allowed up to {2:.{d}f} in (ring gauge)",
-                float(wide[i]) / INCH,
+                float(diameter[i]) / INCH,
                 -inf,
                 ring / INCH,
                 3,

@@ -100,12 +100,12 @@ def outcomes_of(
         return _of_scans(procedure, procedure.scan, laboratories, shots)
     hits = np.bincount(owner, valid, laboratories)
     enough = hits >= 2
-    many = np.where(enough, hits, np.nan)
-    weights = np.where(enough[owner], valid / many[owner], np.nan)
+    divisor = np.where(enough, hits, np.nan)
+    weights = np.where(enough[owner], valid / divisor[owner], np.nan)
     return HitWeights(
         weights=weights,
         effects=weights,
-        place=np.bincount(owner, np.where(valid, place, 0.0), laboratories) / many,
+        place=np.bincount(owner, np.where(valid, place, 0.0), laboratories) / divisor,
         reasons=tuple(
             TOO_FEW
             if number < 2
@@ -192,10 +192,10 @@ def _tops_of_curves(
     """
     hits = number_shots(shots.owner, mask, laboratories)
     is_hit = hits >= 0
-    many = is_hit.sum(axis=1)
+    counts = is_hit.sum(axis=1)
     with np.errstate(invalid="ignore"):
         place = np.where(is_hit, shots.place[hits], 0.0)
-        middle = place.sum(axis=1) / np.where(many > 0, many, np.nan)
+        middle = place.sum(axis=1) / np.where(counts > 0, counts, np.nan)
     unit = np.where(is_hit, (place - middle[:, None]) / scan.fit_half_width, 0.0)
     powers = np.arange(4)
     rows = unit[..., None] ** powers * is_hit[..., None]
@@ -211,7 +211,7 @@ def _tops_of_curves(
     turn = _turns(fitted)
     turns = (low < turn) & (turn < high)
     candidates = np.stack([low, high, np.where(turns, turn, low)], axis=1)
-    candidates[many == 0] = np.nan
+    candidates[counts == 0] = np.nan
     heights = np.einsum("lcp,lp->lc", candidates[..., None] ** powers, fitted)
     top = np.take_along_axis(candidates, heights.argmax(axis=1)[:, None], axis=1)
     weights = np.einsum("lp,lph->lh", top**powers, solved)
@@ -224,7 +224,7 @@ def _tops_of_curves(
         is_turn = turns & (top[:, 0] == turn)
         shift = np.einsum("lh,lh->l", slopes, metric) / np.where(is_turn, -bend, np.inf)
         effects += shift[:, None] * slopes * gain
-    spread = np.where((many > 0)[shots.owner], 0.0, np.nan)
+    spread = np.where((counts > 0)[shots.owner], 0.0, np.nan)
     by_shot = [spread.copy(), spread.copy()]
     for column, each in zip(by_shot, (weights, effects), strict=True):
         column[hits[is_hit]] = each[is_hit]

@@ -75,12 +75,12 @@ def mean_at(
     Only the first `most` valid hits less than `reach` [m] from `at` [m] count. The mean is 0 if
     there are none. The arrays are (shot,).
     """
-    many, total = 0, 0.0
+    count, total = 0, 0.0
     for shot in range(place.size):
-        if many < most and valid[shot] and is_at(place[shot], at, reach):
-            many += 1
+        if count < most and valid[shot] and is_at(place[shot], at, reach):
+            count += 1
             total += objective[shot]
-    return many, total / max(many, 1)
+    return count, total / max(count, 1)
 
 
 @njit(cache=True)
@@ -109,18 +109,18 @@ def fresh_hits(
     Final hits are those that follow the `rules.valid_hits` hits of the scan at this position. If
     the procedure requires consecutive hits, an invalid shot at the position restarts them.
     """
-    many, of_scan = 0, 0
+    count, of_scan = 0, 0
     for shot in range(place.size):
         if not is_at(place[shot], best, rules.reach):
             continue
         if valid[shot] and of_scan < rules.valid_hits:
             of_scan += 1
         elif valid[shot]:
-            fresh[many] = shot
-            many += 1
+            fresh[count] = shot
+            count += 1
         elif rules.consecutive:
-            many = 0
-    return many
+            count = 0
+    return count
 
 
 @njit(cache=True)
@@ -241,8 +241,8 @@ def scans_of_block(
         )
         if rules.final_hits:
             fresh = np.empty(at.size, np.int64)
-            many = fresh_hits(best, at, good, rules, fresh)
-            mine[fresh[max(many - rules.final_hits, 0) : many]] = True
+            count = fresh_hits(best, at, good, rules, fresh)
+            mine[fresh[max(count - rules.final_hits, 0) : count]] = True
         else:
             for shot in range(at.size):
                 is_near = abs(at[shot] - best) < rules.fit_half_width + 4 * rules.reach
@@ -299,17 +299,17 @@ def _round_position(place: Array) -> Array:
 @njit(cache=True)
 def _sort_distinct(values: Array) -> Array:
     """Return the distinct values in ascending order. `np.unique` takes seconds more to compile."""
-    distinct, many = np.empty(values.size), 0
+    distinct, count = np.empty(values.size), 0
     for value in values:
-        k = many
+        k = count
         while k and distinct[k - 1] >= value:
             k -= 1
-        if k == many or distinct[k] != value:
-            for other in range(many, k, -1):
+        if k == count or distinct[k] != value:
+            for other in range(count, k, -1):
                 distinct[other] = distinct[other - 1]
             distinct[k] = value
-            many += 1
-    return distinct[:many]
+            count += 1
+    return distinct[:count]
 
 
 @njit(cache=True)
@@ -355,21 +355,21 @@ def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: fl
 
 @njit(cache=True)
 def _hits(at: float, place: Array, valid: Mask, reach: float) -> int:
-    many = 0
+    count = 0
     for shot in range(place.size):
-        many += valid[shot] and is_at(place[shot], at, reach)
-    return many
+        count += valid[shot] and is_at(place[shot], at, reach)
+    return count
 
 
 @njit(cache=True)
 def _lacking(places: Array, hits: int, place: Array, valid: Mask, reach: float, out: Array) -> int:
     """Fill `out` with each position, repeated for each missing hit. Return the total number."""
-    many = 0
+    count = 0
     for at in places:
         for _ in range(hits - _hits(at, place, valid, reach)):
-            out[many] = at
-            many += 1
-    return many
+            out[count] = at
+            count += 1
+    return count
 
 
 @njit(cache=True)

@@ -37,14 +37,14 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
         for direction in range(directions):
             rest, degrees = 0.0, 0
             for board in range(boards):
-                many, scale = _broken(edges[shot, direction, board], places, middles, squares)
-                broken = places[:many], middles[:many], squares[:many]
+                count, scale = _broken(edges[shot, direction, board], places, middles, squares)
+                broken = places[:count], middles[:count], squares[:count]
                 times[shot, direction, board] = heights[shot, direction, board] = nan
                 heights_u[shot, direction, board] = nan
-                if many < 4:  # too few for a parabola with a misfit
+                if count < 4:  # too few for a parabola with a misfit
                     continue
                 about = broken[0].mean()
-                for i in range(many):
+                for i in range(count):
                     places[i] -= about
                 top, top_u, off_top = _top(broken, scale)
                 if not abs(top) < beams:
@@ -54,25 +54,25 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
                 heights[shot, direction, board] = about + top
                 heights_u[shot, direction, board] = top_u
                 rest += off_line + off_top / 4
-                degrees += 2 * many - 5
+                degrees += 2 * count - 5
             misfit[shot, direction] = sqrt(rest / degrees) if degrees > 0 else nan
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tuple[int, float]:
     """Collect the broken beams with relative chords. Return their number and longest chord [s]."""
-    many, longest = 0, 0.0
+    count, longest = 0, 0.0
     for beam in range(len(edges)):
         chord = edges[beam, 1] - edges[beam, 0]
         if abs(chord) < np.inf:
-            places[many], middles[many] = beam, (edges[beam, 0] + edges[beam, 1]) / 2
-            squares[many] = chord
+            places[count], middles[count] = beam, (edges[beam, 0] + edges[beam, 1]) / 2
+            squares[count] = chord
             longest = max(longest, chord)
-            many += 1
+            count += 1
     scale = longest if longest > 0 else 1.0
-    for i in range(many):
+    for i in range(count):
         squares[i] = (squares[i] / scale) ** 2
-    return many, scale
+    return count, scale
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
@@ -116,11 +116,11 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
 def _line(broken: Beams) -> tuple[float, float, float]:
     """Return mean and slope of the line through the middles, and the squared misfit."""
     places, middles, _ = broken
-    mean, both, spread, misfit = middles.mean(), 0.0, 0.0, 0.0
+    mean, product, spread, misfit = middles.mean(), 0.0, 0.0, 0.0
     for i in range(places.size):
-        both += places[i] * (middles[i] - mean)
+        product += places[i] * (middles[i] - mean)
         spread += places[i] ** 2
-    lean = both / spread
+    lean = product / spread
     for i in range(places.size):
         misfit += (middles[i] - mean - lean * places[i]) ** 2
     return mean, lean, misfit

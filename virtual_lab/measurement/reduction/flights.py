@@ -123,8 +123,8 @@ def number_shots(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDAr
     shots = np.flatnonzero(used)
     shots = shots[np.argsort(owner[shots], kind="stable")]
     owners = owner[shots]
-    many = np.bincount(owners, minlength=laboratories)
-    turn = np.arange(shots.size) - np.repeat(np.cumsum(many) - many, many)
-    numbers = np.full((laboratories, max(int(many.max(initial=0)), 1)), -1, dtype=np.intp)
+    counts = np.bincount(owners, minlength=laboratories)
+    turn = np.arange(shots.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    numbers = np.full((laboratories, max(int(counts.max(initial=0)), 1)), -1, dtype=np.intp)
     numbers[owners, turn] = shots
     return numbers

@@ -134,9 +134,9 @@ def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
             x_mean[i] += across[gate, i] if finite else 0.0
             y_mean[i] += up[gate, i] if finite else 0.0
     for i in range(n):
-        many = count[i] if count[i] >= 2.0 else nan
-        x_mean[i] /= many
-        y_mean[i] /= many
+        divisor = count[i] if count[i] >= 2.0 else nan
+        x_mean[i] /= divisor
+        y_mean[i] /= divisor
     for gate in range(gates):
         for i in range(n):
             finite = abs(across[gate, i]) + abs(up[gate, i]) < np.inf

@@ -245,15 +245,17 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
     *leading, shots, _, _ = passages.times.shape
     # each set of constants is a row; several rows may have the same shots
     rows = np.broadcast_shapes(columns.shape[:-2], np.shape(drag)[:-1], tuple(leading))
-    many = prod(rows)
+    row_count = prod(rows)
     # copies, because the functions would be compiled again for views and read-only arrays
-    batch = np.array(np.broadcast_to(np.arange(prod(leading)).reshape(leading), rows)).reshape(many)
+    batch = np.array(np.broadcast_to(np.arange(prod(leading)).reshape(leading), rows)).reshape(
+        row_count
+    )
     if columns.ndim == 1:
         columns = columns[None]
-    sets = np.broadcast_to(columns[..., 0, :], (*rows, len(names))).reshape(many, len(names))
+    sets = np.broadcast_to(columns[..., 0, :], (*rows, len(names))).reshape(row_count, len(names))
     clock, distances = sets[:, 0].copy(), sets[:, 1 : 1 + len(gates)].copy()
-    drag = np.array(np.broadcast_to(drag, (*rows, shots)), order="C").reshape(many, shots)
-    speeds, heights = np.full((2, many, shots), np.nan), np.full((3, many, shots), np.nan)
+    drag = np.array(np.broadcast_to(drag, (*rows, shots)), order="C").reshape(row_count, shots)
+    speeds, heights = np.full((2, row_count, shots), np.nan), np.full((3, row_count, shots), np.nan)
     fit_speeds(_by_gate(passages.times), batch, distances, clock, drag, speeds)
     if tall:
         gravity, zeros = sets[:, 1 + len(gates)].copy(), sets[:, 2 + len(gates) :].copy()

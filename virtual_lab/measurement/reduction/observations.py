@@ -182,9 +182,9 @@ def observe_balls(block: SessionBlock) -> BallReadings:
     log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)
     raw = flights.raw
-    both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
+    has_both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
     # a hit that was not detected in both directions does not measure e0
-    ball = _by_laboratory(block, np.where(both, log.ball, -1).astype(np.intp))
+    ball = _by_laboratory(block, np.where(has_both, log.ball, -1).astype(np.intp))
     hits = (ball[..., None] == np.arange(mass.shape[1])).sum(axis=1)
     if hits.min() < 2:
         worst = int(np.unravel_index(hits.argmin(), hits.shape)[1])

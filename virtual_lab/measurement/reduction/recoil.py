@@ -89,8 +89,8 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
     # all shots have the same vibrations, so a few of a large batch give the frequencies
-    whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
-    no_ring = RECOIL.residual_of_counts if whole else RECOIL.residual
+    is_whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
+    no_ring = RECOIL.residual_of_counts if is_whole else RECOIL.residual
     searched = counts[: RECOIL.shots_searched].T
     rings, basis = _find_rings(clock, searched, span, no_ring)
     rms = np.sqrt((project(basis, searched)[1] ** 2).mean(axis=0))
@@ -101,7 +101,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     release = (contact + RECOIL.contact_duration - origin) / span
     for power in range(1, RECOIL.polynomial_order + 1):
         row[:, power] = power * release ** (power - 1) / span
-    rate, leverage, square, late = _rates(basis, counts, row, until)
+    rate, leverage, square, tail_square = _rates(basis, counts, row, until)
     half = len(times) // 2
     by_half, half_leverage, _, _ = _rates(basis[:half], counts[:, :half], row, half)
     variance = square / (len(times) - basis.shape[1] - len(rings))
@@ -121,7 +121,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
         rest=rest,
         residual=np.sqrt(square / len(times)),
     )
-    return fit, np.sqrt(late / max(len(times) - until, 1)) / fit.noise
+    return fit, np.sqrt(tail_square / max(len(times) - until, 1)) / fit.noise
 
 
 def _farthest(counts: Array) -> int:
@@ -144,15 +144,15 @@ def _rates(
     """
     orthogonal, triangle = np.linalg.qr(basis)
     weight = np.linalg.solve(triangle.T, row.T)
-    rate, square, late = np.empty((3, len(counts)))
+    rate, square, tail_square = np.empty((3, len(counts)))
     for first in range(0, len(counts), RECOIL.shots_together):
         part = slice(first, first + RECOIL.shots_together)
         projection = counts[part] @ orthogonal
         residual = counts[part] - projection @ orthogonal.T
         rate[part] = np.einsum("ps,sp->s", weight[:, part], projection)
         square[part] = np.einsum("st,st->s", residual, residual)
-        late[part] = np.einsum("st,st->s", residual[:, until:], residual[:, until:])
-    return rate, (weight**2).sum(axis=0), square, late
+        tail_square[part] = np.einsum("st,st->s", residual[:, until:], residual[:, until:])
+    return rate, (weight**2).sum(axis=0), square, tail_square
 
 
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:

@@ -154,8 +154,8 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
     longer = longer / mean_amplitude_factor(first - offset, last - offset, swings)
     period = x["bat.period"] / x["bench.pendulum.clock"] * sets.spread(longer)
     moment = mass * lever + x["bench.pendulum.clamp_moment"]
-    both = inertia_from_period(period, moment, x["hall.gravity"])
-    return both - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
+    total = inertia_from_period(period, moment, x["hall.gravity"])
+    return total - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
 
 
 def ball_masses(x: Constants, readings: BallReadings) -> Array:
@@ -255,8 +255,8 @@ def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
     """
     if ball.ndim == 1:
         return values[..., ball]
-    wide = np.broadcast_to(ball, (*values.shape[:-1], ball.shape[-1]))
-    return np.take_along_axis(values, wide, axis=-1)
+    indices = np.broadcast_to(ball, (*values.shape[:-1], ball.shape[-1]))
+    return np.take_along_axis(values, indices, axis=-1)
 
 
 def shot_results(

@@ -43,24 +43,24 @@ def balls_of_sets(
     negative ball is ignored. A ball without hits has NaN, and so has the slope with one nominal
     speed.
     """
-    many, middle = np.zeros(masses.size), np.zeros(masses.size)
+    counts, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
     for i in range(ball.size):
         number = ball[i]
         if number >= 0:
-            many[number] += 1
+            counts[number] += 1
             middle[number] += nominal[i]
             speed[0] += nominal[i]
             restitution[number] += speed_out[i] / speed_in[i]
-    speed[0] /= many.sum()
+    speed[0] /= counts.sum()
     for number in range(masses.size):
-        restitution[number] /= many[number]
-        middle[number] /= many[number]
+        restitution[number] /= counts[number]
+        middle[number] /= counts[number]
     rise, width = 0.0, 0.0
     for i in range(ball.size):
         number = ball[i]
         if number >= 0:
-            faster[number] += (speed_in[i] - speed[0]) / many[number]
+            faster[number] += (speed_in[i] - speed[0]) / counts[number]
             deviation = nominal[i] - middle[number]
             rise += speed_out[i] / speed_in[i] * deviation
             width += speed_in[i] * deviation

@@ -75,8 +75,8 @@ class ModalModel:
 
         Raises `InputError` for a position beyond the bat or a scene that gives no result.
         """
-        few = 16_384  # scenes per part, which limits the memory of intermediate arrays
-        parts = [scenes.part(slice(i, i + few)) for i in range(0, len(scenes), few)]
+        part_size = 16_384  # scenes per part, which limits the memory of intermediate arrays
+        parts = [scenes.part(slice(i, i + part_size)) for i in range(0, len(scenes), part_size)]
         return concatenate([collide_bats([(self, part)])[0] for part in parts])
 
 

@@ -46,8 +46,10 @@ def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     bat = parts[0]
     half = np.minimum(width / 2, np.minimum(z, bat.length - z))
     places = np.clip(z[:, None] + half[:, None] * x, 0.0, bat.length)
-    few = 4096  # positions per block, so that the interpolation matrix fits in the cache
-    blocks = [bat.averages(places[i : i + few], pressure) for i in range(0, len(z), few)]
+    block_size = 4096  # positions per block, so that the interpolation matrix fits in the cache
+    blocks = [
+        bat.averages(places[i : i + block_size], pressure) for i in range(0, len(z), block_size)
+    ]
     return [np.concatenate([modes.average(block) for block in blocks]) for modes in parts]
 
 

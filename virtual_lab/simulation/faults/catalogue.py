@@ -117,9 +117,9 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
     speeds = np.stack([speed, np.abs(rebound_speed)], axis=1)[:, :, None, None]
     shape = (*times.shape[1:3], 2)
     turn = tau * (written.chance(f".{written.stage.value}", shape) - 0.5)
-    late = 1.5e-3 * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
-    beams = times.ndim - late.ndim
-    times = times + late.reshape(*late.shape[:3], *(1,) * beams, 2)
+    delay = 1.5e-3 * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
+    beams = times.ndim - delay.ndim
+    times = times + delay.reshape(*delay.shape[:3], *(1,) * beams, 2)
     times[times[..., Edge.CLEARED] <= times[..., Edge.BROKEN]] = np.nan
     return {"times": times}
 

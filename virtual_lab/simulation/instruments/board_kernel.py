@@ -126,9 +126,9 @@ def sum_up(
                 pace = sign * flight[WAY.pace, i]
                 u_way = edge * gains[1, i] / pace
                 deviation = tall[i] * sqrt(u_way**2 + (trip * gains[2, i]) ** 2)
-                late = time[i] * (edge * gains[0, i]) + deviation * steep[i] * pace
-                time[i] = boards.clock[first + i] * (began[i] + sign * since[i]) + late
-                tall[i] = nan if np.isnan(late) else height[i] + deviation
+                delay = time[i] * (edge * gains[0, i]) + deviation * steep[i] * pace
+                time[i] = boards.clock[first + i] * (began[i] + sign * since[i]) + delay
+                tall[i] = nan if np.isnan(delay) else height[i] + deviation
 
 
 @njit(cache=True)
@@ -186,8 +186,8 @@ def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, f
     gives the height. The weight of a chord is limited to that of a tenth of the longest chord.
     """
     low, high = floor(phase - radius) + 1 + int(missing), ceil(phase + radius) - 1
-    many = high - low + 1
-    if many < 4:
+    beam_count = high - low + 1
+    if beam_count < 4:
         return nan, nan, nan
     middle = ((low + high) / 2 - phase) / radius
     m0, m1, m2, m3, m4 = 0.0, 0.0, 0.0, 0.0, 0.0  # moments of the weights
@@ -211,4 +211,4 @@ def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, f
         slope = (level + place * (lean + bend * place)) / (normal * max(square, 1e-2))
         path_gain += slope * slope * square
         trip += slope * slope
-    return sqrt((1 / many + middle * middle / spread) / 2), sqrt(path_gain / 2), sqrt(trip)
+    return sqrt((1 / beam_count + middle * middle / spread) / 2), sqrt(path_gain / 2), sqrt(trip)

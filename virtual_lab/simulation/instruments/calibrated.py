@@ -50,8 +50,8 @@ class CalibratedSpec(Spec):
             if isinstance(value, CalibratedSpec):
                 changes[name] = value.ideal()
             elif name.endswith(("_u", *self.errors)) or name in self.other_errors:
-                many = isinstance(value, tuple)
-                changes[name] = (0.0,) * len(value) if many else type(value)()
+                is_tuple = isinstance(value, tuple)
+                changes[name] = (0.0,) * len(value) if is_tuple else type(value)()
         return cast("Self", replace(cast("Any", self), **changes))
 
     def certificate(self) -> dict[str, Estimate]:

@@ -116,8 +116,8 @@ class LightBoards(BallGates[LightBoardSpec]):
         shape = (len(directions), len(spec.distances), spec.beams, 2)
         records = spec.edge_jitter * draws.normal(f"{name}.jitter", shape, slots)
         records += spec.tick * draws.uniform(f"{name}.start", (1, 1, 1, 1), slots)
-        scraps, late = self._scraps(passage, contact, draws, name, slots)
-        scrapped = quantise(records[scraps] + self.clock * late, spec.tick)
+        scraps, delay = self._scraps(passage, contact, draws, name, slots)
+        scrapped = quantise(records[scraps] + self.clock * delay, spec.tick)
         by_way = records.reshape(*records.shape[:3], -1)
         for direction, start in zip(directions, (contact, leaving), strict=True):
             out = bool(direction)

@@ -198,14 +198,14 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
         time = -PARTING * near.approach / (speeds**2 / contact_distance + shot.gravity)
     drop = abs(state.vy - shot.gravity * until)
     while time < until:
-        here = _move(state, time, shot)
-        near = _nearness(here, shot, scene)
+        state_then = _move(state, time, shot)
+        near = _nearness(state_then, shot, scene)
         if near.gap <= NEAR:
             break
-        spin = abs(here.rate)
+        spin = abs(state_then.rate)
         sliding = abs(near.sliding) + 2 * spin * near.gap
-        turning = spin * (hypot(here.x, here.z - shot.axis) + near.gap)
-        closing = hypot(hypot(here.vx, here.vz), max(abs(here.vy), drop))
+        turning = spin * (hypot(state_then.x, state_then.z - shot.axis) + near.gap)
+        closing = hypot(hypot(state_then.vx, state_then.vz), max(abs(state_then.vy), drop))
         time += near.gap / (closing + turning + scene.steepest * sliding)
     if not time < until:
         return inf

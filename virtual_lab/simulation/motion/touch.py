@@ -171,23 +171,27 @@ def first_touch(
         opening = np.maximum(-nearness(scene, state).approach, 0.0)
         start = TOUCHING.parting * opening / (speeds**2 / contact_distance + scene.gravity)
     time = np.where(start < until, start, np.inf)
-    still = np.flatnonzero(start < until)
-    while len(still):
-        here = move(scene, state.part(still), time[still], shots[still])
-        near = nearness(scene, here)
+    active = np.flatnonzero(start < until)
+    while len(active):
+        state_then = move(scene, state.part(active), time[active], shots[active])
+        near = nearness(scene, state_then)
         going = near.gap > TOUCHING.near
         # only gravity can increase the speed; distances change by at most the gap
-        upright = np.maximum(np.abs(here.vy), np.abs(drop[still]))
-        spin, wide = np.abs(here.rate), np.maximum(near.gap, 0.0)
-        sliding = np.abs(near.sliding) + 2 * spin * wide
-        turning = spin * (np.hypot(here.x, here.z - bat.axis) + wide)
-        closing = np.hypot(np.hypot(here.vx, here.vz), upright) + turning + bat.steepest * sliding
-        still = still[going]
+        upright = np.maximum(np.abs(state_then.vy), np.abs(drop[active]))
+        spin, gap = np.abs(state_then.rate), np.maximum(near.gap, 0.0)
+        sliding = np.abs(near.sliding) + 2 * spin * gap
+        turning = spin * (np.hypot(state_then.x, state_then.z - bat.axis) + gap)
+        closing = (
+            np.hypot(np.hypot(state_then.vx, state_then.vz), upright)
+            + turning
+            + bat.steepest * sliding
+        )
+        active = active[going]
         with np.errstate(divide="ignore"):
-            time[still] += near.gap[going] / closing[going]
-        late = time[still] >= until[still]
-        time[still[late]] = np.inf
-        still = still[~late]
+            time[active] += near.gap[going] / closing[going]
+        late = time[active] >= until[active]
+        time[active[late]] = np.inf
+        active = active[~late]
     hits = np.flatnonzero(np.isfinite(time))
     fast = np.hypot(state.vx[hits], state.vz[hits])
     for _ in range(TOUCHING.polishing):

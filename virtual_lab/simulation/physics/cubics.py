@@ -77,20 +77,20 @@ def smooth_cubic(knots: Array, values: Array) -> PiecewiseCubic:
 
     n = knots.size
     width = np.diff(knots)
-    wide = width.reshape(-1, *(1,) * (values.ndim - 1))
-    slope = np.diff(values, axis=0) / wide
+    step = width.reshape(-1, *(1,) * (values.ndim - 1))
+    slope = np.diff(values, axis=0) / step
     bands, right = np.zeros((3, n)), np.empty(values.shape)
     bands[0, 2:], bands[1, 1:-1], bands[2, :-2] = (
         width[:-1],
         2 * (width[:-1] + width[1:]),
         width[1:],
     )
-    right[1:-1] = 3 * (wide[1:] * slope[:-1] + wide[:-1] * slope[1:])
+    right[1:-1] = 3 * (step[1:] * slope[:-1] + step[:-1] * slope[1:])
     first, last = knots[2] - knots[0], knots[-1] - knots[-3]
     bands[1, 0], bands[0, 1] = width[1], first
-    right[0] = ((wide[0] + 2 * first) * wide[1] * slope[0] + wide[0] ** 2 * slope[1]) / first
+    right[0] = ((step[0] + 2 * first) * step[1] * slope[0] + step[0] ** 2 * slope[1]) / first
     bands[1, -1], bands[2, -2] = width[-2], last
-    right[-1] = (wide[-1] ** 2 * slope[-2] + (2 * last + wide[-1]) * wide[-2] * slope[-1]) / last
+    right[-1] = (step[-1] ** 2 * slope[-2] + (2 * last + step[-1]) * step[-2] * slope[-1]) / last
     rates = solve_banded((1, 1), bands, right, overwrite_b=True, check_finite=False)
     return _hermite(knots, values, rates)
 

@@ -163,11 +163,11 @@ class TrueBalls:
         """Return a lot of one ball, the mean of this lot, to which a measurand refers."""
         mask = np.zeros(self.mass.shape, dtype=bool)
         mask[self.used] = True
-        many = mask.sum(axis=-1, keepdims=True)
+        count = mask.sum(axis=-1, keepdims=True)
         return replace(
             self,
-            mass=np.where(mask, self.mass, 0.0).sum(axis=-1, keepdims=True) / many,
-            restitution=np.where(mask, self.restitution, 0.0).sum(axis=-1, keepdims=True) / many,
+            mass=np.where(mask, self.mass, 0.0).sum(axis=-1, keepdims=True) / count,
+            restitution=np.where(mask, self.restitution, 0.0).sum(axis=-1, keepdims=True) / count,
             used=...,
         )
 

@@ -185,31 +185,31 @@ class RestingBatStation(CannonStation):
 
     def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
         """Fire at the bat at rest, and return the true flights."""
-        here, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
+        station, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         name, slots, balls = self.name, plan.slot, struck.balls
-        launch = here.cannon.fire(plan.speed, streams, f"{name}.launch", slots)
+        launch = station.cannon.fire(plan.speed, streams, f"{name}.launch", slots)
         e0 = balls.draw_hits(..., launch.speed, streams, f"{name}.hit", slots)
         place = plan.place + launch.along
-        across = launch.across - here.holder.height
+        across = launch.across - station.holder.height
         tilt = contact_angle(struck, place, across)
-        blows = here.blows(plan.detail, struck, place, launch.speed * np.cos(tilt), e0)
+        blows = station.blows(plan.detail, struck, place, launch.speed * np.cos(tilt), e0)
         speed_out, slope_out = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
         passage = Passage(
             speed_in=launch.speed,
             speed_out=speed_out,
-            drag=here.air.drag(balls.spec.radius, balls.mass),
+            drag=station.air.drag(balls.spec.radius, balls.mass),
             radius=balls.spec.radius,
-            gravity=here.gravity,
+            gravity=station.gravity,
             height=launch.across,
             slope_in=launch.slope,
             slope_out=slope_out,
         )
         rigid, profile = struck.bat.rigid, struck.bat.body.profile
-        axis = np.broadcast_to(rigid.length - here.holder.from_knob, place.shape)
+        axis = np.broadcast_to(rigid.length - station.holder.from_knob, place.shape)
         inertia, efficiency = rigid.inertia(axis), blows.efficiency
         bat = RestingBat(profile, axis, inertia, place, across, efficiency, balls.mass)
-        shots = fly(passage, plan, bat, here.surroundings(balls.spec.radius))
-        contact = here.gates.arrival(shots.passage)
+        shots = fly(passage, plan, bat, station.surroundings(balls.spec.radius))
+        contact = station.gates.arrival(shots.passage)
         return BallFlights(
             flown=shots,
             blows=blows,

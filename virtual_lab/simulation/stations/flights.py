@@ -111,14 +111,14 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
     delay, hit_bat = np.zeros(count), np.ones(count, dtype=bool)
     delay[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
     hit_bat[shots[chosen]] = pieces.struck[turns.first] == Target.BAT
-    whole = _columns(passage, count)
-    whole |= {"plane_out": whole["plane"].copy(), "height_out": whole["height"].copy()}
-    whole.setdefault("reach", np.full(count, np.inf))
+    columns = _columns(passage, count)
+    columns |= {"plane_out": columns["plane"].copy(), "height_out": columns["height"].copy()}
+    columns.setdefault("reach", np.full(count, np.inf))
     for name, values in _as_flown(scene, subset, pieces, turns).items():
-        whole[name][shots[chosen]] = values
-    if hit_bat.all() and np.isinf(whole["reach"]).all():
-        whole.pop("reach")
-    return FlownShots(replace(passage, **whole), delay, hit_bat, _kicks(pieces, shots))
+        columns[name][shots[chosen]] = values
+    if hit_bat.all() and np.isinf(columns["reach"]).all():
+        columns.pop("reach")
+    return FlownShots(replace(passage, **columns), delay, hit_bat, _kicks(pieces, shots))
 
 
 def scene_of(

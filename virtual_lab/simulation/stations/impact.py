@@ -172,9 +172,9 @@ def wall_restitution(scenes: Scenes) -> Array:
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # denser near zero compression
     e0, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
-    few = 256  # scenes per part, so that their forces fit in the cache
-    for first in range(0, len(scenes), few):
-        part = slice(first, first + few)
+    part_size = 256  # scenes per part, so that their forces fit in the cache
+    for first in range(0, len(scenes), part_size):
+        part = slice(first, first + part_size)
         ball: list[Any] = [getattr(scenes, name)[part, None] for name in names]
         stiffness, exponent, restitution = ball
         law = PowerLaw.of(

@@ -220,8 +220,8 @@ def _table(sigma: float) -> Pixels:
     phase = np.arange(NODE_PHASES + 2)[:, None] / NODE_PHASES
     steps = (np.arange(LANES) - LANES // 2 + 1 - phase) / (2 * sigma)
     values = np.exp(-(steps**2) / 2)
-    whole: Pixels = (values / values.sum(axis=1, keepdims=True)).astype(np.float32)
-    return whole.ravel()
+    table: Pixels = (values / values.sum(axis=1, keepdims=True)).astype(np.float32)
+    return table.ravel()
 
 
 @cache

@@ -199,12 +199,12 @@ class Camera(CalibratedInstrument[CameraSpec]):
         most = np.array([spec.sensor.columns, spec.sensor.rows]) - spec.window
         corners = np.rint(frames.outlines.middle - spec.window / 2).astype(np.int64)
         corners = np.clip(corners, 0, most)
-        still, numbers = background(spec), frames.numbers(slots)
+        empty_scene, numbers = background(spec), frames.numbers(slots)
         pixels: list[NDArray[Any]] = []
-        few = 256  # number of windows that are rendered together
-        for start in range(0, len(corners), few):
-            part = slice(start, start + few)
-            behind = windows(still, corners[part], spec.window)
+        batch_size = 256  # number of windows that are rendered together
+        for start in range(0, len(corners), batch_size):
+            part = slice(start, start + batch_size)
+            behind = windows(empty_scene, corners[part], spec.window)
             electrons = self.render(frames.part(part), corners[part], behind, bat)
             pixels.append(
                 self.sensor.expose(

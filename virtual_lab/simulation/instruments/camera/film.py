@@ -37,7 +37,7 @@ def whole_frames(
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)
-    still, numbers = background(spec), frames.numbers(slots)
+    empty_scene, numbers = background(spec), frames.numbers(slots)
     corner = np.zeros((1, 2), np.int64)
     selection = np.flatnonzero(frames.shot == 0)
     if count is not None:
@@ -48,11 +48,11 @@ def whole_frames(
         left, top = np.clip(
             np.rint(frame.outlines.middle[0] - side / 2), 0, [spec.sensor.columns, spec.sensor.rows]
         ).astype(np.int64)
-        electrons = still.copy()
+        electrons = empty_scene.copy()
         if bat is not None:
             camera.put(bat, bat.angle(frame.shot, frame.time), corner, electrons[None])
         electrons *= np.float32(frame.brightness[0])
-        pasted = still[top : top + side, left : left + side][None]
+        pasted = empty_scene[top : top + side, left : left + side][None]
         if pasted.size:
             window = camera.render(frame, np.array([[left, top]]), pasted, bat)
             electrons[top : top + side, left : left + side] = window[0]
