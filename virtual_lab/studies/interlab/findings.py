@@ -66,9 +66,9 @@ class InterlabTerm:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Interlab(Rows[InterlabTerm]):
-    """Precision of results, factors that cause it, and the first exercise of each result."""
+    """Precision of each result, the factors that cause it, and the analysis of its exercises."""
 
-    exercises: dict[str, NestedStudy]  # first exercise, by the name of bat, procedure and result
+    exercises: dict[str, NestedStudy]  # all exercises, by the name of bat, procedure and result
 
     def draw(self) -> PageFigure:
         """Draw the causes of each result's scatter, and h and k of its first exercise.
@@ -132,7 +132,7 @@ def interlab(
     entry = read_interlab(Path(study))
     spec = entry.spec
     rows: list[InterlabTerm] = []
-    first: dict[str, NestedStudy] = {}
+    exercises: dict[str, NestedStudy] = {}
     cases = [(bat, procedure) for procedure in spec.procedures for bat in spec.bats]
     for number, (bat, procedure) in enumerate(cases):
         progress("cases", number, len(cases))
@@ -140,21 +140,21 @@ def interlab(
         if predict:
             rows += [row for each in _predictions(play).values() for row in each.values()]
             continue
-        for terms, exercise in _results(play):
+        for terms, precision in _results(play):
             rows += terms
-            first[_case_name(terms[0])] = exercise
+            exercises[_case_name(terms[0])] = precision
     progress("cases", len(cases), len(cases))
     if predict:
         title = "effect of each factor alone, predicted"
         return Interlab(name="interlab", title=title, rows=rows, exercises={})
     tests = f"{spec.exercises} x {spec.laboratories} laboratories, {spec.lots} lots"
     title = f"{tests}, {spec.repeats} repeats; {spec.alone} laboratories per factor alone"
-    words = "\n".join([WORDS, *(_consistency(name, each) for name, each in first.items())])
-    return Interlab(name="interlab", title=title, words=words, rows=rows, exercises=first)
+    words = "\n".join([WORDS, *(_consistency(name, each) for name, each in exercises.items())])
+    return Interlab(name="interlab", title=title, words=words, rows=rows, exercises=exercises)
 
 
 def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
-    """Yield the rows and the first exercise of each result of a bat by a procedure."""
+    """Yield rows and analysis of all exercises for each result of a bat by a procedure."""
     study, predictions = play.study.spec, _predictions(play)
     exercises = play.exercises()
     alone = {}
@@ -183,12 +183,13 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         rows += _sds(precision, like, expected)
         stated = float(np.sqrt(np.nanmean(u**2)))
         rows.append(replace(like, term="stated u", predicted=None, found=stated))
-        yield rows, _precision(values[:1])
+        yield rows, precision
         if control:
             reference = control[result][0].mean(axis=-1, keepdims=True)  # one per lot
             corrected = values * np.nanmean(reference) / reference
             cured = replace(like, result=f"{result}, control bat {study.control}")
-            yield _sds(_precision(corrected), cured, {}), _precision(corrected[:1])
+            precision = _precision(corrected)
+            yield _sds(precision, cured, {}), precision
 
 
 def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
@@ -294,7 +295,7 @@ def _sds(
 
 
 def _consistency(name: str, study: NestedStudy) -> str:
-    """Return Cochran's and Grubbs's tests of an exercise in words."""
+    """Return Cochran's and Grubbs's tests of the first exercise in words."""
     tests = (
         ("Cochran", float(study.cochran[0]), study.cochran_limit, "laboratory's scatter"),
         ("Grubbs", float(study.grubbs[0]), study.grubbs_limit, "laboratory's mean"),

@@ -89,8 +89,7 @@ class Play:
     ) -> dict[str, Array]:
         """Return value and u of each result, (2, laboratory) [SI]; NaN without a result."""
         take = _valid_results if valid else _all_results
-        with np.errstate(invalid="ignore"):  # a lot that the procedure refuses leaves NaN
-            parts = list(laboratories.each_block(take, count, self.study.spec.seed, self.workers))
+        parts = list(laboratories.each_block(take, count, self.study.spec.seed, self.workers))
         return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
 
 
