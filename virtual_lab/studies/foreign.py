@@ -8,14 +8,12 @@ from pathlib import Path
 
 from virtual_lab.catalog import load, names
 from virtual_lab.errors import InputError, nearest
-from virtual_lab.lab import Laboratory, TestSetup, certify_bat
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.records.session import SESSION, Session, load_session
-from virtual_lab.simulation.stations.rig import Reality
 
 
 def our_session(procedure: str) -> Session:
@@ -23,6 +21,9 @@ def our_session(procedure: str) -> Session:
 
     To save time it has no noise and a rigid bat. Raises `InputError` for an unknown procedure.
     """
+    from virtual_lab.lab import TestSetup, certify_bat
+    from virtual_lab.simulation.stations.rig import Reality
+
     bat, rules = names("bats")[0], load("procedures", procedure, Procedure).spec
     setup = TestSetup.of(
         bat,
@@ -98,6 +99,8 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
 
 def _constants_of(procedure: str) -> list[str]:
     """Return the names of the calibration constants that a procedure needs."""
+    from virtual_lab.lab import Laboratory, TestSetup
+
     laboratory = Laboratory.open(TestSetup.of(names("bats")[0], procedure=procedure))
     control = [CONTROL] if laboratory.rules.spec.controlled else []
     return [*laboratory.calibration, *control]
