@@ -12,7 +12,6 @@ from pathlib import Path
 from virtual_lab import catalog
 from virtual_lab.catalog.reading import Datum
 from virtual_lab.certificate.document import CertificateDocument, read_document
-from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.result import Json, Rows
 from virtual_lab.output.tables import column, table_text
@@ -170,6 +169,8 @@ class ShownCertificate:
     @property
     def text(self) -> str:
         """The result for a terminal."""
+        from virtual_lab.certificate.text import certificate_text
+
         return certificate_text(self.certificate)
 
     def __repr__(self) -> str:
