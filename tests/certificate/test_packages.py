@@ -14,7 +14,7 @@ from rocrate.rocrate import ROCrate
 
 import virtual_lab as vl
 from virtual_lab.certificate.columns import SHOTS
-from virtual_lab.records import RECORD_TYPES, record_types
+from virtual_lab.records import record_types
 from virtual_lab.records.column_units import UNITS, unit_of
 from virtual_lab.records.record import AXES
 from virtual_lab.units import DIMENSIONS
@@ -91,26 +91,6 @@ def test_every_column_has_a_meaning_and_a_unit(folders: dict[str, Path]) -> None
             for field in resource["schema"]["fields"]:
                 assert field["description"]
                 assert ("unit" in field) == (field["type"] in ("integer", "number"))
-
-
-def line(name: str, meaning: str, *record: str) -> str:
-    unit = unit_of(name).ucum
-    cells = [*record, f"`{name}`", "" if unit == "1" else f"`{unit}`", meaning]
-    return f"| {' | '.join(cells)} |"
-
-
-def test_the_dictionary_in_the_readme_is_that_of_the_packages() -> None:
-    """The tables agree row by row; a new column needs its row there."""
-    page = (HERE.parent / "data" / "README.md").read_text("utf-8")
-    section = page[page.index("# Dictionary of columns") :]
-    rows = [line(name, meaning) for name, meaning in AXES.items()]
-    rows += [
-        line(column.name, column.meaning, f"`{name}`")
-        for name, kind in RECORD_TYPES.items()
-        for column in kind.columns.values()
-    ]
-    rows += [line(each.name.replace("{}", "…"), each.meaning) for each in SHOTS]
-    assert [row for row in section.splitlines() if row.startswith("| `")] == rows
 
 
 def test_each_axis_of_a_record_has_a_meaning() -> None:

@@ -60,8 +60,9 @@ myst_update_mathjax = False
 nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
-nb_execution_timeout = 120  # s
+nb_execution_timeout = 280  # s
 nb_merge_streams = True
+nb_output_stderr = "remove"  # lines of progress
 
 autodoc_typehints = "none"  # the Parameters sections say what is allowed
 numpydoc_show_class_members = False

@@ -43,7 +43,7 @@ class RecordColumn:
     """Form of one field in the file: its column, its axes and its meaning.
 
     The name ends in the unit. The meaning is printed in ``datapackage.json``, in the forms of
-    another laboratory, and in the dictionary of ``data/README.md``.
+    another laboratory, and in the dictionary of the site.
     """
 
     name: str

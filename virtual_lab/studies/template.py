@@ -89,7 +89,7 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     rules = catalog.read(session.procedure_text, procedure, Procedure).spec
     yield f"# The form of a test by {procedure}: {rules.title}."
     yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
-    yield "# Tables may have other units, names and shapes, see data/README.md."
+    yield "# Tables may have other units, names and shapes, see virtual_lab/docs/forms.md."
     yield ""
     yield f'laboratory = "{BLANK}"'
     yield f'customer = "{BLANK}"  # this line and the next are optional'

@@ -1,0 +1,24 @@
+"""
+A ball passes three light boards
+================================
+
+Each bar is the time in which the ball covers one beam of a board, on its way to the bat. The
+middle of the pattern is the ball's height at that moment; three boards give speed and slope.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import virtual_lab as vl
+
+session = vl.certify("ea70", procedure="bbcor", seed=7).certification.session
+times = 1e6 * session.records["impact"]["gates"].times[0, 0]  # (board, beam, edge), inbound
+figure, panels = plt.subplots(1, 3, sharey=True, figsize=(4.8, 3.2))
+for board, axes in enumerate(panels):
+    broke, cleared = times[board].T
+    seen = np.flatnonzero(np.isfinite(broke) & np.isfinite(cleared))
+    start = broke[seen].min()
+    axes.barh(seen, cleared[seen] - broke[seen], left=broke[seen] - start, height=0.7)
+    axes.set(title=f"board {board + 1}")
+panels[0].set(ylabel="beam, counted from below")
+figure.supxlabel("time since the first beam broke, µs", fontsize=10.5)

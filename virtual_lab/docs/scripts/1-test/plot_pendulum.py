@@ -1,0 +1,25 @@
+"""
+A pendulum that swings wider than noted
+=======================================
+
+Period of each swing of a bat that hangs as a pendulum, over the amplitude that the operator notes.
+Squares: he lets go at a wider angle than he notes, and the theory of the pendulum does not fit.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import virtual_lab as vl
+
+figure, axes = plt.subplots()
+for label, faults, marker in (("too wide", "pendulum-wide", "s"), ("sound", (), "o")):
+    test = vl.certify("r161", seed=7, faults=faults).certification
+    record = test.session.records["bench"]["pendulum"]
+    first, last = record.first_amplitude[:, None], record.last_amplitude[:, None]
+    amplitude = np.degrees(first * (last / first) ** ((np.arange(10) + 0.5) / 10))
+    periods = 1e3 * np.diff(record.times, axis=1)
+    axes.plot(amplitude.ravel(), periods.ravel(), marker, label=label)
+slow = np.mean(periods / (1 + np.radians(amplitude) ** 2 / 16))
+axes.plot([3.8, 4.2], [slow * (1 + np.radians(a) ** 2 / 16) for a in (3.8, 4.2)], label="theory")
+axes.set(xlabel="noted amplitude, °", ylabel="period, ms")
+axes.legend(loc="center right")

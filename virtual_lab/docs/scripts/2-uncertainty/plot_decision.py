@@ -1,0 +1,22 @@
+"""
+Probability that a bat conforms
+===============================
+
+Probability that the true value is below a limit of 0.500, over the measured one, for three u. A
+guard band of 1.64 u keeps the risk of the customer below 5 %.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import virtual_lab as vl
+
+measured = np.linspace(0.485, 0.515, 121)
+figure, axes = plt.subplots()
+for u in (0.0015, 0.003, 0.006):
+    chance = [100 * vl.conformity(value, u, upper=0.5) for value in measured]
+    axes.plot(measured, chance, label=f"u = {u}")
+axes.axvline(0.5, color="black", linewidth=1)
+axes.axhline(95, color="0.5", linewidth=1)
+axes.set(xlabel="measured e", ylabel="true value within the limit, %")
+axes.legend()

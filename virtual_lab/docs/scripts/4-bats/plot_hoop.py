@@ -1,0 +1,20 @@
+"""
+The hoop mode of a hollow bat
+=============================
+
+Collision efficiency of EA70 with three frequencies of its hoop mode. A softer shell takes energy up
+and gives it back, where the ball alone would lose it.
+"""
+
+import matplotlib.pyplot as plt
+
+import virtual_lab as vl
+
+figure, axes = plt.subplots()
+for hertz in (2500, 3000, 5000):
+    bat = vl.bat("ea70").with_({"body.hoop.frequency": f"{hertz} Hz"})
+    table = vl.profile(bat).table
+    rows = table[table["z_in"].between(2, 12)]
+    axes.plot(rows["z_in"], rows["e_A"], label=f"{hertz} Hz")
+axes.set(xlabel="impact position from the tip, in", ylabel="collision efficiency $e_A$")
+axes.legend(title="hoop mode")

@@ -1,0 +1,19 @@
+"""
+Figure 2 of the paper
+=====================
+
+Restitution e, recoil factor r and collision efficiency e_A of the wood bat along its barrel. e_A
+is largest where both the loss to vibration and the recoil are small.
+"""
+
+import matplotlib.pyplot as plt
+
+import virtual_lab as vl
+
+table = vl.profile("r161").table
+rows = table[table["z_in"].between(1, 12)]
+figure, axes = plt.subplots()
+for column, label in (("e", "$e$"), ("r", "$r$"), ("e_A", "$e_A$")):
+    axes.plot(rows["z_in"], rows[column], label=label)
+axes.set(xlabel="impact position from the tip, in", ylabel="$e$, $r$, $e_A$")
+axes.legend()

@@ -1,0 +1,21 @@
+"""
+The slope of e_A along the barrel
+=================================
+
+How fast e_A falls with the impact position, two bats. A test at one place must hit it the better,
+the steeper the curve is there.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import virtual_lab as vl
+
+figure, axes = plt.subplots()
+for bat in ("r161", "ea70"):
+    table = vl.profile(bat).table
+    rows = table[table["z_in"].between(3, 10)]
+    axes.plot(rows["z_in"], np.gradient(rows["e_A"], rows["z_in"]), label=bat)
+axes.axhline(0, color="black", linewidth=0.8)
+axes.set(xlabel="impact position from the tip, in", ylabel="slope of $e_A$, 1/in")
+axes.legend()
