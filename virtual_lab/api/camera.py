@@ -231,7 +231,7 @@ def track(
         "ruler": ruler,
         "readout": 0.0 if global_shutter else read_seconds(readout),
         "phone": phone or None,
-        "stands": tripod or None,
+        "tripod": tripod or None,
         "level_u": STATED_LEVEL_U if level else None,
         "file": None if calibration is None else Path(calibration),
         "corrected": None if corrected is None else Path(corrected),

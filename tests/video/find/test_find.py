@@ -172,7 +172,7 @@ def test_a_blob_is_where_and_as_large_as_the_ball(blur: tuple[float, float]) -> 
     behind = np.full((200, 320), 60, np.uint8)
     share = matte(behind.shape, 150.3, 90.8, 14.0, blur)
     frame = np.round(behind * (1 - share) + 200 * share).astype(np.uint8)
-    still = still_of([behind], 8, stands=True)
+    still = still_of([behind], 8, tripod=True)
     (blob,) = blobs(0, frame, frame, NONE, still)
     assert (blob["x"], blob["y"]) == pytest.approx((150.3, 90.8), abs=0.1)
     assert blob["radius"] == pytest.approx(14.0, abs=0.2 + np.hypot(*blur) ** 2 / 600)
@@ -188,7 +188,7 @@ def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> Non
         fine = np.where(np.hypot(x - 80, y - 60) < 12, 180 + 4 * (x - 80), wall)
         small = cv2.resize(fine.astype(np.float32), (160, 120), interpolation=cv2.INTER_AREA)
         picture = cv2.GaussianBlur(small, (0, 0), 0.8).round().astype(np.uint8)
-        still = still_of([np.full(picture.shape, wall, np.uint8)] * 8, 8, stands=True)
+        still = still_of([np.full(picture.shape, wall, np.uint8)] * 8, 8, tripod=True)
         (ball,) = blobs(0, picture, still.shrunk(picture), np.zeros(4), still)
         return float(ball["x"])
 
@@ -198,7 +198,7 @@ def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> Non
 
 def test_a_ball_that_is_held_or_cut_is_marked() -> None:
     behind = np.full((120, 160), 60, np.uint8)
-    still = still_of([behind], 8, stands=True)
+    still = still_of([behind], 8, tripod=True)
 
     def balls_near(x: float, *, held: bool = False) -> list[np.void]:
         share = matte(behind.shape, x, 60.0, 12.0)
@@ -216,7 +216,7 @@ def test_a_ball_that_is_held_or_cut_is_marked() -> None:
 
 def test_a_changing_light_is_no_blob() -> None:
     frames = np.stack(list(Film(contact=(900.0, 900.0), count=8).frames())).astype(np.uint8)
-    still = still_of(list(frames), 8, stands=True)
+    still = still_of(list(frames), 8, tripod=True)
     for gain in (0.85, 1.0, 1.15):
         lit = np.clip(frames[3] * gain, 0, 255).astype(np.uint8)
         assert len(blobs(0, lit, lit, NONE, still)) == 0
@@ -228,7 +228,7 @@ def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> 
     wall = np.repeat(np.repeat(rng.uniform(60, 170, (8, 10, 3)), 25, axis=0), 32, axis=1)
     covered = matte((200, 320), 150.0, 90.0, 14.0)[..., None]
     ball = covered * np.array([40.0, 60.0, 235.0]) + (1 - covered) * wall
-    still = still_of([wall.astype(np.uint8)] * 4, 8, stands=True)
+    still = still_of([wall.astype(np.uint8)] * 4, 8, tripod=True)
     for gains in ((1.0, 1.0, 1.0), (0.88, 1.0, 1.12), (0.75, 0.78, 0.8)):
         lit = np.clip(wall * gains, 0, 255).astype(np.uint8)
         assert len(blobs(0, lit, lit, NONE, still)) == 0
@@ -245,7 +245,7 @@ def test_a_ball_before_a_pattern_is_found() -> None:
     wall = np.where((row % 24 < 3) | ((column + row // 24 % 2 * 20) % 40 < 3), 190.0, 100.0)
     covered = matte((200, 320), 150.0, 92.0, 20.0)
     ball = covered * 70.0 + (1 - covered) * wall
-    still = still_of([wall.astype(np.uint8)] * 4, 8, stands=True)
+    still = still_of([wall.astype(np.uint8)] * 4, 8, tripod=True)
     picture = np.clip(ball, 0, 255).astype(np.uint8)
     candidates = blobs(0, picture, picture, NONE, still)
     best = candidates[np.argmin(np.hypot(candidates["x"] - 150, candidates["y"] - 92))]
@@ -262,7 +262,7 @@ def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
         x, y = 150.3 + 11 * np.cos(turn), 90.8 + 11 * np.sin(turn)
         patch = matte(behind.shape, x, y, 4.5)
         ball = patch * 30.0 + (1 - patch) * ball
-    still = still_of([behind.astype(np.uint8)] * 4, 8, stands=True)
+    still = still_of([behind.astype(np.uint8)] * 4, 8, tripod=True)
     picture = np.round(ball).astype(np.uint8)
     candidates = blobs(0, picture, picture, NONE, still)
     (best,) = candidates[candidates["radius"] > 8]
@@ -276,7 +276,7 @@ def test_a_ball_at_the_top_of_a_low_hop_is_no_repeat() -> None:
     candidates = np.zeros(8, BLOB)
     candidates["frame"], candidates["radius"], candidates["x"] = np.arange(8), 15.0, 100.0
     candidates["y"] = [90, 84, 80, 78.5, 80, 84, 84, 90]
-    still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
+    still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, tripod=True)
     watched = Watched(still=still, blobs=candidates, change=change)
     assert np.flatnonzero(lulls(change)).tolist() == [3, 6]
     assert np.flatnonzero(repeats(watched)).tolist() == [6]
@@ -290,7 +290,7 @@ def test_one_blob_of_noise_is_no_motion_in_a_repeat() -> None:
     candidates["x"][:, :2] = np.array([100, 110, 120, 120, 130, 140.0])[:, None]
     candidates["y"] = np.array([[90, 300, y] for y in (60, 64, 60, 61.5, 60, 64)])
     candidates = candidates.ravel()
-    still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, stands=True)
+    still = still_of([np.zeros((40, 40), np.uint8)] * 3, 8, tripod=True)
     watched = Watched(still=still, blobs=candidates, change=change)
     assert np.flatnonzero(repeats(watched)).tolist() == [3]
 
@@ -311,12 +311,12 @@ def test_the_background_behind_a_slow_ball_is_found(light: bool) -> None:
     scene = Film(light=ball, dark=dark, velocity_out=(-2.0, 0.3))
     samples = np.stack(list(scene.frames())).astype(np.uint8)[::2]
     behind = dark + 30 * np.linspace(0, 1, 320)
-    still = still_of(list(samples), 8, stands=True)
+    still = still_of(list(samples), 8, tripod=True)
     assert np.percentile(np.abs(still.background - behind), 99) < 6
 
 
 def test_a_picture_hides_no_more_than_the_drift_of_a_hand() -> None:
     """A hand moves by 0.02 of the longer side per second, whatever a failed alignment shows."""
     still = still_of(list(Film().frames())[:9], 8, 1.0)
-    drifts = [replace(still, stands_to=each).unseen_drift(1 / 40) for each in (8.0, 0.01)]
+    drifts = [replace(still, hidden_drift=each).unseen_drift(1 / 40) for each in (8.0, 0.01)]
     assert drifts == pytest.approx([0.02 * 320 / 40, 0.01])

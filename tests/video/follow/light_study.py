@@ -39,7 +39,7 @@ SIZE = (640, 360)  # size of a phone's picture [pixels]
 def knowledge_of(throw: Throw, ruler: str | None = None) -> ClipKnowledge:
     """Return a person's knowledge: the ball to 0.2 mm, the rate, a stand, no rolling shutter."""
     return ClipKnowledge(
-        rate=throw.fps, ball=DIAMETER, ball_u=2e-4, stands=True, readout=0.0, ruler=ruler
+        rate=throw.fps, ball=DIAMETER, ball_u=2e-4, tripod=True, readout=0.0, ruler=ruler
     )
 
 

@@ -188,7 +188,7 @@ def _thrown(shift: float = 0.0) -> NDArray[np.uint8]:
     return frames
 
 
-KNOWN = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, stands=True, readout=0.0)
+KNOWN = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, tripod=True, readout=0.0)
 
 
 def test_a_frame_stored_three_times_among_doubled_ones_costs_no_flight() -> None:
@@ -224,7 +224,7 @@ def test_interlaced_frames_are_followed_with_a_flag(first: int) -> None:
 
 def test_a_few_edges_show_that_the_camera_stands() -> None:
     """The drift is below 0.01 px per frame; the assumed hand's drift would be 8 px per second."""
-    result = follow(_clip(_thrown()), replace(KNOWN, stands=False))
+    result = follow(_clip(_thrown()), replace(KNOWN, tripod=False))
     assert result.watched.still.unseen_drift(1 / 60) < 0.01
     assert "DRIFT_UNSEEN" not in result.flags
 
@@ -258,10 +258,10 @@ def _drift_off(made: Made, result: FollowedClip) -> NDArray[np.float64]:
 def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
     _, result = followed("thrown-on-wall")
     none = np.zeros_like(result.watched.still.sampled)
-    plain = replace(result.watched.still, sampled=none, stands_to=None)
+    plain = replace(result.watched.still, sampled=none, hidden_drift=None)
     by_hand = follow_blobs(result.clip, replace(result.watched, still=plain), result.knowledge)
     stands = follow_blobs(
-        result.clip, replace(result.watched, still=plain), replace(result.knowledge, stands=True)
+        result.clip, replace(result.watched, still=plain), replace(result.knowledge, tripod=True)
     )
     assert "DRIFT_UNSEEN" in by_hand.flags
     assert "DRIFT_UNSEEN" not in stands.flags

@@ -37,7 +37,7 @@ def followed(blobs: Blobs, readout: float | None = 0.0) -> FollowedClip:
         change=np.full(count, np.nan),
     )
     knowledge = ClipKnowledge(
-        rate=RATE, ball=BALL, ball_u=1e-4, stands=True, readout=readout, ruler="ball"
+        rate=RATE, ball=BALL, ball_u=1e-4, tripod=True, readout=readout, ruler="ball"
     )
     return follow_blobs(cast("Clip", clip), watched, knowledge)
 

@@ -80,7 +80,11 @@ _SEARCH = _Search()
 
 
 def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
-    """Find the blobs of a picture that may be a ball, an array of `BLOB`.
+    """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, empty if there is none.
+
+    Positions are in pixels to the right of and below the middle of the upper left pixel: `x` and
+    `y` of the first sample's picture, which is the still frame, `picture_x` and `picture_y` of the
+    picture itself.
 
     Parameters
     ----------

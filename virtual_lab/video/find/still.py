@@ -93,7 +93,7 @@ class Still:
     sampled: Array
     # largest drift along each axis that the picture may hide [pixels per frame]; None: too few
     # edges to tell
-    stands_to: float | None
+    hidden_drift: float | None
 
     @property
     def drifts(self) -> bool:
@@ -103,7 +103,7 @@ class Still:
     def unseen_drift(self, step: float) -> float:
         """Return the drift per axis that the picture may hide [px/frame], by frame time [s]."""
         hand = _STILL.hand_drift * max(self.size) * step
-        return hand if self.stands_to is None else min(hand, self.stands_to)
+        return hand if self.hidden_drift is None else min(hand, self.hidden_drift)
 
     @property
     def fastest(self) -> float:
@@ -173,7 +173,7 @@ def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
 
 
 def still_of(
-    samples: Sequence[Frame], depth: int, apart: float = 1.0, *, stands: bool = False
+    samples: Sequence[Frame], depth: int, apart: float = 1.0, *, tripod: bool = False
 ) -> Still:
     """Return the still frame of some pictures of a clip; the first one has no drift.
 
@@ -185,7 +185,7 @@ def still_of(
         Number of bits of their values.
     apart
         Number of frames from one sample to the next.
-    stands
+    tripod
         Whether the camera is known to stand still.
     """
     pictures = [eight_bits(each, depth) for each in samples]
@@ -195,9 +195,9 @@ def still_of(
     small = [_shrunk(each, shrink) for each in pictures]
     greys, size = [_soft(each) for each in small], small[0].shape[1::-1]
     drifts: Array = np.zeros((len(small), 4))
-    stands_to: float | None = 0.0
-    if not stands and len(greys) > 1:
-        drifts, stands_to = _drifts_of(greys, _STILL.held * max(size) * apart)
+    hidden_drift: float | None = 0.0
+    if not tripod and len(greys) > 1:
+        drifts, hidden_drift = _drifts_of(greys, _STILL.held * max(size) * apart)
     full = np.array([shrink, shrink, 1, 1])
     background, origin = _panorama(pictures, full * drifts, share_of(pictures), shrink)
     behind = _shrunk(background, shrink)
@@ -216,7 +216,7 @@ def still_of(
         shrink=shrink,
         edges=edges_of(_soft(behind), size, corner),
         sampled=full * drifts,
-        stands_to=None if stands_to is None else stands_to * shrink / apart,
+        hidden_drift=None if hidden_drift is None else hidden_drift * shrink / apart,
     )
 
 

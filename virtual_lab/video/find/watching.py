@@ -43,7 +43,7 @@ def watch(
     *,
     frames: tuple[int, int] | None = None,
     region: tuple[float, float, float, float] | None = None,
-    stands: bool = False,
+    tripod: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
     """Find the moving blobs of a clip, in some frames and in a region of the still frame.
@@ -51,17 +51,17 @@ def watch(
     Parameters
     ----------
     frames
-        First and last frame; all by default.
+        Numbers of the first and the last frame, counted from 0; all by default.
     region
-        x, y, width, height [pixels]; the whole still frame by default.
-    stands
+        x and y of its upper left corner, width, height [pixels]; the whole frame by default.
+    tripod
         Whether the camera is known to stand still.
     progress
         Function that receives messages about the progress.
     """
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
-    still = still_of(list(clip.samples), depth, apart, stands=stands)
+    still = still_of(list(clip.samples), depth, apart, tripod=tripod)
     first, last = frames or (0, clip.count - 1)
     change = np.full(clip.count, np.nan)
     by_frame: list[Blobs] = [np.zeros(0, BLOB)]
@@ -135,7 +135,10 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 
 
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
-    """Return the blobs in a region: x, y, width, height [pixels]."""
+    """Return the blobs whose centres are in a region of the still frame; None: all of them.
+
+    The region is x and y of its upper left corner, width and height [pixels].
+    """
     if region is None:
         return moving
     x, y, wide, high = region
@@ -166,7 +169,8 @@ def repeats(watched: Watched) -> Mask:
 def lulls(change: Array) -> Mask:
     """Return a mask of the frames equal to the one before, (frame,), from their `change` [DN].
 
-    Both sides must show more change: a key frame or the end of a motion is on one side only.
+    A frame whose change is NaN is no repeat. Both sides must show more change: a key frame or the
+    end of a motion is on one side only.
     """
     # number of frames on each side, smallest change there [DN], largest share of it in a repeat
     beside, least, share = 2, 8.0, 0.3

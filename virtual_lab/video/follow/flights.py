@@ -272,7 +272,11 @@ def _nearest(
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Return the meetings of neighbouring flights: number of the first, and time [frames]."""
+    """Return the meetings of neighbouring flights: number of the first one, and time [frames].
+
+    Numbers count from 0. Flights that pass each other at a distance are left out, and so are
+    flights by the ball's outline with more than `contact_frames` between them.
+    """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
@@ -363,7 +367,11 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 
 
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
-    """Return the share of the frames with a similar moving ball that the flights span."""
+    """Return the share, 0 to 1, of the frames with a similar moving ball that the flights span.
+
+    A similar ball has the size and the colour of the flights' ball, and moves by a diameter or
+    more. The share is 1 if no other piece shows one.
+    """
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))
     spans = [np.arange(each.frames[0], each.frames[-1] + 1) for each in flights]

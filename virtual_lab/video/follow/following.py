@@ -102,7 +102,7 @@ def follow(
         clip,
         frames=knowledge.frames,
         region=knowledge.region,
-        stands=knowledge.stands,
+        tripod=knowledge.tripod,
         progress=progress,
     )
     return follow_blobs(clip, watched, knowledge, progress=progress)
@@ -162,7 +162,7 @@ def measure(
         words = f"{fault}; the positions are those of the ball's outline, as without calibration"
         notes.append(("NOT_SHARP", words))
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
-    drift = 0.0 if knowledge.stands else watched.still.unseen_drift(step)
+    drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
     if sharp and model:
         rulers = [Ruler.of_plane(sharp.plane, knowledge.rate_u)]
@@ -175,7 +175,7 @@ def measure(
     shared, flights = None, []
     contacts: list[Contact] = []
     if model and scale:
-        hidden = drift > 0 and watched.still.stands_to is None
+        hidden = drift > 0 and watched.still.hidden_drift is None
         notes += of_camera(model, drift if hidden else 0.0) if not sharp else []
         contacts, against = contacts_of(scene, ways, model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)

@@ -38,7 +38,7 @@ class ClipKnowledge:
     # u of the camera's angle off level, and off square to the flight [rad]
     level_u: float = LEVEL_U
     ruler: str | None = None  # GRAVITY | BALL, None: the one of smaller u; a length given is first
-    stands: bool = False  # True if the camera is known to stand still
+    tripod: bool = False  # True if the camera is known to stand still
     readout: float | None = None  # [s]; None: unknown, up to a frame
     readout_axis: tuple[int, int] = (1, 1)
     frames: tuple[int, int] | None = None
@@ -71,7 +71,7 @@ def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
         exposure=clip.source.exposure if said is None else said,
         gravity=float(np.linalg.norm(calibration.gravity_mps2)) or STANDARD_GRAVITY,
         readout=0.0,
-        stands=True,
+        tripod=True,
         rate_u=calibration.frames_per_second_u / (calibration.frames_per_second or 1.0),
         calibration=calibration,
     )

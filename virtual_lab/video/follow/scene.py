@@ -52,12 +52,12 @@ class FlightScene:
         return {int(frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
 
     def ahead(self, one: Piece, other: Piece) -> float:
-        """Count of frames left out between two flights."""
+        """Return the number of frames left out of the file between two flights."""
         passed = self.time[other.frames[0]] - self.time[one.frames[-1]]
         return float(other.t[0] - one.t[-1] - passed)
 
     def late(self, blobs: NDArray[np.intp]) -> Array:
-        """Return the share of the readout at which blobs were read, (blob,)."""
+        """Return the share of the readout, 0 to 1, after which blobs were read, (blob,)."""
         axis, sense = self.readout_axis
         at = self.blobs["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)

@@ -128,9 +128,11 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 
 
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Return the duration of a time step [s]: longer than a frame's if repeats take no time.
+    """Return the duration of a time step [s], longer than that of a frame if repeats take no time.
 
-    How many pictures are repeats shows where the ball flies; where nothing moves it does not.
+    The share of repeats is counted in the frames of the flights, because pictures in which nothing
+    moves are alike anyway. Without flights all frames count, and with fewer than two of them the
+    result is 1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

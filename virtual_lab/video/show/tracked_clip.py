@@ -117,7 +117,7 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
             "readout": None if rolls else 0.0,
             "readout_axis": {90: (0, -1), 180: (1, -1), 270: (0, 1)}.get(int(turn or 0), (1, 1)),
             "rate_of": FILE if unsure else GIVEN,
-            "stands": calibrated,
+            "tripod": calibrated,
             # with a calibrated camera, sharp places show the ball's size better than gravity does
             "ruler": BALL if calibrated else None,
             # without one, or with places by hand, there is nothing to locate the ball sharply by
