@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from virtual_lab.catalog import names
-from virtual_lab.fidelity.mode_convergence import convergence
+from virtual_lab.fidelity import mode_convergence
 
 # bats with the shape of another one: Russell's bats come from two templates
 TWINS = {f"russell-{number}" for number in (1, 2, 4, 5, 6)}
@@ -13,8 +13,10 @@ BATS = [name for name in names("bats") if name not in TWINS]
 
 
 @pytest.mark.parametrize("bat", BATS)
-def test_the_default_is_converged(bat: str) -> None:
-    errors = {(row["contact"], row["residual"]): row for row in convergence([bat])}
+def test_the_default_is_converged(bat: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mode_convergence, "COUNTS", (8, 20, 30))  # no other is compared
+    rows = mode_convergence.convergence([bat])
+    errors = {(row["contact"], row["residual"]): row for row in rows}
     default = errors["patch", "with residual"]
     print(f"{bat}: {default['20_modes']:.1e} against 120 modes")
     assert 0 < default["20_modes"] < 3e-4

@@ -35,7 +35,9 @@ MODES = 16
 # 6e-10, with second contacts to 4e-9, in a fifth of the time
 QUICK: dict[str, Any] = {"tolerance": 1e-10, "longest_step": 1.0}
 
-Drawn = tuple[int, float, float, int]  # number of scenes, lowest and highest position [in], seed
+# number of scenes, lowest and highest position [in], seed; each scene alone shows a force that is
+# wrong by 1e-6
+Drawn = tuple[int, float, float, int]
 
 
 @cache
@@ -77,7 +79,7 @@ STEPPERS = pytest.mark.parametrize(("stepper", "tolerance"), [(OneByOne(), 1e-8)
 def test_barrel_hits_agree_with_the_reference(
     body: BatBody, support: Support, stepper: Stepper, tolerance: float
 ) -> None:
-    agree(body, support, (25, 1, 11, 4), stepper, tolerance)
+    agree(body, support, (10, 1, 11, 4), stepper, tolerance)
 
 
 @STEPPERS
@@ -85,8 +87,8 @@ def test_barrel_hits_agree_with_the_reference(
 def test_reloading_and_second_contacts_agree_with_the_reference(
     body: BatBody, stepper: Stepper, tolerance: float
 ) -> None:
-    events = agree(body, Free(), (30, 18, 24, 5), stepper, 10 * tolerance)
-    assert (events > 1).sum() > 10
+    events = agree(body, Free(), (16, 18, 24, 5), stepper, 10 * tolerance)
+    assert (events > 1).sum() > 5
 
 
 @STEPPERS
