@@ -1,8 +1,8 @@
 """Exact constants and the conversions at the edges: SI inside, one table for units in files.
 
-Every constant is exact by definition but the standard acceleration of gravity the
-laboratory's own g replaces. Python names cross an edge with their unit (``speed_mph``);
-numbers in files carry a unit that `to_si` and `from_si` know.
+Every constant is exact by definition. The local acceleration of gravity of a laboratory replaces
+the standard one. A Python name that crosses an edge carries its unit (``speed_mph``); a number in a
+file has a unit that `to_si` and `from_si` convert.
 """
 
 from __future__ import annotations
@@ -54,6 +54,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 def to_si(value: float, unit: str, dimension: str) -> float:
     """Return `value`, which is in `unit`, in the SI unit of `dimension`.
 
+    Units are those of `DIMENSIONS`. All are proportional to the SI unit, so °C is not among them.
     Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.
     """
     return value * DIMENSIONS[dimension][unit]
@@ -62,6 +63,7 @@ def to_si(value: float, unit: str, dimension: str) -> float:
 def from_si(value: float, unit: str, dimension: str) -> float:
     """Return `value`, which is in the SI unit of `dimension`, in `unit`.
 
+    Units are those of `DIMENSIONS`. All are proportional to the SI unit, so °C is not among them.
     Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.
     """
     return value / DIMENSIONS[dimension][unit]

@@ -602,8 +602,8 @@ def sweep(
 ) -> pd.DataFrame:
     """Test bats by procedures in many laboratories; the table has one row per test.
 
-    Bats are nominal and instruments write sums instead of every edge and count (as ``coverage``
-    with ``summed``), so that a test takes little time.
+    By default every laboratory tests the nominal bat, and the instruments record sums instead of
+    every gate edge and encoder count, so that a test takes little time.
 
     Parameters
     ----------
@@ -616,7 +616,7 @@ def sweep(
 
         Or a sheet, or a list of several.
     laboratories
-        Number of laboratories of this seed, numbered from 0.
+        Number of laboratories. Each is identified by the seed and its number, from 0.
     seed
         Seed of the study.
     individual
@@ -628,11 +628,12 @@ def sweep(
 
         They are written as by ``Certificate.save``; `load`, `verify` and `report` read them.
     traces
-        Let the instruments write every edge and count, as in ``certify``. The certificates then
-        include the encoder records and their figures, and every laboratory has an individual bat.
-        A folder takes 540 kB with traces, 190 kB without.
+        Let the instruments record every gate edge and encoder count, as in ``certify``. The
+        certificates then include the encoder records and their figures, and every laboratory has
+        an individual bat. A folder takes 540 kB with traces and 190 kB without, each including the
+        truth. Needs ``certificates``.
     truth
-        Store the sealed truth with each certificate, for ``score``; 90 kB.
+        Store the sealed truth with each certificate, for ``score``. It is 90 kB of the folder.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 
@@ -644,16 +645,16 @@ def sweep(
     -------
     pandas.DataFrame
         ``bat``, ``procedure``, ``laboratory`` (its number), ``verdict``, ``reason`` (of FAIL or
-        INVALID, else empty), ``metric`` (its symbol), ``unit``, ``value``, ``u``, ``low`` and
-        ``high`` of the 95 % interval, ``true`` and ``error``, all in the unit; for e_A, e, r, e0
-        the value, its u and the true value (``restitution``, ``restitution_u``,
-        ``restitution_true``, …). A test without a result has NaN.
+        INVALID, else empty), ``metric`` (its symbol) and its ``unit``. ``value``, ``u``, ``low``
+        and ``high`` of the 95 % interval, ``true`` and ``error`` (value minus true) are in this
+        unit. For e_A, e, r, e0 the value, its u and the true value (``restitution``,
+        ``restitution_u``, ``restitution_true``, …). A test without a result has NaN.
 
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a seed that is not a whole number from 0 up, no
-        laboratory, no worker.
+        Unknown names, files that cannot be used, a seed that is not a whole number from 0 up, fewer
+        than one laboratory or worker, or `traces` without `certificates`.
     """
     from virtual_lab.studies.sweep import sweep_tests
 

@@ -125,7 +125,10 @@ def describe(module: str, name: str) -> Description:
 
 
 def advice(rule: ParameterRule, value: Any) -> str:
-    """Return the sentence on allowed values by a rule, with the names most similar to `value`."""
+    """Return a sentence that states the values a rule allows.
+
+    If allowed names are similar to `value`, the sentence begins with them.
+    """
     hint = nearest(value, rule.complete()) if isinstance(value, str) else ""
     return f"{hint}allowed: {rule.allowed}"
 

@@ -83,7 +83,7 @@ class Block:
 
 
 def parquet() -> Any:
-    """Return the module `pyarrow.parquet`. Raises `InputError` without the extra."""
+    """Return `pyarrow.parquet`. Raises `InputError` if the extra ``campaign`` is not installed."""
     return of_extra("pyarrow.parquet", "campaign", "a campaign")
 
 

@@ -80,9 +80,9 @@ def same_text(path: Path) -> str:
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
     """Yield one mismatch per key of a JSON file that differs from `here`; nothing if all agree.
 
-    If all keys agree but the text differs from `text`, the first line that differs is yielded.
-    `text` is the file that this program writes for the values of `here`. A file that cannot be read
-    is one mismatch.
+    Numbers that differ only by rounding count as equal. If all keys agree but the text of the file
+    differs from `text`, only the first such line is yielded. `text` is the content that this
+    program writes for the values of `here`. A file that cannot be read is one mismatch.
     """
     try:
         stated = read_json(path)
@@ -147,8 +147,8 @@ def _same_cell(stated: str, expected: str) -> bool:
 def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterator[Mismatch]:
     """Yield one mismatch per key of a JSON document whose value differs; nothing if all agree.
 
-    `stated` is the value in the file, `expected` that of this program. `file` and `key` name the
-    file and the place of both values in it.
+    Numbers that differ only by rounding count as equal. `stated` is the value in the file,
+    `expected` that of this program. `file` is the name of the file, `key` the key of both values.
     """
     if isinstance(stated, Mapping) and isinstance(expected, Mapping):
         for name in [*expected, *(name for name in stated if name not in expected)]:

@@ -1,6 +1,7 @@
 """The certificate as PDF/UA-1 and PDF/A-3a, with certificate.json attached.
 
-Typst sets it; its wheel brings all fonts, so the same document gives the same bytes everywhere.
+Typst typesets it. Typst's wheel contains all fonts, so the same document gives the same bytes on
+every computer.
 """
 
 from __future__ import annotations
@@ -40,7 +41,10 @@ def require_paper(paper: str) -> None:
 
 
 def require_pdf(paper: str) -> None:
-    """Raise `InputError` for an unknown paper size, or if the extra ``pdf`` is missing."""
+    """Raise `InputError` for a paper size other than ``a4`` and ``letter``.
+
+    The error is also raised if the extra ``pdf`` is not installed.
+    """
     require_paper(paper)
     _typst()
 
@@ -49,8 +53,8 @@ def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
     """Return the certificate as a PDF file, for paper ``a4`` or ``letter``.
 
     Characters that no font of Typst has are printed as code points, and a logo that Typst cannot
-    set is left out. The certificate says so. Raises `InputError` as `require_pdf`, or if Typst
-    fails.
+    draw is left out. The certificate then states this. Raises `InputError` as `require_pdf` does,
+    or if Typst fails.
     """
     require_paper(paper)
     typst = _typst()
@@ -129,7 +133,7 @@ def _lacking(refusal: str, printable: str) -> set[str]:
 
 
 def source_of_pdf() -> bytes:
-    """Return the template that Typst sets, as bytes."""
+    """Return the Typst template of the certificate, as bytes."""
     return (files("virtual_lab.certificate") / "templates" / "certificate.typ").read_bytes()
 
 

@@ -37,10 +37,12 @@ def commit() -> CommitStated | None:
 def commit_of(root: Path) -> CommitStated | None:
     """Return the commit of a clone of this project in `root`, None if there is none.
 
-    Only the folder that holds this project's pyproject.toml counts: a repository around a virtual
-    environment is another project. Git is not called. `changes` compares the program's files with
-    git's index, as ``git diff`` does: changes that are staged (``git add``) but not committed, and
-    new files that git does not know, are not seen.
+    `root` must itself contain this project's pyproject.toml. A repository that merely contains the
+    virtual environment in which the program is installed does not count. The result is also None
+    without a commit, and for a repository in an unknown format, such as SHA-256. Git is not called.
+
+    The result's `changes` is a digest of the program's files that differ from git's index, empty if
+    none does. Staged changes (``git add``) and untracked files are not seen.
     """
     try:
         project = (root / "pyproject.toml").read_text(encoding="utf-8")

@@ -155,7 +155,11 @@ def trends(folder: Folder) -> StudyResult:
 
 
 def branch(day: Folder, entry: int, folder: Folder) -> Answer:
-    """Repeat a handed-in DAY from an ENTRY of its log, as practice in FOLDER."""
+    """Copy a handed-in DAY up to number ENTRY of its log into FOLDER, to practice from there on.
+
+    The entry itself is kept. Entries are counted from 1; 0 repeats the whole day. A day that came
+    with records is repeated from these on.
+    """
     from virtual_lab.bench.machines.stored_day import StoredDay
 
     StoredDay.branch(Path(day), entry, Path(folder))

@@ -68,7 +68,7 @@ def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file.
 
     Raises `InputError` for a file that cannot be read, other content than one object, a key that
-    occurs twice, NaN or infinity, or more than 32 levels.
+    occurs twice, the words NaN or Infinity, or nesting deeper than 32 levels.
     """
     return parse_json(read_text(path), str(path))
 
@@ -90,7 +90,8 @@ def parse_json(text: str, where: str) -> dict[str, Any]:
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the TOML document in a file.
 
-    Raises `InputError` for a file that cannot be read, other content, or more than 32 levels.
+    Raises `InputError` for a file that cannot be read, other content, or nesting deeper than 32
+    levels.
     """
     return parse_toml(read_text(path), str(path))
 

@@ -209,10 +209,11 @@ class TestDay:
 
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
-    """Return the finished tests of a laboratory or block, carried out as the procedure requires.
+    """Carry out the test of each laboratory in a block, or of one, as the procedure requires.
 
     Bats and balls are measured first. Then balls are fired and judged in rounds until the procedure
-    requires no more shots. `progress` is called with a sentence before each stage and round.
+    requires no more shots. The result holds the finished tests; `laboratory` is not changed.
+    `progress` is called with a sentence before each stage and round.
     """
     day = prepare_day(laboratory, progress)
     while (shots := day.next_shots()).owner.size:
@@ -223,8 +224,9 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
 
 
 def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
-    """Return the test day after bat and balls were measured and reduced, before the first shot.
+    """Measure bat and balls and reduce their records. Return the test day before the first shot.
 
+    Each step returns a new day; `laboratory` is not changed.
     `progress` is called with a sentence before each stage.
     """
     rules = laboratory.rules.spec

@@ -61,10 +61,10 @@ def logo_of(name: str, folder: Path, where: str) -> str:
 
 
 def picture_in(address: str) -> tuple[str, bytes]:
-    """Return the kind (``png`` or ``svg``) and the bytes of the picture in a ``data:`` address.
+    """Return the kind (``png`` or ``svg``) and the bytes of the picture in a ``data:`` URL.
 
-    Raises `ValueError` for a text that is no such address, and for a picture that is damaged, too
-    large, or contains scripts or references.
+    Raises `ValueError` for any other text, and for a picture that is damaged, too large, or
+    contains scripts or references.
     """
     head, _, text = address.partition(";base64,")
     kinds = {f"data:{kind}": suffix[1:] for suffix, kind in KINDS.items()}

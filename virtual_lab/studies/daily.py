@@ -188,9 +188,9 @@ def daily(
     Parameters
     ----------
     ball
-        Check ball: a name in the catalog or a .toml file. A ball that ages loses restitution from
-        day to day, which the charts show too. The cylinder is always hit with the check ball of the
-        catalog.
+        Check ball for the wall: a name in the catalog or a .toml file. Ageing lowers the
+        restitution of some balls from day to day, and the charts include this. The check cylinder
+        at the impact rig is always hit with the check ball of the catalog.
     days
         Number of mornings.
     baseline
@@ -198,9 +198,10 @@ def daily(
     hits
         Number of hits each morning.
     drift
-        Loss of the wall's restitution per day, relative to a rigid wall, such as 0.0005.
+        Daily loss of the wall's rebound speed, as a share of that from a rigid wall, such as
+        0.0005.
     step
-        Sudden loss of the wall's restitution.
+        Sudden loss of the wall's rebound speed, as the same share.
     faults
         Fault of the impact rig.
     since
@@ -220,8 +221,8 @@ def daily(
     Raises
     ------
     InputError
-        A number is out of range, a ball, rule or fault is unknown, the ball falls below the
-        gates, or a day has no valid hit.
+        A number is out of range, a ball, rule or fault is unknown, the ball drops out of the gates'
+        beams before it has passed them, or a day has no valid hit.
     """
     ball, faults, rules = entry_name(ball), words_of(faults), wholes_of(rules)
     _check_counts(days, baseline, hits, rules)

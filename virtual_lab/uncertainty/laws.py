@@ -108,7 +108,8 @@ LAWS = {
 def inexactness(dof: float) -> float:
     """Return the relative inexactness of limits with `dof` degrees of freedom, 1/√(2 ν).
 
-    It is half the range of a limit over half the distance of the limits (GUM G.4.2), without unit:
-    0 for infinite `dof`, and above 1, which limits cannot have, below 0.5.
+    It is the half width of the range in which each limit lies, divided by half the distance between
+    the limits (GUM G.4.2), without unit. It is 0 for infinite `dof`. For `dof` below 0.5 it exceeds
+    1, which is impossible for limits.
     """
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

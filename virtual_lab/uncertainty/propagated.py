@@ -166,7 +166,7 @@ def beyond_rounding(u: float, value: float) -> float:
 def correlation_of(covariance: Array) -> Array:
     """Return the correlation coefficients of a covariance matrix, (n, n), with 1 on the diagonal.
 
-    An output without variance has the correlation 0 with all others.
+    An output whose variance is zero or NaN has the correlation 0 with all others.
     """
     u = np.sqrt(np.diag(covariance))
     scale = np.outer(u, u)

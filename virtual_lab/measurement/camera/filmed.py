@@ -45,13 +45,14 @@ def reduce_film(
         Calibration constants by name, numbers or columns (k, 1). With columns, the results have
         shape (k, shot).
     stage
-        The rig with the camera, which is the first part of the constants' names: ``impact``.
+        Name of the rig with the camera, always ``impact``: the first part of the constants' names.
     sightings
         Positions of the ball, (shot, frame).
     drag
         κ of each ball, (..., shot) [1/m].
     timed
-        Flights from the gates, of which heights and slopes are used.
+        Flights by the gates. Their heights and slopes are used, and their speeds to compute how far
+        the ball has fallen.
     """
     # the height changes slowly along the flight, so the ball's distance from the target is
     # computed with the first set of constants

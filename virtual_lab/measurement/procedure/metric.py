@@ -55,7 +55,7 @@ def metric_of(
     Parameters
     ----------
     procedure
-        Its metric, ball correction and field conditions.
+        Test procedure, of which the metric, ball correction and field conditions are used.
     control
         Measured e of a control bat with this lot over its known e; used only by the correction
         ``control-bat``.
@@ -89,10 +89,11 @@ class Objective(AlignedArrays):
 def objective_of(
     procedure: Procedure, metric: Array, place: Array, bat: BatProperties
 ) -> Objective:
-    """Return the quantity that the scan maximises, for each shot, (..., shot).
+    """Return the quantity that the scan maximises, with its derivative by the metric.
 
-    It is the metric itself, also if the procedure has no scan, or v_f [m/s] at the test's own
-    speeds; the metric is then BESR. `place` is the impact position from the barrel tip [m].
+    The arrays are (..., shot). If the scan seeks the batted-ball speed, the quantity is v_f [m/s]
+    at the speeds of the procedure, and `metric` must be BESR. Otherwise, or without a scan, it is
+    the metric itself. `place` is the impact position from the barrel tip [m].
     """
     if procedure.scan is None or procedure.scan.seeks == "metric":
         return Objective(metric, np.ones_like(metric))

@@ -53,19 +53,23 @@ def next_shots(
     valid: Mask,
     objective: Array,
 ) -> NextShots:
-    """Return laboratory and impact position of the next shots of a block, (shot,).
+    """Return laboratory and impact position of all shots of the next round of a block, (shot,).
 
-    Positions are distances from the barrel tip [m]. There are no shots for a laboratory whose test
-    is complete or has no attempts left.
+    A laboratory may have several shots in a round. Without a scan these are all valid hits that are
+    still missing, at the centre of percussion, but no more than the attempts left. With a scan they
+    are the missing hits at the positions that the scan needs next. Positions are distances from the
+    barrel tip [m]. There are no shots for a laboratory whose test is complete or has no attempts
+    left.
 
     Parameters
     ----------
     procedure
-        Its counts and its scan.
+        Test procedure, of which the numbers of hits and attempts and the scan are used.
     percussion
         Centre of percussion of each bat as measured, from the tip, (laboratory,) [m].
     owner, place, valid, objective
-        Laboratory and values of the shots fired so far, in order, (shot,).
+        Shots fired so far, in the order fired, (shot,): index of the laboratory, impact position
+        from the tip [m], whether the hit is valid, and the quantity that the scan maximises.
     """
     laboratories = np.arange(percussion.size)
     fired = np.bincount(owner, minlength=percussion.size)

@@ -26,15 +26,15 @@ def fit_speeds(
 ) -> None:
     """Fill `out` with the speeds at the target, in and out, (direction, row, shot) [m/s].
 
-    Speeds are positive in both directions, and NaN if fewer than two gates detected the ball. A row
-    is a set of constants.
+    Speeds are positive in both directions, and NaN if fewer than two gates detected the ball in
+    that direction. A row is one set of constants.
 
     Parameters
     ----------
     times
         Times of the passages, (batch, direction, gate, shot) [s], NaN if not detected.
     batch
-        Index into the first axis of `times` for each row, (row,).
+        Index of the passages of each row on the first axis of `times`, (row,).
     distances, clock
         Distances of the gates from the target, (row, gate) [m], and rate of the clock, recorded
         over true time, (row,).
@@ -66,10 +66,11 @@ def fit_heights(
     """Fill `out` with the height at the target [m] and the slopes in and out, (3, row, shot).
 
     The height is that of the incoming ball. The slopes are heights per metre of distance from the
-    target, without the effect of gravity. A result is NaN if fewer than two gates detected the
-    ball. `heights` are (batch, direction, gate, shot) [m]. `speeds` come from `fit_speeds`, `zeros`
-    are the zero heights of the gates, (row, gate) [m], and `gravity` is (row,) [m/s²]. The other
-    arguments are those of `fit_speeds`.
+    target, without the effect of gravity. A result is NaN if fewer than two gates detected the ball
+    in its direction; the height needs the incoming direction. A row is one set of constants;
+    `batch` (row,) is the index of its passages on the first axis of `heights`, (batch, direction,
+    gate, shot) [m]. `speeds` come from `fit_speeds`, `zeros` are the zero heights of the gates,
+    (row, gate) [m], and `gravity` is (row,) [m/s²]. The other arguments are those of `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
     # three arrays, because parts of one would be views, for which numba compiles anew

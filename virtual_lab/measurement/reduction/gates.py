@@ -60,8 +60,9 @@ def passages(
     """Return times [s] and heights [m] at which the balls of a record passed the gates or boards.
 
     The arrays are (shot, direction, gate), with NaN for a passage that was not detected. Heights
-    are NaN for gates, which do not measure them. The u of the heights is 0 and the misfit NaN
-    except for the edges of boards.
+    are NaN for gates, which do not measure them. Only the edges of boards give a standard
+    uncertainty of the heights and a misfit (shot, direction) [s]; otherwise the uncertainty is 0
+    and the misfit NaN.
 
     Parameters
     ----------

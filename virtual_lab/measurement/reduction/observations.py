@@ -58,7 +58,7 @@ READ_WITH = (  # property, channel, instrument
 class BallReadings(AlignedArrays):
     """Readings of the balls on the scale and at the wall, with leading axes (laboratory, 1).
 
-    A hit that was not detected in both directions does not count, and its ball is negative.
+    A hit that was not detected in both directions does not count, and its ball index is -1.
     """
 
     mass: Array  # mean scale reading of each ball [kg], (..., ball)
@@ -175,9 +175,9 @@ def reference_readings(block: SessionBlock) -> Array:
 def observe_balls(block: SessionBlock) -> BallReadings:
     """Return the readings of the balls from scale and wall, arrays (laboratory, 1, ...) [SI].
 
-    A hit in which the gates missed the ball in one direction has a negative ball and does not
-    count. Raises `InputError` for a record that is missing or unusable, and for a ball with fewer
-    than two hits that count.
+    A hit that the gates did not detect in both directions has the ball index -1 and does not count.
+    Raises `InputError` for a record that is missing or unusable, and for a ball with fewer than two
+    hits that count.
     """
     log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)

@@ -88,10 +88,10 @@ def counting_noise(counts: Array) -> float:
 
 
 def empty_rates(shots: int) -> RateFit:
-    """Return results that are all NaN, (shot,), for `shots` shots without a known contact.
+    """Return results for `shots` shots without a known contact: arrays (shot,) of NaN.
 
-    The arrays of ring frequencies and decays have no entries, and `counting` is the rms error of
-    whole counts.
+    Ring frequencies and decays are empty arrays (0,), and `counting` is the rms quantization error
+    of a counter, 1/√12 counts.
     """
     none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(

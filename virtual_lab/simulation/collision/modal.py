@@ -197,7 +197,7 @@ def energy_split(
 def kernel_is_compiled() -> bool:
     """Return whether the compiled kernel is cached on disk, so that no compilation is needed.
 
-    True also if numba compiles nothing.
+    It is also True if numba's compiler is disabled.
     """
     from virtual_lab.simulation.collision.batch_kernel import collide_lanes
     from virtual_lab.simulation.collision.powers import COMPILES

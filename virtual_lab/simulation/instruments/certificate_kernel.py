@@ -24,10 +24,11 @@ DEGREE = 11
 
 @lru_cache(64)
 def pieces_of(dof: float) -> Array:
-    """Return polynomials that give the cube root of χ²/ν from a standard normal number.
+    """Return coefficients of polynomials that give ∛(χ²/ν) from a standard normal number.
 
-    They are (interval, power), power 0 first. Each polynomial covers an interval of `PIECE`, mapped
-    to -1 to 1; the intervals extend from -`REACH` to `REACH`. `dof` is ν. The result is cached.
+    The shape is (interval, power), with the lowest power first. Each polynomial covers an interval
+    of width `PIECE`, mapped to -1 to 1; the intervals extend from -`REACH` to `REACH`. `dof` is ν,
+    above 0 and finite; an infinite ν gives NaN. The result is cached.
     """
     from scipy.special import gammainccinv, gammaincinv, ndtr
 

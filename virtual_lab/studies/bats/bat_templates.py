@@ -281,9 +281,9 @@ def compute_quantities(
 
 
 def hoop_quantities(body: BatBody) -> dict[str, float]:
-    """Return frequency [Hz] and modal mass [kg] of the hoop mode, by the names of the goals.
+    """Return frequency [Hz] and modal mass [kg] of the hoop mode, empty for a bat without one.
 
-    The result is empty for a bat without a hoop mode.
+    The keys are ``hoop frequency`` and ``hoop modal mass``, as in `BatMeasurements.goals`.
     """
     if body.hoop is None:
         return {}

@@ -153,14 +153,15 @@ def profile(
 
         Or a sheet, or a list of several.
     swings
-        Exponent n of the power law, 0 to 0.5; one for one bat. By default 0, for several bats 0 and
-        0.5.
+        Exponent n of the power law, 0 to 0.5. One bat takes a single exponent, by default 0;
+        several bats take several, by default 0 and 0.5.
     swing_law
-        Swing law: ``power`` has the bat speed proportional to I^-n with the moment of inertia I,
-        ``energy`` has the same energy for bat and batter.
+        Swing law. With ``power`` the bat speed is proportional to I^-n, where I is the moment of
+        inertia. With ``energy`` the total kinetic energy of bat and batter is the same for every
+        bat.
     reference_inertia
-        Moment of inertia I0 in the swing law: that of a bat, or a number with its unit. By default
-        17000 oz in^2, as in the paper.
+        Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit. By
+        default 17000 oz in^2, as in the paper.
     ball
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.

@@ -189,7 +189,10 @@ def peak_of(
 
 
 def energy_loss(collisions: Collisions) -> Array:
-    """Return the share of the ball's initial energy lost in bending, hoop and ball, (position,)."""
+    """Return the sum of the energy lost in bending, hoop mode and ball, (position,).
+
+    It is a share of the ball's initial energy.
+    """
     return np.asarray(
         collisions.energy.bending + collisions.energy.hoop + collisions.energy.hysteresis
     )

@@ -407,9 +407,10 @@ def restitution_by_support() -> float:
 
 
 def restitution_lost_clamped() -> float:
-    """Return the smallest loss of e of R161 if its handle is clamped, 3 to 8 in from the tip.
+    """Return the smallest loss of e caused by clamping the handle of R161.
 
-    The loss is that against the free bat at 160 mph; a negative result is a gain.
+    The loss is e of the free bat minus e of the clamped bat at a relative speed of 160 mph. The
+    smallest is that over impact positions 3 to 8 in from the tip; a negative result is a gain.
     """
     return float((restitution(WOOD, Z) - restitution(WOOD, Z, "clamped")).min())
 

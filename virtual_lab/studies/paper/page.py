@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 
 
 def draw_page() -> PageFigure:
-    """Return a single figure with the paper's Figs. 2 to 4, for the swing exponents 0 and 0.5."""
+    """Return a single figure with the paper's Figs. 2 to 4.
+
+    Fig. 2 is for the swing exponent 0, Figs. 3 and 4 are for 0 and 0.5.
+    """
     with page_figure(6.6, 12.6) as figure:
         grid = figure.add_gridspec(1, 3, wspace=0.03)
         parts = [figure.add_subfigure(grid[0, column]) for column in range(3)]

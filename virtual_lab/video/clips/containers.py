@@ -1,4 +1,4 @@
-"""Whether a file was cut short, by the lengths of its parts that a container states."""
+"""Detection of truncated files, by the lengths that a container states or by an end marker."""
 
 from __future__ import annotations
 
@@ -11,7 +11,11 @@ ENDS = {b"GIF8": b";", b"\x89PNG": b"IEND\xaeB`\x82"}  # last bytes of a file, b
 
 
 def is_cut_short(path: Path) -> bool:
-    """Return whether a file ends before its last part; False if it states no lengths."""
+    """Return whether a file is truncated.
+
+    A truncated file is shorter than its container states or, for GIF and PNG, lacks its end marker.
+    The result is False for other files that state no lengths.
+    """
     size, at = path.stat().st_size, 0
     with path.open("rb") as file:
         head = file.read(16)

@@ -272,10 +272,10 @@ def _nearest(
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Return the meetings of neighbouring flights: number of the first one, and time [frames].
+    """Return the contacts between consecutive flights: index of the flight before, time [frames].
 
-    Numbers count from 0. Flights that pass each other at a distance are left out, and so are
-    flights by the ball's outline with more than `contact_frames` between them.
+    Flights that pass each other at a distance have no contact, and neither have flights of blobs,
+    not sharply located, with more than `contact_frames` between them.
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
@@ -344,7 +344,10 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the flights of a second ball: at the time of the first ball, but apart from it."""
+    """Return those of `pieces` that are flights of a second ball.
+
+    They have frames in common with `flights`, those of the first ball, but other positions in them.
+    """
     blobs = np.concatenate([each.blobs for each in flights])
     # a shadow on a wall moves like its ball
     least = FLIGHTS.second_contrast * np.median(scene.blobs["contrast"][blobs])
@@ -388,7 +391,13 @@ def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequen
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Return the flights without positions whose exposure spans a contact."""
+    """Return the flights without the positions that a contact or another flight makes doubtful.
+
+    At a contact the earlier flight keeps the positions whose exposure ends before it, the later
+    flight those whose exposure begins after it. Where two flights overlap in time, the later one
+    loses its positions up to the end of the earlier one. No flight is dropped, but one may be
+    empty. An unknown exposure counts as a whole frame.
+    """
     if len(flights) < 2:
         return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2

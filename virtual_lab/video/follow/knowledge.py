@@ -51,7 +51,7 @@ class ClipKnowledge:
 def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     """Return the knowledge of a clip from its calibration file.
 
-    Whoever calibrates a camera is taken to have one that opens all its rows at once.
+    A calibrated camera is assumed to have a global shutter.
     """
     scale, camera = calibration.metres_per_pixel, calibration.camera
     said = calibration.exposure_s

@@ -27,7 +27,12 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
 
 def course_of(track: FollowedClip) -> Places:
-    """Return the course of a ball: its flights, else all its pieces, else some frames."""
+    """Return the course of a ball, one record per position, in the order of frames.
+
+    The positions are those located sharply, if any, else those of its flights, else those of all
+    its pieces. If there are none of these, the result has up to 12 evenly spaced frames of the
+    clip, whose positions are NaN.
+    """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
     values: dict[str, Any]
     if sharp:

@@ -88,7 +88,14 @@ def _json_value(value: Any) -> Any:
 
 
 def track_document(track: FollowedClip) -> Row:
-    """Return the result for JSON; keys of a single contact are None if there is none or several."""
+    """Return the result as a dictionary for JSON.
+
+    The values of ``contact``, ``restitution`` and ``restitution_of`` are None unless the clip has
+    exactly one contact. ``speed_in_mps`` and ``angle_in_deg`` are those at the end of the flight
+    before it, ``speed_out_mps`` and ``angle_out_deg`` those at the start of the flight after it.
+    Without exactly one contact they refer to the only flight, or to the first two of a ball that
+    was located sharply. A value without a flight is None.
+    """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
     rate = Estimate(value=track.knowledge.rate, u=track.knowledge.rate * track.knowledge.rate_u)
