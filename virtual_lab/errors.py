@@ -76,7 +76,11 @@ def of_extra(module: str, name: str, who: str) -> Any:
 
 
 def with_extra(name: str) -> str:
-    """Return the command to install an extra; the package is not on a public index."""
+    """Return a text for error messages that states how to install an extra.
+
+    It has the place and the command, because the package is not on a public index. `name` is not
+    checked.
+    """
     return f"in a clone of the repository: pip install '.[{name}]'"
 
 

@@ -142,6 +142,7 @@ def track(
 
     The clip is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images in the order
     of their numbers (negative ones first), a TIFF stack, an animated WebP or PNG, or a .npy array.
+    A clip without a ball gives a result without flights, with a warning.
 
     Parameters
     ----------
@@ -152,9 +153,10 @@ def track(
         rate as `fps`.
     ball
         Diameter of the ball with its unit, ``73mm±0.5mm``; or a ball, which also sets the drag:
-        ``baseball``, another name in the catalog or its beginning, or a .toml file.
+        ``baseball``, the name of another ball in the catalog, the first letters of such a name if
+        no other name begins with them, or a .toml file.
 
-        Or a sheet. A bare number is refused.
+        A `Sheet` of a ball is allowed, too. A number without a unit is refused.
     mass
         Mass of the ball in g, kg or oz, ``145g``, from which its drag is computed.
     fps
@@ -195,7 +197,7 @@ def track(
     corrected
         ``track.csv`` of an earlier run, corrected by hand, whose positions and flights are used.
     film_of_track
-        Also write the marked frames as a film, ``track.webp``.
+        Also write the marked frames as a film, ``track.webp``, when the result is saved.
     progress
         Function that is called with the present task.
 

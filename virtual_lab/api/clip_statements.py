@@ -34,9 +34,10 @@ def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | No
 
 @_optional
 def read_seconds(text: str) -> float:
-    """Return a time [s], at most 1 s, from ``8ms`` or ``1/120``; None from None.
+    """Return a time of 0 to 1 s from a text such as ``8ms`` or ``1/120``, in seconds.
 
-    Raises `ValueError` for a text of another form or a longer time.
+    The result is None if `text` is None. Raises `ValueError` for a text of another form, a number
+    without a unit, and a time outside 0 to 1 s, and `ZeroDivisionError` for ``1/0``.
     """
     from virtual_lab.units import to_si
 

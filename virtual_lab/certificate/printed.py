@@ -83,9 +83,13 @@ VERDICTS = {
 
 
 def printed_values(document: CertificateDocument) -> dict[str, Any]:
-    """Return all printed values of a certificate by name, as texts and tables of texts.
+    """Return everything that a certificate prints, by name.
 
-    Numbers are rounded by their uncertainty, in printed units.
+    Numbers are texts, rounded to their uncertainty, in printed units. A missing number is a dash or
+    "". A table is a list of rows, or a dictionary with ``heads`` and ``rows``; its cells are texts.
+    A group of values, such as ``conditions``, is a dictionary of texts. A part that the certificate
+    does not have is None, "" or an empty list. Conditions for the template, such as ``swung``, are
+    bool. The number of shots in ``rebound`` is an int, 0 if the check was not made.
     """
     rings = document.ring.frequencies_hz if document.ring else ()
     return {
@@ -264,9 +268,10 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 
 
 def printed_result(document: CertificateDocument) -> dict[str, object]:
-    """Return verdict and result in printed units, with limit and number of hits, by name as texts.
+    """Return verdict and result in printed units, with limit and number of hits, by name.
 
-    Without a result, as after an INVALID test, `stated` is False, and the keys of value and
+    The values are texts, except for the bools `stated`, `decides` and `uncertain`. Without a
+    result, as after an INVALID test, `stated` is False, and `uncertain` and the keys of value and
     uncertainty are missing.
     """
     metric, verdict = document.metric, document.verdict

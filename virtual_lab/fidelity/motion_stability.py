@@ -55,10 +55,13 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps of both pymunk models of the motion, one row per cell.
+    """Return the stability maps of plain pymunk and of our pymunk model of the motion.
 
-    A row has the state, the largest error of the ball's velocity, relative to the speed of
-    approach, and whether the model refuses the step. Refused steps are computed, too.
+    Each model has five maps, of the time step against one quantity of `MotionAxis`. There is one
+    row per cell, with the map, the model, both coordinates, the state (good, inaccurate or
+    unstable), the number of shots, and ``worst_error``: the largest error of the ball's velocity
+    relative to the speed of approach, or None if it is not finite. ``refused`` tells whether our
+    model refuses the settings; such cells are computed all the same.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):

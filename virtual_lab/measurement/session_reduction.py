@@ -345,9 +345,9 @@ def reduce_shots(
 
 
 def best_values(constants: Mapping[str, Estimates]) -> dict[str, Array]:
-    """Return the values of the constants without their uncertainty, each (laboratory, 1, 1).
+    """Return the values of the constants without their uncertainties, each (laboratory, 1, 1).
 
-    The shape is that of a model's arguments, (laboratory, set of constants, shot).
+    They broadcast with a model's arguments, (laboratory, set of constants, shot).
     """
     return {name: estimates.value[:, None, None] for name, estimates in constants.items()}
 

@@ -103,6 +103,9 @@ def nested_study(values: ArrayLike) -> NestedStudy:
     and k are (..., laboratory), without unit. The design is balanced: every laboratory has the same
     number of lots, and repeats the test with each lot equally often. With one lot, the results are
     those of ISO 5725-2 and ASTM E691, and `group_study` gives the same standard deviations.
+    Variances are unbiased estimates, so those between laboratories and between lots can be
+    negative; their standard deviations are then 0. With one lot per laboratory, `lot_variance` is
+    NaN.
 
     Parameters
     ----------

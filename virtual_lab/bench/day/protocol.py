@@ -59,10 +59,11 @@ def excuses_of(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Display:
-    """Return one row to display per step that was due before the last event and not done.
+    """Return one row to display per skipped step that had to precede the last event.
 
-    A row has the title of the step, the effect of its omission, and an empty unit. The result is
-    empty if no step was omitted.
+    Steps skipped before earlier events are not repeated. A row has the text "skipped: " with the
+    step's title, the effect of the omission, and an empty unit. The result is empty if the last
+    event required no step that was skipped.
     """
     last = len(day.events) - 1
     sheets = action_table().actions

@@ -66,9 +66,11 @@ def right_verdict(
 def result_score(day: ScoredResult) -> tuple[float, str]:
     """Return the score of a result, 0 to 1, and its explanation.
 
-    An error within U = 2 u scores 1, and a larger one U / |error|; a verdict other than the correct
-    one halves the score. A false PASS or FAIL scores 0. INVALID scores 1 if the records support it
-    and nothing could repair the fault, `MENDABLE` if a repair was possible, and 0 without support.
+    PASS instead of FAIL, or FAIL instead of PASS, scores 0. The verdict INVALID scores 0 if the
+    records do not support it, `MENDABLE` if they do but the fault could have been repaired, and
+    otherwise 1. Any other verdict scores 0.2 if INVALID was correct, and 0 if the day has no
+    result. In all other cases the score is 1 if the error is at most U = 2 u, otherwise
+    U / |error|, and half of that if the verdict is not the correct one.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:

@@ -49,8 +49,8 @@ def metric_of(
 ) -> Callable[[Curve, BatProperties], Array]:
     """Return a function that computes the procedure's metric along a curve, given the bat.
 
-    The function returns an array in the shape of the curve's, in the metric's SI unit: a number
-    without unit, or m/s for v_f.
+    The function returns an array with the shape of the curve's arrays, in SI units: dimensionless,
+    or m/s for v_f.
 
     Parameters
     ----------

@@ -220,8 +220,9 @@ def gate_count(x: Mapping[str, object], stage: str) -> int:
 def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flights:
     """Return the flights of a stage's balls: speeds [m/s], height [m] and slopes at the target.
 
-    The arrays are (..., shot). Speeds are NaN if fewer than two gates detected the ball, and height
-    and slopes also if the gates do not measure heights.
+    The arrays are (..., shot). All results of a direction are NaN if fewer than two gates detected
+    the ball in it; the height needs the incoming direction. Height and slopes are NaN for all shots
+    if the gates do not measure heights.
 
     Parameters
     ----------

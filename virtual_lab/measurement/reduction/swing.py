@@ -30,8 +30,8 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
         Uncorrected time at which the ball reaches the plane of a square bat, from the gates, shape
         (shot,) [s].
     reach
-        Time of the ball over the distance that the struck point moves per encoder count, shape
-        (shot,) [s].
+        Time in which the ball travels as far as the struck point of the bat moves per encoder
+        count, shape (shot,) [s].
 
     Raises
     ------

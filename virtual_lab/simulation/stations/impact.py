@@ -45,11 +45,12 @@ def scenes_of(
     speed: Array,
     e0: Array,
 ) -> Scenes:
-    """Return the scenes of collisions of the balls with index `ball`, one per shot.
+    """Return the scenes of collisions, one per shot.
 
-    `...` means that the lot has one ball per shot. `place` is the impact position from the barrel
-    tip [m], `speed` the relative speed [m/s], and `e0` the restitution of the ball, all (shot,).
-    Raises `InputError` for numbers outside the ranges of `Scenes`.
+    `ball` is the index of the ball of each shot, (shot,). If it is the `Ellipsis` object, all balls
+    of the lot are used in order, one per shot. `place` is the impact position from the barrel tip
+    [m], `speed` the relative speed [m/s], and `e0` the restitution of the ball, all (shot,). Raises
+    `InputError` for numbers outside the ranges of `Scenes`.
     """
     balls = specimen.balls
     return Scenes.of(

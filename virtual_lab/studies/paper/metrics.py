@@ -232,7 +232,10 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest decrease of e_A if r increases by 0.05, over e of 0 to 1."""
+    """Return the smallest rise of e_A if r decreases by 0.05, over e from 0 to 1, r from 0 to 0.5.
+
+    A negative result is a fall.
+    """
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 

@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 def numbers_in(
     table: pd.DataFrame, name: str, path: Path, most: float, otherwise: float | None = None
 ) -> Array:
-    """Return a column's numbers, at most `most`; `otherwise` replaces missing ones, None refuses.
+    """Return the numbers of a column. Their absolute values must be at most `most`.
 
-    Raises `InputError` with the row: the header is in the first, empty ones are not counted.
+    Empty cells become `otherwise`, and so does every cell if the column is missing. If `otherwise`
+    is None, both raise `InputError`, as does any other cell that is not a number up to `most`. The
+    message states the row of a cell: the header is row 1, and empty rows are not counted.
     """
     import pandas as pd
 

@@ -30,7 +30,12 @@ def _library_errors(path: Path, kind: str) -> Iterator[None]:
 
 
 def cine(path: Path) -> Source:
-    """Read a .cine file: 8 to 16 bits, grey, P10 and P12L too, with time stamps and exposure."""
+    """Read a Phantom .cine file, with its time stamps and exposure time.
+
+    The pictures must be grayscale of 8, 10 or 12 bits, stored in 8 or 16 bits or packed as P10 or
+    P12L. A raw color file is read as its gray mosaic. Raises `InputError` if the header cannot be
+    read, and while the pictures are read if one of them cannot be.
+    """
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _library_errors(path, ".cine"):
         head = reader.read_metadata(str(path))

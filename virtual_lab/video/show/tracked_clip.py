@@ -55,8 +55,8 @@ def track_clip(
 ) -> FollowedClip:
     """Track the ball through a clip: a file, a folder, or an array of its frames.
 
-    Raises `InputError` if a file cannot be read, a statement does not fit the clip, or no length is
-    known.
+    A clip without a ball gives a result without flights, with a warning. Raises `InputError` if a
+    file cannot be read, a statement does not fit the clip, or no length is known.
     """
     # the file is opened first, because a file that is no clip needs no scale
     source = open_source(file)
