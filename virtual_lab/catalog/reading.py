@@ -181,7 +181,7 @@ def _read(text: str, where: str, spec: Hashable) -> Any:
 
 @lru_cache(maxsize=128)
 def _parse(text: str, where: str) -> dict[str, Any]:
-    """Return a document, which nobody changes; each test reads the same ones again."""
+    """Return a document. It is cached, so callers must not change it."""
     return parse_toml(text, where)
 
 

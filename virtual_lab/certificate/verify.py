@@ -152,8 +152,8 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     Raises
     ------
     InputError
-        A folder without a certificate, a schema that cannot be read, a file that is not a key, or
-        the missing extra ``sign``.
+        The folder has no certificate, its schema cannot be read, a file is not a key, or the extra
+        ``sign`` is not installed.
     """
     folder = Path(folder)
     fault = None if key is None else signature_fault(folder, Path(key))

@@ -74,7 +74,7 @@ def _writable(folder: Path) -> bool:
 
 
 def _private(folder: Path) -> bool:
-    """Whether a folder, not a link to one, belongs to this account and nobody else writes there."""
+    """Whether a folder, no link, belongs to this account and no other account can write to it."""
     status = folder.lstat()
     mine = stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid()
     return mine and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

@@ -44,7 +44,7 @@ def check_cylinder(
         Seed of the laboratory. The hits of different days have different random errors.
     faults, since
         Names of faults of the impact rig, and their first day, counted from 1. With a fault the
-        instruments write every edge and count, which takes thirty times as long.
+        instruments record every gate edge and encoder count, which takes thirty times as long.
 
     Raises
     ------

@@ -175,9 +175,10 @@ def coverage(
     seed
         Seed of the study; its laboratories are taken by number, from 0.
     summed
-        Instruments write sums instead of every reading, and the bat is nominal: much faster.
+        Let the instruments record sums instead of every gate edge and encoder count, and let every
+        laboratory test the nominal bat. This is much faster.
     individual
-        With ``summed``: an individual bat in every laboratory instead of the nominal one.
+        With ``summed``, let every laboratory test an individual bat instead of the nominal one.
     earlier_tests
         Number of earlier tests of each laboratory, which contribute to the scatter of the hits.
     workers

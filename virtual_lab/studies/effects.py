@@ -110,7 +110,8 @@ def effects(
     seed
         Seed of the study; its laboratories are taken by number, from 0.
     summed
-        Instruments write sums instead of every reading, and the bat is nominal: much faster.
+        Let the instruments record sums instead of every gate edge and encoder count, and let every
+        laboratory test the nominal bat. This is much faster.
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments

@@ -270,7 +270,7 @@ class ServedDay:
         return day
 
     def branch(self, entry: int) -> ServedDay:
-        """Begin a practice day that continues from an entry, in a folder beside this one.
+        """Begin a practice day in a folder beside this one, as a copy up to and including `entry`.
 
         Raises `InputError` if this day is not handed in or has no such entry.
         """

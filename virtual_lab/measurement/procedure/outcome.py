@@ -87,11 +87,12 @@ def outcomes_of(
     Parameters
     ----------
     procedure
-        Its counts and its scan.
+        Test procedure, of which the number of valid hits and the scan are used.
     laboratories
         Number of laboratories.
     owner, place, valid, metric
-        Laboratory and values of each shot, those of a laboratory as they were fired, (shot,).
+        Shots, those of a laboratory in the order fired, (shot,): index of the laboratory, impact
+        position from the tip [m], whether the hit is valid, and the metric.
     objective
         The quantity that a scan maximises, for the same shots.
     """

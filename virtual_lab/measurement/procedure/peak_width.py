@@ -64,7 +64,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     Parameters
     ----------
     procedure
-        Its scan.
+        Test procedure, of which the scan is used.
     place, valid, metric
         Impact position from the barrel tip [m], mask of the valid hits, and metric, (shot,).
     """

@@ -69,7 +69,7 @@ class CalibrationFactor(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallFactor(Spec):
-    """Rebound from the wall relative to a rigid one: mean and standard deviation."""
+    """Rebound speed from the wall over that from a rigid wall: mean and standard deviation."""
 
     value: Annotated[float | None, Ge(0.5), Le(1), Dimension("number")] = None
     spread: Share = None
@@ -103,7 +103,7 @@ class InterlabStudy(Spec):
     """Every procedure with every bat, in `exercises` sets of `laboratories` laboratories.
 
     Each laboratory tests the same nominal bat with `lots` lots of balls, `repeats` times with each.
-    In addition each factor acts alone in `alone` laboratories; 0: not at all.
+    In addition each factor acts alone in `alone` laboratories, in none if 0.
     """
 
     procedures: Annotated[tuple[str, ...], MinLen(1)]

@@ -1,7 +1,7 @@
-"""What would lower a laboratory's u most: better instruments, more hits, more balls.
+"""Changes that would lower a laboratory's u most: better instruments, more hits, more balls.
 
 The budget of the metric gives the u that each change promises. The days of the twin, played again
-with the change, show what it keeps.
+with the change, show whether this u is reached.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Faults of the catalogue that a laboratory would notice, and the size from which on.
+"""Faults of the catalogue that a laboratory would notice, and the smallest size noticed.
 
 Each fault is played on full days of the twin in several sizes, as a share of the fault in the
 catalogue. The days of a fault are kept in a folder, so that an interrupted study goes on.

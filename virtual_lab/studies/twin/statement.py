@@ -81,7 +81,7 @@ class Statement:
 
 
 def stated_by(certification: Certification) -> Statement:
-    """Return what the records of a test state.
+    """Return the laboratory as the records of a test state it.
 
     Raises
     ------

@@ -226,11 +226,13 @@ def twin(
     days
         Number of days whose instruments write sums; at least 100.
     full_days
-        Number of days whose instruments write every edge and count, to compare the readings; 0 or
-        at least 100. With 250 days a reading can be pointed at. Records of sums have none.
+        Number of days whose instruments record every gate edge and encoder count, to compare the
+        readings; 0 or at least 100. With 250 days an unusual reading can be significant. For
+        records of sums there are no such days.
     faults
         Folder for the days of each fault of the catalogue that the rigs can have, in four sizes; if
-        it has some of these days, the others are played. Some minutes. By default no faults.
+        it has some of these days, the others are played. This takes some minutes. By default no
+        faults are played.
     seed
         Seed of the days.
     progress

@@ -192,9 +192,9 @@ def _capture(path: Path) -> cv2.VideoCapture:
 
 
 def _require_size(path: Path, size: tuple[int, int] | None) -> None:
-    """Raise `InputError` where a picture is larger than a clip's can be; None: far larger.
+    """Raise `InputError` if a picture is too large for a clip. A `size` of None is far too large.
 
-    Its header says so: a file of a few kilobytes may hold gigabytes of pixels.
+    The size is that in the header, because a file of a few kilobytes may hold gigabytes of pixels.
     """
     if size is None or size[0] * size[1] > LARGEST:
         allowed = f"allowed: up to {LARGEST / 1e6:.0f} million pixels in a picture"
@@ -202,9 +202,9 @@ def _require_size(path: Path, size: tuple[int, int] | None) -> None:
 
 
 def _require_sizes(path: Path) -> None:
-    """Raise `InputError` where an image file's header, of every page, says it is too large.
+    """Raise `InputError` if a page of an image file is too large, according to its header.
 
-    What Pillow cannot read is left to the decoder.
+    A file that Pillow cannot read is left to the decoder.
     """
     from PIL import Image, ImageSequence
 

@@ -1,4 +1,4 @@
-"""Doubts about a clip's flights: by its rulers, frames, camera, and other moving things."""
+"""Doubts about a clip's flights, from its rulers, frames, camera and other moving objects."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Falls:
         return "RATE_FITTED", words
 
     def require_rate(self, where: str) -> None:
-        """Raise `InputError` where balls fall so fast that the frame rate must be another."""
+        """Raise `InputError` if the balls fall so fast that the frame rate must be wrong."""
         least = self.shared.value - FALLS.apart[0] * self.shared.u
         if least > FALLS.absurd * self.knowledge.gravity:
             allowed = (

@@ -1,4 +1,4 @@
-"""From pieces to flights and contacts: common gravity, places of each flight, and meetings."""
+"""Flights and their contacts, found from pieces by a common gravity."""
 
 from __future__ import annotations
 

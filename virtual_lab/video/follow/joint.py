@@ -80,7 +80,7 @@ class Fit:
 
     @property
     def down(self) -> complex:
-        """Direction into the floor by contacts that show its line, else that of g; 0: unknown."""
+        """Direction into the floor by contacts that show its line, else that of g, 0 if unknown."""
         down = complex(*self.pull.mean(axis=0))
         if self.floor:
             first, *_, last = (complex(*self.meeting(*each)) for each in self.floor)
@@ -124,9 +124,9 @@ def estimate_of(
 ) -> Estimate:
     """Estimate a quantity of a fit, in units with a relative u.
 
-    The fit is moved by one standard uncertainty either way along each axis of its covariance, and
-    the greater change counts: drag cannot fall below 0. The difference to each other fit, times the
-    share stated with that fit, is another part of u.
+    The fit is moved by one standard uncertainty in both directions along each axis of its
+    covariance. The greater change counts, because drag cannot fall below 0. The difference to each
+    other fit, times the share stated with that fit, is another part of u.
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)
@@ -238,12 +238,14 @@ def fit_flights(
 def _solve(
     model: _FlightModel, before: Array, u: Array, k: int, alike: float
 ) -> tuple[Array, Array, float]:
-    """Solve by Gauss and Newton: parameters, covariance for a scatter of 1, limit of outliers.
+    """Return parameters, their covariance for a scatter of 1, and the limit of outliers.
+
+    The method is that of Gauss and Newton.
 
     Parameters
     ----------
     before, u
-        Prior values of the parameters and their u; inf: unknown, 0: fixed.
+        Prior values of the parameters and their u: inf for an unknown value, 0 for a fixed one.
     k
         Index of the drag among the parameters.
     alike
@@ -316,7 +318,7 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
-    """Return the parts of vectors (…, parameter), by the names of `Fit`."""
+    """Return the parts of vectors (…, parameter), by the names of the fields of `Fit`."""
     some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
     return {
         "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),

@@ -1,7 +1,8 @@
-"""Blobs joined to pieces of smooth motion: each next one where constant acceleration expects it.
+"""Blobs joined to pieces of smooth motion.
 
-A piece may miss some frames, and between two of its places up to three frames may have been left
-out of the file though its time stamps are even: the ball is then ahead by as many steps.
+Each next blob is where constant acceleration predicts it. A piece may miss some frames. Between two
+of its positions up to three frames may be missing from the file although its time stamps are even;
+the ball is then ahead by as many steps.
 """
 
 from __future__ import annotations
@@ -142,7 +143,7 @@ class _Growth:
         return piece if mended else even
 
     def _like(self, one: int, frame: int) -> Ints:
-        """Return the unused blobs of a frame that look like one."""
+        """Return the unused blobs of a frame with a size and colour similar to blob `one`."""
         others = np.arange(self.first[frame], self.first[frame + 1])
         ratio = self.radius[others] / self.radius[one]
         near = ~self.used[others] & (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)

@@ -1,7 +1,8 @@
-"""The ball of a calibrated camera that stands, located as sharply as can be, frame by frame.
+"""Sharp location of the ball in each frame of a calibrated camera that stands still.
 
-A frame during whose exposure the ball was struck belongs to neither flight; nor does one that
-shows the ball pressed against what it struck, which the flight's other places deny.
+A frame during whose exposure the ball was struck belongs to neither flight. Neither does a frame
+that shows the ball pressed against the object it struck, because it contradicts the flight's other
+positions.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ SHARPNESS = SharpnessSettings()
 
 
 class NotSharpError(Exception):
-    """Why a ball cannot be located sharply."""
+    """The ball cannot be located sharply; the message states the reason."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +218,7 @@ def settle(
 def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
     """Return the flight without outliers, the largest residual removed first.
 
-    Raises `NotSharpError`: too few places.
+    Raises `NotSharpError` if too few positions remain.
     """
     if len(way.t) < (few := SHARPNESS.least_frames):
         raise NotSharpError(

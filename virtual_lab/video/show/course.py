@@ -1,4 +1,4 @@
-"""A ball's course through a clip, place by place: what is drawn and written of any clip."""
+"""A ball's course through a clip, one record per position, to be drawn and written."""
 
 from __future__ import annotations
 

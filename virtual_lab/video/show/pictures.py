@@ -80,7 +80,7 @@ class Pictures:
         return float(min(low, 0.2 * high)), float(max(high, low + 1))
 
     def write_sheet(self, path: Path) -> None:
-        """Write frames side by side as PNG, those about contacts among them."""
+        """Write frames side by side as PNG, including those near contacts."""
         edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
         tiles = [
             cv2.copyMakeBorder(self._annotate(k), *edge, value=(255, 255, 255)) for k in self.sheet
@@ -205,7 +205,7 @@ class Pictures:
 
 
 def _spread(places: int, count: int) -> NDArray[np.intp]:
-    """Return the numbers of at most `count` positions, evenly spread, in order."""
+    """Return the indices of at most `count` of `places` positions, evenly spread, in order."""
     return np.unique(np.linspace(0, places - 1, min(count, places)).round()).astype(np.intp)
 
 

@@ -23,7 +23,7 @@ Row = dict[str, Any]
 
 
 def flight_rows(track: FollowedClip) -> list[Row]:
-    """Return the rows of the flights, each with its final contact; values: estimates or None."""
+    """Return one row per flight, with the contact at its end. Unknown values are None."""
     contacts = {each.before: each for each in track.contacts}
     return [
         {
@@ -46,7 +46,7 @@ def flight_rows(track: FollowedClip) -> list[Row]:
 
 
 def contact_rows(track: FollowedClip) -> list[Row]:
-    """Return the rows of the contacts; `frame` is a fractional number."""
+    """Return one row per contact; `frame` is its time in frames, a number with a fraction."""
     return [
         {"time_s": e.time.value, "frame": e.frame, "kind": e.kind, "restitution": e.restitution}
         for e in track.contacts
@@ -156,7 +156,11 @@ def _roll(track: FollowedClip) -> float | None:
 
 
 def _hit(track: FollowedClip) -> list[Flight | None]:
-    """Return the flights before and after one contact, or the only flight."""
+    """Return the flights before and after the only contact, None for one that does not exist.
+
+    Without exactly one contact they are the only flight, or the first two of a ball that was
+    located sharply.
+    """
     if len(track.contacts) == 1:
         return [track.flights[k] for k in (track.contacts[0].before, track.contacts[0].after)]
     alone = track.flights if track.sharp or len(track.flights) == 1 else []
@@ -214,7 +218,7 @@ def track_text(track: FollowedClip) -> str:
 
 
 def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
-    """Return a sentence on the ruler of the scale, its u, and the deviation of the others."""
+    """Return a sentence on the ruler of the scale, its u, and the deviations of other rulers."""
     size = 1e3 * scale.metres_per_pixel
     said = (
         f"scale {with_uncertainty(size, size * scale.relative_u)} mm per pixel "

@@ -1,7 +1,7 @@
-"""A clip tracked with its user's knowledge: document, text, files; for command and Python.
+"""Tracking of a clip with its user's knowledge, for the command and for Python.
 
-Any clip is followed; where a camera was calibrated, stands still and shows one contact at most, the
-ball is then located as sharply as it can be, for the speeds of a hit.
+The ball is followed in any clip. If the camera was calibrated and stands still, and the clip shows
+one contact at most, the ball is then located sharply, for the speeds of a hit.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def track_clip(
 
 
 def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
-    """Read the calibration, with stated values in place of its keys; and notes of assumptions."""
+    """Return the calibration, with stated values in place of its keys, and notes of assumptions."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
     if file and "exposure" in said:  # else frames stored twice may be shorter
@@ -105,7 +105,7 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
 
 
 def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnowledge:
-    """Gather what is known of a clip that has been opened; `InputError` where it does not fit."""
+    """Return the knowledge of an opened clip. Raises `InputError` if a statement does not fit."""
     calibrated, rate, turn = "file" in said, clip.source.rate, clip.source.rotation
     # a faster clip is from a laboratory's camera
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
