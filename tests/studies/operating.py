@@ -2,8 +2,9 @@
 
     python -m tests.studies.operating OUT.CSV
 
-Twenty variants of ea70 (hoop frequency) near the limit of bbcor, 5 000 tests each in
-separate laboratories, compared with the errors of the middle one in 20 000 laboratories.
+Twenty variants of ea70 (hoop frequency) near a limit of .537 by bbcor, 5 000 tests each in
+separate laboratories, compared with the errors of the middle one in 20 000 laboratories. (No hoop
+frequency gives this bat less than .504, so none of its variants is at the limit of the rules.)
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from scipy.stats import binomtest
 import virtual_lab as vl
 from virtual_lab.output.progress import quiet
 
-MIDDLE, SPAN, BATS = 2950, 140, 20  # Hz
+MIDDLE, SPAN, BATS = 3000, 75, 20  # Hz
+LIMIT = 0.537
 TESTS, MODEL, SEED = 5_000, 20_000, 4_000
 
 
@@ -33,16 +35,15 @@ def errors(frequency: float, laboratories: int, seed: int) -> tuple[np.ndarray, 
 
 
 def main(path: str) -> None:
-    limit = vl.procedure("bbcor").spec.metric_limit
     error, sound, _ = errors(MIDDLE, MODEL, SEED)
     with Path(path).open("w", encoding="utf-8", newline="") as file:
         out = csv.writer(file)
         out.writerow(["frequency_Hz", "true", "counted", "low", "high", "predicted", "error_sd"])
         for number, frequency in enumerate(np.linspace(MIDDLE - SPAN, MIDDLE + SPAN, BATS)):
             own, valid, true = errors(frequency, TESTS, SEED + 1 + number)
-            passed = int(np.sum(valid & (true + own <= limit)))
+            passed = int(np.sum(valid & (true + own <= LIMIT)))
             band = binomtest(passed, TESTS).proportion_ci(0.95, method="exact")
-            predicted = float(np.mean(sound & (true + error <= limit)))
+            predicted = float(np.mean(sound & (true + error <= LIMIT)))
             row = passed / TESTS, band.low, band.high, predicted, np.nanstd(own[valid])
             out.writerow([round(float(frequency), 2), f"{true:.6f}", *(f"{x:.5g}" for x in row)])
             file.flush()
