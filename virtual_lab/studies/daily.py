@@ -221,8 +221,8 @@ def daily(
     Raises
     ------
     InputError
-        A number is out of range, a ball, rule or fault is unknown, the ball drops out of the gates'
-        beams before it has passed them, or a day has no valid hit.
+        A number is out of range, a ball, rule or fault is unknown, the gates do not detect every
+        rebound from the wall because it is too slow, or a day has no valid hit at the cylinder.
     """
     ball, faults, rules = entry_name(ball), words_of(faults), wholes_of(rules)
     _check_counts(days, baseline, hits, rules)
