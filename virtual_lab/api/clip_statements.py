@@ -50,10 +50,10 @@ def read_seconds(text: str) -> float:
 
 @_optional
 def read_mass(text: str) -> float:
-    """Return a mass [kg] of 0.1 g to 10 kg from ``145g``; None from None.
+    """Return a mass of 0.1 g to 10 kg from a text such as ``145g``, in kilograms.
 
-    Raises `ValueError` for a text of another form or another mass, and `KeyError` for an unknown
-    unit.
+    The result is None if `text` is None. Raises `ValueError` for a text of another form or another
+    mass, and `KeyError` for an unknown unit.
     """
     from virtual_lab.units import to_si
 
@@ -65,10 +65,10 @@ def read_mass(text: str) -> float:
 
 @_optional
 def read_frames(text: str) -> tuple[int, int]:
-    """Return the numbers of the first and last frame from ``17:52``; None from None.
+    """Return the numbers of the first and last frame from a text such as ``17:52``.
 
-    Frames are counted from 0. Raises `ValueError` for a text of another form, or if the first is
-    not before the last.
+    Frames are counted from 0. The result is None if `text` is None. Raises `ValueError` for a text
+    of another form, or if the first is not before the last.
     """
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
@@ -78,8 +78,9 @@ def read_frames(text: str) -> tuple[int, int]:
 def read_region(text: str) -> tuple[float, float, float, float]:
     """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
 
-    x and y are those of its upper left corner, from that of the picture. The result is None from
-    None. Raises `ValueError` for a text of another form or a part narrower than 1 px.
+    x and y are those of its upper left corner, from that of the picture. The result is None if
+    `text` is None. Raises `ValueError` for a text of another form, and for a part that is narrower
+    or lower than 1 px.
     """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
@@ -89,8 +90,8 @@ def read_region(text: str) -> tuple[float, float, float, float]:
 def read_position(text: str) -> tuple[float, float, int]:
     """Return x and y of a ball [px], and the number of its frame, from ``210,85@17``.
 
-    x and y are counted from the upper left corner of the picture. The result is None from None.
-    Raises `ValueError` for a text of another form.
+    x and y are counted from the upper left corner of the picture. The result is None if `text` is
+    None. Raises `ValueError` for a text of another form.
     """
     position, frame = text.split("@")
     x, y = _numbers(position, 2)

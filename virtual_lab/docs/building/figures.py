@@ -15,7 +15,9 @@ STYLE = Path(__file__).parents[1] / "matplotlibrc"
 def scrape(_block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """Save the figures among a script's names; its docstring is their alternative text.
 
-    The gallery's own scraper knows only figures of pyplot, and the package makes none.
+    The alternative text is the docstring without its first paragraph. The gallery's own scraper
+    knows only figures of pyplot, and the package makes none. Raises `ValueError` for a script
+    without a figure, and `IndexError` for a docstring of one paragraph.
     """
     names = block_vars["example_globals"]
     words = ast.get_docstring(ast.parse(Path(block_vars["src_file"]).read_text("utf-8"))) or ""

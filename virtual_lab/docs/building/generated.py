@@ -47,7 +47,7 @@ LINK = re.compile(r"\]\(([^)#:]*)(#[^)]*)?\)")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a table in Markdown; cells are texts."""
+    """Return a table in Markdown. Cells are converted to texts of one line."""
     lines = [head, ["---"] * len(head), *rows]
     cells = ([" ".join(str(cell).split()).replace("|", "\\|") for cell in line] for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
@@ -237,7 +237,10 @@ def schema() -> Iterator[tuple[str, str]]:
 
 
 def kind_of(described: dict[str, Any]) -> str:
-    """Return the type of a property in words; null: it may be missing."""
+    """Return the type of a property in words. ``null`` among them means that it may be missing.
+
+    A property of unknown type is ``any``.
+    """
     if "$ref" in described:
         return str(described["$ref"]).rpartition("/")[2]
     if "anyOf" in described:

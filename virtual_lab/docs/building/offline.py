@@ -19,7 +19,10 @@ LOADED = re.compile(
 
 
 def remote_resources(folder: Path) -> list[str]:
-    """Return file and text of each resource that a built page would load from elsewhere."""
+    """Return file and text of each resource that a built page would load from elsewhere.
+
+    The list is empty if there is none. Texts are cut to 120 characters.
+    """
     return [
         f"{path.relative_to(folder)}: {match[0][:120]}"
         for path in sorted(folder.rglob("*"))

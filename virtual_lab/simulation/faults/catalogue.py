@@ -40,7 +40,7 @@ SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
     """Return a hook for `Fault.record` that enters each reading multiplied by `factor`.
 
-    The hook returns the changed array by name, ``readings``, in the shape of the record's.
+    The hook returns the changed array by name, ``readings``, with the shape of the record's array.
     """
     return lambda record, _: {"readings": record.readings * factor}
 

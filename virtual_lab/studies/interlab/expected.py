@@ -27,7 +27,7 @@ class ExpectedScatter:
     cause: str  # factor with the largest effect
 
     def explain(self, found: float, results: int) -> str:
-        """Return a sentence on the standard deviation `found` of a number of results."""
+        """Return a sentence on the standard deviation `found` of two or more results."""
         from scipy.special import chdtrc
 
         square = (results - 1) * (found / self.reproducibility) ** 2
@@ -58,7 +58,9 @@ def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the rows of the stored table from the terms of studies, one per bat and procedure.
 
-    A procedure that converts to a standard ball is represented by its converted result.
+    A procedure that converts to a standard ball is represented by its converted result. Raises
+    `KeyError` for a study with one lot per laboratory, and `ValueError` for one in which no factor
+    acts alone.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:

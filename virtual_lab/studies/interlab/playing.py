@@ -57,7 +57,10 @@ class Play:
             yield RoundRobin.with_common_model(setup)
 
     def alone(self, factors: Sequence[str]) -> dict[str, float]:
-        """Return the standard deviation [SI] that `factors` alone cause, by name of the result."""
+        """Return the standard deviation [SI] that `factors` alone cause, by name of the result.
+
+        Laboratories without a result do not count.
+        """
         study = self.study.spec
         varied = tuple(name for factor in factors for name in NAMES[factor])
         with self.round_robin(factors, varied) as laboratories:

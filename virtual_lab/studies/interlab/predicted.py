@@ -88,7 +88,10 @@ class NominalTest:
         )
 
     def scatter(self, factor: str, result: str) -> float:
-        """Return the standard deviation of a result that a factor alone causes [SI]."""
+        """Return the standard deviation of a result that a factor alone causes [SI].
+
+        Raises `KeyError` for an unknown factor or result.
+        """
         rules, line, law = self.procedure, self.ball.restitution, self.ball.humidity
         by_e, by_e0 = self._slopes(result)
         follows, stiffer = self._derivatives if factor in OF_LOTS else (0.0, 0.0)

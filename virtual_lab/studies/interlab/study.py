@@ -146,7 +146,11 @@ def read_interlab(path: Path) -> Entry[InterlabStudy]:
 
 
 def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:
-    """Return the texts of data sheets with the study's numbers of the factors `names`."""
+    """Return the texts of data sheets with the study's numbers of the factors `names`.
+
+    A sheet is left out if the study has no number for it. Raises `InputError` if a sheet lacks the
+    table of such a number.
+    """
     ball = catalog.load("procedures", procedure, Procedure).spec.ball
     document = parse_toml(study.text, "study")["factors"]
     sheets: dict[Key, dict[str, Any]] = {}

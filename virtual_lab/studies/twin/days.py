@@ -75,9 +75,10 @@ class TwinDays:
     faults: FaultSet = NO_FAULTS
 
     def play(self, days: Any, detail: RecordDetail = RecordDetail.SUMMED) -> PlayedDays:
-        """Return the tests of days by number: (n,), or a single number.
+        """Return the tests of the days with the numbers `days`, (n,), or of a single number.
 
-        Records of every edge and count need a single number.
+        Records of every edge and count need a single number. Raises `InputError` if the session
+        lacks a rig, or if a rig is not installed here or cannot be simulated in blocks.
         """
         laboratory = self._laboratory(days, detail)
         day = TestDay.begin(laboratory).weigh().swing().hit_wall()
@@ -108,7 +109,10 @@ class TwinDays:
         return PlayedDays(certified=certified, measurands=true)
 
     def blocks(self, days: int, first: int = 0) -> Iterator[PlayedDays]:
-        """Yield the tests of `days` days whose instruments write sums, in blocks."""
+        """Yield the tests of `days` days whose instruments write sums, in blocks.
+
+        The numbers of the days begin with `first`.
+        """
         for begin in range(first, first + days, SIDE_BY_SIDE):
             yield self.play(np.arange(begin, min(begin + SIDE_BY_SIDE, first + days)))
 
@@ -189,7 +193,8 @@ def scattered_as_stated(statement: Statement, seed: int, days: int = SIDE_BY_SID
     """Return days whose hits scatter as those of the records.
 
     Some of the scatter comes from the instruments and the aim. The rest is a scatter of e0, found
-    from days with and without one, because a variance is linear in the square of the latter.
+    from days with and without one, because a variance is linear in the square of the latter. It is
+    0 if instruments and aim alone scatter at least as much as the records.
     """
     squares = np.zeros(2)
     own = np.array([statement.wall_variance, statement.hit_variance])

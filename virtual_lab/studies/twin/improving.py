@@ -51,7 +51,10 @@ class Change(NamedTuple):
 
 
 def promising_changes(certification: Certification) -> list[Change]:
-    """Return the changes that lower the u of the metric, the most promising one first."""
+    """Return the changes that lower the u of the metric, the most promising one first.
+
+    There are none if no change removes a part of its variance.
+    """
     budget = certification.metric
     assert budget is not None
     return sorted(
@@ -65,7 +68,7 @@ def improvements(
     playing: TwinDays,
     simulate: Callable[[TwinDays], tuple[float, float, float]],
 ) -> list[Improvement]:
-    """Return the changes that lower u most, with their simulated effect.
+    """Return the changes that lower u most, at most three, with their simulated effect.
 
     `simulate` returns the standard deviation of the errors of the metric on some days, and its
     95 % interval.

@@ -60,6 +60,8 @@ def noticed_faults(
 ) -> list[NoticedFault]:
     """Return one row per fault that the laboratory's rigs can have.
 
+    Faults that a twin cannot play are left out.
+
     Parameters
     ----------
     playing
@@ -171,7 +173,11 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 
 
 def blend(before: Any, after: Any, size: float) -> Any:
-    """Return `before` with its change to `after` multiplied by `size`, number by number."""
+    """Return `before` with its change to `after` multiplied by `size`, number by number.
+
+    Whole numbers, texts, the keys of a mapping, and numbers that are not finite before or after are
+    those of `after`.
+    """
     if before is after:
         return before
     if isinstance(before, Mapping) and isinstance(after, Mapping):

@@ -54,6 +54,8 @@ def unlike_readings(
 ) -> tuple[list[TwinReading], int]:
     """Return one row per reading, and the number of days that gave a result.
 
+    A reading that is NaN in the records or on all days has no row.
+
     Parameters
     ----------
     certification
@@ -119,9 +121,10 @@ def holm(tails: Array) -> Array:
 
 
 def readings_of(certified: Certifications) -> dict[str, float]:
-    """Return the `READINGS` of a block of one test that its records hold.
+    """Return the `READINGS` of a block of one test, by name.
 
-    A value is NaN if too few shots show it.
+    A reading that the records do not hold is left out. A deviation is NaN if no group has two
+    values, or if all are equal.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls

@@ -284,7 +284,10 @@ def twin(
 
 
 def certify_records(folder: Path) -> Certification:
-    """Return the certification of a result folder's records, or of a folder of records."""
+    """Return the certification of a result folder's records, or of a folder of records.
+
+    Raises `InputError` if there are none, or if they cannot be reduced.
+    """
     inner = folder / RECORDS
     return certify_folder(inner if (inner / SESSION).exists() else folder, lambda each: each)
 
@@ -292,7 +295,10 @@ def certify_records(folder: Path) -> Certification:
 def summed_days(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinQuantity], int]:
-    """Return one row per quantity, and the number of days without a valid result."""
+    """Return one row per quantity, and the number of days without a valid result.
+
+    Raises `InputError` if fewer than half of the days give a valid result.
+    """
     assert certification.metric is not None
     stated = {"metric": certification.metric, **certification.quantities}
     errors: dict[str, list[Array]] = {name: [] for name in stated}

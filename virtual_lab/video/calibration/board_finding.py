@@ -22,7 +22,7 @@ class BoardView:
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
-    """Return the corners of a board in a grey picture, None if there are too few.
+    """Return the corners of a board in a grey picture, None if fewer than eight are found.
 
     A chessboard must be visible as a whole; a board with markers may be visible in part. Boards
     whose first square is white are found, too: OpenCV before 4.6 printed them so if the number of

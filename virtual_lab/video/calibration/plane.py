@@ -44,7 +44,8 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
     """Return the positions of a ball in the plane [m].
 
     The scale comes from the calibrated camera if there is one, else from metres_per_pixel if it is
-    given, else from the ball's diameter.
+    given, else from the ball's diameter. Raises `InputError` if none of these is known, or if the
+    diameter alone is known and no frame shows the whole ball.
     """
     pixels, camera, diameter = outlines.places, calibration.camera, calibration.ball_diameter_m
     if camera:

@@ -108,10 +108,11 @@ class ClipCalibration(Spec):
 def read_calibration(
     path: Path | None, keys: Mapping[str, Any] | None = None, needs_length: bool = True
 ) -> ClipCalibration:
-    """Return the calibration in a TOML file, changed by `keys`; None: an unknown camera.
+    """Return the calibration in a TOML file, in which `keys` replace or add values.
 
-    A relative name of `timestamps` counts from its folder. Raises `InputError`, also where no
-    length is known though one is needed.
+    If `path` is None, it consists of `keys`. A relative name of `timestamps` counts from the folder
+    of the file. Raises `InputError` for a file that cannot be read, an unknown key, a value that is
+    not allowed, and, if `needs_length`, a calibration without scale, camera and ball diameter.
     """
     document = (read_toml(path) if path else {}) | dict(keys or {})
     calibration = validate(document, str(path or ""), ClipCalibration)

@@ -56,7 +56,7 @@ class Clip:
         return len(self.times)
 
     def grey_samples(self, every: int = 1) -> Frame:
-        """Return the grey values of some rows and columns of the samples, (sample, row, column)."""
+        """Return the grey values of every `every`-th row and column, (sample, row, column)."""
         return np.stack([grey_of(each) for each in self.samples[:, ::every, ::every]])
 
     def pictures(self) -> Iterator[Frame]:
@@ -64,7 +64,10 @@ class Clip:
         return (picture for _, picture in self.chosen(np.arange(self.count)))
 
     def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
-        """Yield frames of some numbers as they are stored, in order; read none beyond the last."""
+        """Yield number and frame, as it is stored, of the frames with some numbers, in order.
+
+        Frames after the last of them are not read.
+        """
         numbers = set(map(int, wanted))
         if self.held:
             yield from ((number, self.held[number]) for number in sorted(numbers))
@@ -138,7 +141,10 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield items in order while a thread makes the next one; its errors are raised here."""
+    """Yield items in order while a thread makes the next one; its errors are raised here.
+
+    An item that is None ends them.
+    """
     with ThreadPoolExecutor(1) as worker:
         coming = worker.submit(next, items, None)
         while (item := coming.result()) is not None:

@@ -67,7 +67,11 @@ def _stamps(path: Path, head: Any) -> Array:
 
 
 def mraw(path: Path) -> Source:
-    """Read the frames of a .mraw file (8, 12 or 16 bits, grey) by the header beside it."""
+    """Read a Photron .mraw file with the header .cihx or .cih beside it; `path` is one of the two.
+
+    The frames must be grayscale of 8, 12 or 16 bits. They have no time stamps. Raises `InputError`
+    if a file is missing, the header cannot be read, or the frames have another depth.
+    """
     reader = of_extra("pyMRAW", "highspeed", f"{path}: .mraw")
     data = path.with_suffix(".mraw")
     headers = [data.with_suffix(each) for each in (".cihx", ".cih")]

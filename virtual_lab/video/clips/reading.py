@@ -222,7 +222,7 @@ def _require_sizes(path: Path) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Return a frame as grey values of its own depth."""
+    """Return a frame as grey values of its own depth, (row, column), without a fourth channel."""
     import cv2
 
     if frame.ndim == 2 or frame.shape[2] == 1:

@@ -21,7 +21,7 @@ UNSURE_RATE = "the frame rate is the file's own"
 def frame_times(
     source: Source, stamps: Array, calibration: ClipCalibration
 ) -> tuple[Array, tuple[str, ...]]:
-    """Time of each frame [s] and warnings.
+    """Return the time of each frame, (frame,) [s], and warnings.
 
     `stamps` (frame,) came with the frames, NaN where the file has none [s]. The times come from the
     calibration's time stamps if it has any, else from its frame rate, else from the file. Raises
@@ -128,7 +128,7 @@ def uneven(times: Array) -> bool:
 
     The reason may be a lost frame, or a phone that films more slowly in the dark. Rounding to 1 ms
     has no such effect up to 240 frames per second. Clips with a constant frame rate stay within 0.1
-    of a step.
+    of a step. Fewer than three time stamps are never uneven.
     """
     if len(times) < 3:
         return False

@@ -56,7 +56,10 @@ class Edges:
     design: Array
 
     def drift(self, grey: Image, *starts: Array) -> Array:
-        """Return the drift (4,) near the first start, or near one that fits far better."""
+        """Return the drift (4,) near the first start, or near another one that fits far better.
+
+        It is the first start itself if no other drift fits better.
+        """
         best, least = starts[0], self._cost(grey, starts[0])
         for k, start in enumerate(starts):
             leaps = np.hypot(*(start - best)[:2]) > FAR_OFF
@@ -151,7 +154,10 @@ def leap_of(before: Image, after: Image) -> Array:
 
 
 def upper_median(values: NDArray[Any]) -> NDArray[Any]:
-    """Return the upper median along the last axis; numpy's checks would take ten times as long."""
+    """Return the upper median along the last axis, which must not be empty.
+
+    `numpy.median` would take ten times as long, because of its checks.
+    """
     place = values.shape[-1] // 2
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
 

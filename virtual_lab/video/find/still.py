@@ -101,7 +101,10 @@ class Still:
         return bool(self.sampled.any())
 
     def unseen_drift(self, step: float) -> float:
-        """Return the drift per axis that the picture may hide [px/frame], by frame time [s]."""
+        """Return the drift per axis that the picture may hide [px/frame], by frame time [s].
+
+        It is at most that of a hand, and equal to it if there are too few edges to tell.
+        """
         hand = _STILL.hand_drift * max(self.size) * step
         return hand if self.hidden_drift is None else min(hand, self.hidden_drift)
 
@@ -113,7 +116,8 @@ class Still:
     def drift(self, small: Image, guess: Array, before: tuple[Image, Array]) -> Array:
         """Return the drift (4,) of a small picture, as in `find.drift` [pixels in full size].
 
-        `before`: another small picture and its drift.
+        `before` is another small picture and its drift. The result is 0 if the camera does not
+        drift.
         """
         if not self.drifts:
             return np.zeros(4)
@@ -176,6 +180,8 @@ def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, tripod: bool = False
 ) -> Still:
     """Return the still frame of some pictures of a clip; the first one has no drift.
+
+    A single picture and pictures from a tripod have no drift.
 
     Parameters
     ----------
@@ -299,7 +305,10 @@ def _change(greys: Sequence[Image], drifts: Array, behind: Image, steep: Mask) -
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
-    """Return a picture reduced to 8 bits, with three channels or one."""
+    """Return a picture reduced from `depth` to 8 bits: with three channels, or grey (row, column).
+
+    A fourth channel is dropped. A picture stored in 8 bits keeps its values.
+    """
     if frame.ndim == 3 and frame.shape[2] != 3:
         frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]
     if frame.dtype == np.uint8:
@@ -339,10 +348,11 @@ def warp_back(
 def share_of(pictures: Sequence[Image]) -> float:
     """Return the quantile of the pictures that is the background.
 
-    It is the median, except for a grey camera, as used in laboratories: there a slow ball may cover
-    a pixel for most of the time. Most of the pixels that it touches, however, are covered for less
-    than half of the time, and show whether the ball is lighter than the background. For a lighter
-    ball the quantile lies below the median, for a darker one above it.
+    It is the median, except for eight or more pictures of a grey camera, as used in laboratories:
+    there a slow ball may cover a pixel for most of the time. Most of the pixels that it touches,
+    however, are covered for less than half of the time, and show whether the ball is lighter than
+    the background. For a lighter ball the quantile lies below the median, for a darker one above
+    it.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5

@@ -149,7 +149,7 @@ def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -
 def repeats(watched: Watched) -> Mask:
     """Return a mask of the frames that repeat the one before, (frame,).
 
-    A repeat hardly changes the picture, and at most half of its round objects move. The second
+    A repeat hardly changes the picture, and fewer than half of its round objects move. The second
     condition is for a ball at the top of a low hop, which changes the picture very little.
     """
     moving, same = watched.blobs, lulls(watched.change)
@@ -169,8 +169,8 @@ def repeats(watched: Watched) -> Mask:
 def lulls(change: Array) -> Mask:
     """Return a mask of the frames equal to the one before, (frame,), from their `change` [DN].
 
-    A frame whose change is NaN is no repeat. Both sides must show more change: a key frame or the
-    end of a motion is on one side only.
+    A frame whose change is NaN is no repeat. Both sides must show more change, because a key frame
+    or the end of a motion is on one side only. So the first and the last frame are no repeats.
     """
     # number of frames on each side, smallest change there [DN], largest share of it in a repeat
     beside, least, share = 2, 8.0, 0.3

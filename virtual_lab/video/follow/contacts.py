@@ -57,7 +57,13 @@ def contacts_of(
     scale: Ruler,
     sharp: SharpBall | None,
 ) -> tuple[list[Contact], list[Note]]:
-    """Return the contacts, and notes on doubtful ones; `step`: duration of a time step [s]."""
+    """Return the contacts between consecutive flights, and notes on doubtful ones.
+
+    `step` is the duration of a time step [s]. Flights that are nearest to each other outside the
+    gap between them give a note instead of a contact. The restitution of a contact is None if one
+    of the flights is too short, if what was struck is neither level nor upright and g was not
+    stated, or if a note gives another reason.
+    """
     notes: list[Note] = []
     contacts = []
     fit, others = model.fit, model.rest

@@ -24,13 +24,13 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
 
     Required columns are frame, x_px and y_px in the still frame, and flight (empty: no flight).
     Optional columns are radius_px (default: the median), time_s (default: the time of the frame),
-    drift_x_px and drift_y_px (default: 0).
+    drift_x_px and drift_y_px (default: 0). Flights of fewer than five positions are left out.
 
     Raises
     ------
     InputError
-        The file or a column is missing, a number cannot be read, a frame is not in the clip or
-        occurs twice, or two flights overlap in time.
+        The file or a column is missing, a number cannot be read, no position has a radius, a frame
+        is not in the clip or occurs twice, or two flights overlap in time.
     """
     table = read_table(path)
     if "flight" not in table:

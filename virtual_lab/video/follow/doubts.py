@@ -85,7 +85,7 @@ class Falls:
             raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
-        """Return notes against length and frame rate, if the flights do not fall with g."""
+        """Return a note against length and frame rate, or none if the flights fall with g."""
         g, (coverage, share) = self.knowledge.gravity, FALLS.apart
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
@@ -99,7 +99,7 @@ class Falls:
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
-    """Return notes against a ball's size, if another length is given that contradicts it."""
+    """Return a note against a ball's size, if a given length contradicts it, otherwise none."""
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
@@ -118,7 +118,10 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 def against_flights(
     scene: FlightScene, watched: Watched, pieces: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
-    """Return notes on a second ball, leaps of the background, and frames left out."""
+    """Return notes on a second ball, unexplained motion, the background, and frames left out.
+
+    There are none without flights.
+    """
     if not ways:
         return []
     notes = []

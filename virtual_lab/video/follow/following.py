@@ -149,12 +149,21 @@ def measure(
 ) -> FollowedClip:
     """Measure flights, contacts and scale in SI, and note doubts about them.
 
+    The result has no flights if `search` has none, or if nothing sets the scale. If the frame rate
+    of the file contradicts g and none was stated, the rate that agrees with g is used.
+
     Parameters
     ----------
     search
         Scene and flights; with sharp positions if they could be measured.
     fault
         Reason why a calibrated camera gave no sharp positions; empty otherwise.
+
+    Raises
+    ------
+    InputError
+        The ball would fall absurdly fast at the given frame rate, or gravity was requested as the
+        ruler but no flight shows it.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]

@@ -79,7 +79,11 @@ class Piece:
 
 
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
-    """Return the coefficients of a polynomial, the matrix of their fit, and the rms residual."""
+    """Return the coefficients of a polynomial, the matrix of their fit, and the rms residual.
+
+    The coefficients, (power, 2), begin with the lowest power, and the matrix, (power, place), times
+    `xy` gives them. The residual is that of one coordinate, per degree of freedom.
+    """
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy
     left = xy - design @ solved
@@ -95,6 +99,8 @@ def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
 
 def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     """Return the pieces of smooth motion among blobs, in order of time.
+
+    Pieces of fewer than five positions are left out.
 
     Parameters
     ----------

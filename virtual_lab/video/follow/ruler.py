@@ -85,7 +85,7 @@ class Ruler(PixelScale):
         )
 
     def unit(self, fit: Fit) -> float:
-        """Scale by a fit [m/pixel]."""
+        """Return the scale [m/pixel]. Only that of a ruler by gravity depends on the fit."""
         if self.fall is None:
             return self.metres_per_pixel
         return self.fall / fit.size
@@ -105,7 +105,9 @@ def rulers_of(
     step: float,
     where: str,
 ) -> list[Ruler]:
-    """Return the available rulers; the first one is used.
+    """Return the available rulers, of which the first one is used; none if nothing sets the scale.
+
+    A given scale is first, then the requested ruler, then the one with the smallest u.
 
     Parameters
     ----------

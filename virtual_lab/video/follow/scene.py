@@ -44,7 +44,10 @@ class FlightScene:
         return self.fall and self.fall * (radius if self.in_radii else 1.0)
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
-        """Count of frames left out, by the number of the frame of a flight that follows them."""
+        """Return the count of frames left out, by the number of the frame that follows them.
+
+        The dictionary is empty without flights, or if no frame was left out.
+        """
         if not flights:
             return {}
         frames, t = (np.concatenate([getattr(e, n) for e in flights]) for n in ("frames", "t"))

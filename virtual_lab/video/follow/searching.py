@@ -43,7 +43,8 @@ class FlightsFound:
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
     """Return the flights by the time stamps, or by a count without the repeats `same` (frame,).
 
-    Where every frame is stored twice a count is all there is: one stored three times takes no time.
+    The reading of the time with more support is used. With fewer than two repeats it is the time
+    stamps, and if most frames are stored twice (more than 40 % are repeats), the count.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
@@ -55,7 +56,11 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 def clip_scene(
     clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
-    """Return the scene before the search; squeezed: a repeat takes no time."""
+    """Return the scene before the search. If `squeezed`, a repeat takes no time.
+
+    The time of a repeat is NaN. The fall is None if no length is known, or if most frames are
+    stored twice.
+    """
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):
         stamped = (clip.times - clip.times[0]) / usual_step(clip.times)

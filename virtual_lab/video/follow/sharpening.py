@@ -86,7 +86,10 @@ class SharpBall:
 
 
 def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
-    """Return whether a calibrated camera stands still, with whole frames and at most one hit."""
+    """Return whether the ball can be located sharply, and gravity is not the requested ruler.
+
+    This needs a calibrated camera that stands still and does not interlace, and one or two flights.
+    """
     calibration = knowledge.calibration
     # a file that gives rate or scale only replaces options; it asks for no outline fit
     has_camera = calibration is not None and (

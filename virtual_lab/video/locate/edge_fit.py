@@ -86,7 +86,8 @@ def fit_edge(
 ) -> Located:
     """Return the balls of a batch of regions from their outlines.
 
-    `x_u` and `y_u` are noise alone; `pattern_u` is the u of x or y from the pattern.
+    `x_u` and `y_u` are noise alone; `pattern_u` is the u of x or y from the pattern. A ball that
+    cannot be fitted has the flag `NOT_FOUND`, and NaN in all but its blur.
 
     Parameters
     ----------

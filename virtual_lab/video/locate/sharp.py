@@ -65,7 +65,7 @@ def place(
     `lens` is the standard deviation of its blur [pixel], `middle` the pixel on the camera's axis.
     A sphere at the distance d from the middle, in the direction a_d, has the outline
     r = R (1 + k d² cos 2(a - a_d)). `oval` is k [1/px²], and the standard uncertainty of k d². A
-    position that cannot be fitted stays as in `start`, with a flag.
+    position that cannot be fitted is NaN, with the flag `NOT_FOUND`.
     """
     x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval

@@ -41,7 +41,7 @@ def calibration_toml(result: Calibrated) -> str:
 
 
 def calibration_document(result: Calibrated) -> dict[str, Any]:
-    """Write the calibration for JSON."""
+    """Return the calibration as a dictionary for JSON."""
     across, down = lengths_of(result.model) / (np.array(result.model.image_size) / 2)
     return {
         "camera": asdict(result.model),

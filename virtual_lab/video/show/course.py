@@ -95,10 +95,10 @@ def course_rows(places: Places) -> list[dict[str, Any]]:
 
 
 def spots(places: Places) -> Array:
-    """Return the positions in the still frame, (place, 2) [pixels]."""
+    """Return the positions in the still frame, (place, 2) [pixels]; NaN if unknown."""
     return np.stack([places["x_px"], places["y_px"]], axis=1)
 
 
 def names_of(places: Places) -> list[str]:
-    """Names of flights, in order."""
+    """Return the names of the flights in order, none for places outside flights."""
     return [each for each in dict.fromkeys(places["flight"].tolist()) if each]

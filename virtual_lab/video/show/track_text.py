@@ -23,7 +23,11 @@ Row = dict[str, Any]
 
 
 def flight_rows(track: FollowedClip) -> list[Row]:
-    """Return one row per flight, with the contact at its end. Unknown values are None."""
+    """Return one row per flight, with the contact at its end.
+
+    Measured values are estimates, or None if unknown. Those of the contact are None if there is
+    none at the end of the flight.
+    """
     contacts = {each.before: each for each in track.contacts}
     return [
         {
@@ -46,7 +50,11 @@ def flight_rows(track: FollowedClip) -> list[Row]:
 
 
 def contact_rows(track: FollowedClip) -> list[Row]:
-    """Return one row per contact; `frame` is its time in frames, a number with a fraction."""
+    """Return one row per contact.
+
+    ``frame`` is its time in frames, a number with a fraction. ``restitution`` is an
+    estimate, or None if it is not stated.
+    """
     return [
         {"time_s": e.time.value, "frame": e.frame, "kind": e.kind, "restitution": e.restitution}
         for e in track.contacts
@@ -172,7 +180,7 @@ def _degrees(angle: Estimate) -> Estimate:
 
 
 def motion_of(track: FollowedClip) -> str:
-    """Return the motion that a clip shows: flights or none."""
+    """Return ``flights`` if a clip shows a flight, otherwise ``none``."""
     return "flights" if track.flights else "none"
 
 
