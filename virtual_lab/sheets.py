@@ -88,7 +88,10 @@ class Sheet:
 
     @property
     def spec(self) -> Any:
-        """The frozen dataclass of a bat, a ball or a procedure: its numbers as SI floats."""
+        """The frozen dataclass of a bat, a ball or a procedure, with its numbers as SI floats.
+
+        Raises `InputError` for a sheet of another kind.
+        """
         if self.kind not in NAMED:
             raise InputError("", "spec", self.name, "allowed: of bats, balls and procedures")
         return self._entry(self.name).spec

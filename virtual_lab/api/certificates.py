@@ -104,7 +104,10 @@ class Certificate:
 
     @cached_property
     def budget(self) -> pd.DataFrame:
-        """The uncertainty budget of the metric, largest component first."""
+        """The uncertainty budget of the metric, largest component first.
+
+        Raises `InputError` if the test gave no result.
+        """
         from virtual_lab.certificate.tables import budget_table
 
         metric = self.certification.metric
@@ -377,8 +380,8 @@ def certify(
         Seed of all random numbers; makes the test reproducible, not sealed. By default a random
         seed of 128 bits, stored only in the sealed truth.
     number
-        Number of the laboratory in the study of this seed: another bat, other balls and calibration
-        errors.
+        Number of the laboratory among those with the same seed. Each has another bat, other balls
+        and other calibration errors.
     reality
         ``noise-free``: no randomness, but vibration of the bat, encoder counts, drag and friction
         remain. ``ideal``: bat, balls and instruments equal their nominal values.

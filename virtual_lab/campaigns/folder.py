@@ -229,7 +229,10 @@ class Campaign:
 
     @property
     def table(self) -> pd.DataFrame:
-        """All tests made so far, one row per test."""
+        """All tests made so far, one row per test, without those in damaged parts.
+
+        If there are none, the table has columns but no rows.
+        """
         import pandas as pd
         import pyarrow as pa
 

@@ -20,7 +20,10 @@ X_LABEL_HEIGHT = 32.0  # height of the labels below the axes [pt]
 
 
 def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
-    """Return the seven figures of a certificate by name, as SVG elements; None: nothing to draw."""
+    """Return the seven figures of a certificate by name, as SVG elements.
+
+    A figure for which the certificate has no data is None.
+    """
     return {
         "hits_figure": hits_figure(document),
         "along_figure": along_figure(document) if document.along else None,

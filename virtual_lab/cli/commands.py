@@ -57,7 +57,7 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
             self.fail(f"{value!r}; {advice(self.rule, value)}", param, ctx)
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
-        """Return the word for a value in the help; None: the argument's name."""
+        """Return the word for a value in the help, None for the name of the argument itself."""
         word = self.rule.metavar
         general = word in GENERAL or word.startswith("[")
         return None if isinstance(param, click.Argument) and general else word

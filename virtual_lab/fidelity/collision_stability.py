@@ -129,7 +129,8 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the maps of stability: one row per step and value of a parameter of the scene.
 
     A row has the state, the largest errors of e_A and of the energy balance, and counts of scenes.
-    Steps that the stepper would refuse are computed, too.
+    An error is None if it is not finite, or if the cell has no result. Steps that the stepper would
+    refuse are computed all the same.
     """
     rows = []
     for axis, values in AXES.items():

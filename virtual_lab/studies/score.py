@@ -37,7 +37,10 @@ class QuantityScore:
 
     @classmethod
     def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
-        """Return the score of a result; `measured` has the keys `value` and `u`."""
+        """Return the score of a result; `measured` has the keys `value` and `u`.
+
+        The error is None without a value, and so is z, also if u is None or 0.
+        """
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
         z = error / u if error is not None and u else None

@@ -175,7 +175,11 @@ class Desk:
         return metric.value, metric.u
 
     def entered_results(self, entered: Mapping[str, object]) -> list[EnteredResult]:
-        """Return the results that the trainee entered, each with the result of the records."""
+        """Return the results that the trainee entered, each with the result of the records.
+
+        Results that were not entered are left out. The result of the records, and its u, are None
+        if the records do not give it.
+        """
         quantities = self.certification.quantities if self.result else {}
         return [
             EnteredResult(
@@ -254,7 +258,10 @@ class Desk:
 
     @cached_property
     def waiting(self) -> tuple[int, ...]:
-        """Undecided hits within the acceptance windows, as shot numbers from 0."""
+        """Undecided hits within the acceptance windows, as shot numbers from 0.
+
+        There are none while a record is missing, or after the day was reduced or handed in.
+        """
         day = self.day
         if self.missing or day.reduced or day.handed_in:
             return ()

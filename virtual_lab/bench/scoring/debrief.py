@@ -69,7 +69,10 @@ class TimeLine:
 
     @property
     def between(self) -> str:
-        """Time and shots from the first visible sign of the fault until it was named, in words."""
+        """Time and shots from the first visible sign of the fault until it was named, in words.
+
+        The text is empty if the fault never became visible or was never named.
+        """
         if self.seen is None or self.named is None:
             return ""
         minutes = self.named.minute - self.seen.minute

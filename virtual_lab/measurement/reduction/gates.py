@@ -159,7 +159,10 @@ class GateReadings:
 
     @property
     def raw_u(self) -> RawFlightsU:
-        """Standard uncertainties of the raw flights, from the scatter of the gates about a line."""
+        """Standard uncertainties of the raw flights, from the scatter of the gates about a line.
+
+        They are NaN with fewer than three gates or two balls.
+        """
         raw = self.raw
         slope_in, level = self._line_u(INBOUND)
         slope_out, _ = self._line_u(OUTBOUND)

@@ -77,7 +77,8 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
         `rate` is the true rate [rad per recorded second]. The recorder fits a cubic to the counts
         of a `span` (shot,) that ends, or begins, at a time `gap` from contact [s]. The noise is
         that of the slope of the cubic at contact, for n rounded counts: with Legendre polynomials
-        σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span.
+        σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span. The rate before contact is NaN for a
+        swung bat, which has an `angle`, and otherwise 0; without `angle` the angle is NaN.
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
         count = sqrt(1 / 12) if spec.whole_counts else 0.0

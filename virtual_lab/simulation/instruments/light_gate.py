@@ -122,7 +122,10 @@ class BallGates(CalibratedInstrument[G], ABC):
         slots: Slots,
         detail: RecordDetail = RecordDetail.FULL,
     ) -> Record:
-        """Return the record of balls at the target from `contact` to `leaving` [s], (shot,)."""
+        """Return the record of balls at the target from `contact` to `leaving` [s], (shot,).
+
+        Raises `InputError` if `slots` have another shape than `contact`.
+        """
         if slots.shape != contact.shape:
             raise InputError("", "slots", slots.shape, f"allowed: one a shot, {contact.shape}")
         record = self.edges if detail is RecordDetail.FULL else self.sums
@@ -176,7 +179,10 @@ class LightGates(BallGates[LightGateSpec]):
         return GateRecord(times=quantise(self.clock * times + start + jitter, spec.tick))
 
     def sums(self, batch: WatchedBatch) -> PassageRecord:
-        """Return the passage at each gate, with the noise of the mean of two edges."""
+        """Return the passage at each gate, with the noise of the mean of two edges.
+
+        The heights are NaN, because gates do not measure them.
+        """
         passage, contact, leaving, draws, name, slots = batch
         from virtual_lab.simulation.instruments.gate_kernel import Gates, sum_up_gates
 

@@ -182,7 +182,7 @@ class StoringStation(Station, Protocol):
     """A station beside a store in which the balls are kept."""
 
     def store_humidity(self, draws: Draws) -> Array | None:
-        """Return the relative humidity of the store, 0 to 1, (laboratory,); None: no store."""
+        """Return the relative humidity of the store, 0 to 1, (laboratory,), None without one."""
         ...
 
 

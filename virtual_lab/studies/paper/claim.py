@@ -55,7 +55,7 @@ class Row:
 
     @property
     def deviation(self) -> float | None:
-        """Our result minus the printed number."""
+        """Our result minus the printed number; None if the paper prints none."""
         return None if self.claim.paper is None else self.result - self.claim.paper
 
     @property

@@ -1,4 +1,4 @@
-"""From pixels to metres in the plane the ball moves in."""
+"""Conversion from pixels to metres in the plane in which the ball moves."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Clips out of files: frames one at a time, when each was taken, what is known and seen of them."""
+"""Clips read from files: frames one at a time, their times, and the calibration of the camera."""

@@ -100,7 +100,7 @@ def _images(path: Path, files: list[Path]) -> Source:
 
 
 def _pages(file: Path, count: int, at_once: int) -> Iterator[Frame]:
-    """Yield the pictures in an image file; `InputError` where there is none."""
+    """Yield the pictures in an image file. Raises `InputError` if there are none."""
     import cv2
 
     for start in range(0, max(count, 1), max(at_once, 1)):

@@ -1,4 +1,4 @@
-"""Time of each frame, and the reliability of what a file states about it."""
+"""Time of each frame, and the reliability of a file's statements about it."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Drift of a picture from the still frame: shift, growth and turn, by least squares on its edges.
 
-Gauss and Newton on grey values (Lucas and Kanade 1981), robust by Tukey's biweight: what moves on
-its own is left out by its residual. Steep edges count most, because a codec keeps flat ones in
-place. A step too large for that is found by phase correlation of small pictures.
+Gauss and Newton on grey values (Lucas and Kanade 1981), robust by Tukey's biweight: pixels that
+move on their own are left out by their residual. Steep edges count most, because a codec keeps flat
+ones in place. A step too large for that is found by phase correlation of small pictures.
 
 A drift is an array (4,): right and down [pixels], growth, and turn [rad] from x to y, the last two
 about the picture's middle. A hand turns a phone by a degree in a clip, and its lens focuses.

@@ -1,4 +1,4 @@
-"""Places of the ball in regions or frames of a clip, as every way of locating it returns them."""
+"""Positions of the ball in regions or frames of a clip, the result of every method to locate it."""
 
 from __future__ import annotations
 
