@@ -229,7 +229,7 @@ def test_forms_alone_play_a_day_to_its_debrief(browser: Browser) -> None:
     assert browser.do("reduce").status == 303
     early = browser.ask("/certificate")
     assert early.status == 409
-    assert "“Give the verdict” comes first, your own before the program" in early.text
+    assert "“Give the verdict” comes first, so that your verdict precedes the program" in early.text
     assert browser.ask("/debrief").status == 409
     assert browser.do("give-verdict", verdict="PASS").status == 303
     certificate = browser.ask("/certificate")

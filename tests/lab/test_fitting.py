@@ -96,4 +96,4 @@ def test_a_rig_without_a_camera_films_nothing() -> None:
     require_camera(find_rig("filmed-cannon", Stage.IMPACT))
     with pytest.raises(InputError, match="filmed-cannon") as caught:
         require_camera(find_rig("ball-cannon", Stage.IMPACT))
-    assert (caught.value.key, caught.value.value) == ("film", "ball-cannon")
+    assert (caught.value.key, caught.value.value) == ("rig", "ball-cannon")

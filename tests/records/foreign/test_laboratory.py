@@ -222,10 +222,10 @@ def test_records_of_an_unknown_rig_can_be_reduced(tmp_path: Path) -> None:
         reduce(tmp_path / "theirs")
 
 
-def test_the_readme_has_every_key() -> None:
-    """The README lists every key of a channel and of a laboratory."""
-    readme = (Path(__file__).parents[3] / "data" / "README.md").read_text("utf-8")
-    section = readme.partition("# A form for another laboratory")[2]
+def test_the_page_of_the_form_has_every_key() -> None:
+    """The page lists every key of a channel and of a laboratory."""
+    page = Path(__file__).parents[3] / "virtual_lab" / "docs" / "forms.md"
+    section = page.read_text("utf-8")
     for form in (ChannelForm, LaboratoryForm):
         for field in fields(form):
             assert re.search(rf"`{field.name}`|^{field.name} =|^\[{field.name}", section, re.M), (
