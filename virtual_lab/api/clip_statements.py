@@ -37,15 +37,16 @@ def read_seconds(text: str) -> float:
     """Return a time of 0 to 1 s from a text such as ``8ms`` or ``1/120``, in seconds.
 
     The result is None if `text` is None. Raises `ValueError` for a text of another form, a number
-    without a unit, and a time outside 0 to 1 s, and `ZeroDivisionError` for ``1/0``.
+    without a unit, a time outside 0 to 1 s, and ``1/0``.
     """
     from virtual_lab.units import to_si
 
     form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
     match = re.fullmatch(form, text.replace("µ", "u"))
-    if not match or not (match[2] or match[3]):
+    divisor = float(match[2] or 1) if match else 0.0
+    if not match or not divisor or not (match[2] or match[3]):
         raise ValueError(text)
-    return _within(to_si(float(match[1]) / float(match[2] or 1), match[3] or "s", "time"), 0, 1)
+    return _within(to_si(float(match[1]) / divisor, match[3] or "s", "time"), 0, 1)
 
 
 @_optional
