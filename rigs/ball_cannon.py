@@ -54,7 +54,11 @@ class BallCannonStation(RestingBatStation):
 
 
 def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
-    """Return the commissioned parts of a ball cannon by name, as the fields of its station."""
+    """Return the parts of a ball cannon, by the field names of `BallCannonStation`.
+
+    The errors of the instruments are drawn at random, or are zero if the laboratory is ideal. Frame
+    and stop are taken from the data sheet.
+    """
     holder = factory.as_asked(spec.holder)
     return {
         "holder": Holder.commission(holder, factory.draws, "ball-cannon.holder"),

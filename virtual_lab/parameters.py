@@ -137,9 +137,10 @@ def choice(*values: str) -> ParameterRule:
 
 
 def several(one: ParameterRule, words: str = "") -> ParameterRule:
-    """Return the rule of one value or a list of at least one, each read by `one`; it reads a tuple.
+    """Return a rule that accepts one value, or a list of at least one, and returns a tuple.
 
-    `words` replace the sentence of what is allowed for one value.
+    Each value is checked and converted by the rule `one`. `words` replace the description of what
+    `one` allows; empty keeps it.
     """
 
     def read(value: Any) -> tuple[Any, ...]:

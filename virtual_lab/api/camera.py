@@ -199,7 +199,7 @@ def track(
     film_of_track
         Also write the marked frames as a film, ``track.webp``, when the result is saved.
     progress
-        Function that is called with the present task.
+        Function that is called with a text that names the present task.
 
     Raises
     ------

@@ -356,6 +356,8 @@ def certify(
 ) -> Certificate:
     """Test a bat by a procedure, and make its certificate.
 
+    Nothing is written before ``save``.
+
     Parameters
     ----------
     bat
@@ -377,7 +379,8 @@ def certify(
         Rig to use instead of that of the procedure; it must write the records that the procedure
         needs.
     seed
-        Seed of all random numbers; makes the test reproducible, not sealed. By default a random
+        Seed of all random numbers. A given seed makes the test reproducible, but anyone who knows
+        it can compute the true values, so the certificate says "not sealed". By default a random
         seed of 128 bits, stored only in the sealed truth.
     number
         Number of the laboratory among those with the same seed. Each has another bat, other balls
@@ -436,14 +439,15 @@ def certify(
     uncertainty
         Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
     progress
-        Function that is called with the present task.
+        Function that is called with a text that names the present task.
 
     Raises
     ------
     InputError
-        An unknown name, a file that cannot be used, a seed that is not a whole number from 0 up, a
-        number, test or lot without a seed or if nothing is random, a film at a rig without a
-        camera, a history of other tests.
+        An unknown name; a file that cannot be used; a seed that is not a whole number of at least
+        0; `number`, `test` or `lot` without a seed; any of these four arguments if `reality` is not
+        ``real``; a film at a rig without a camera; or a `history` that has fewer than three tests
+        or tests of another kind.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
@@ -551,6 +555,8 @@ def reduce(
 ) -> Certificate:
     """Compute the certificate of a folder of raw records, without the truth.
 
+    Nothing is written before ``save``.
+
     Parameters
     ----------
     records
@@ -562,14 +568,15 @@ def reduce(
         Reason for the replacement; the certificate states both.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such. They take the place of the history that the records name.
+        laboratory, or a folder of such folders; at least three tests. They take the place of the
+        history that the records name.
 
     Raises
     ------
     InputError
         A record, calibration or procedure that is missing or cannot be used; a folder without a
         certificate to replace; a reason without a folder, or a folder without a reason; or a
-        history of other tests.
+        history of fewer than three tests or of tests of another kind.
     """
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter, kind_of
@@ -642,7 +649,8 @@ def sweep(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the number of tests done; by default it is shown on stderr.
+        Function that is called with a text, the number of tests done, and the total. By default
+        the progress is shown on stderr.
 
     Returns
     -------

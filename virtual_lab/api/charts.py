@@ -28,7 +28,7 @@ def chart(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the present task.
+        Function that is called with a text that names the present task.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def stability(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the present task.
+        Function that is called with a text that names the present task.
 
     Raises
     ------

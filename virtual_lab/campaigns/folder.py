@@ -216,8 +216,9 @@ class Campaign:
         return Account(parts=len(numbers), tests=tests, missing=missing, processors=families)
 
     def summary(self) -> Rows[dict[str, Any]]:
-        """Return one row per bat, procedure and change: verdicts, means, errors, coverage [SI].
+        """Return verdicts, means, errors and coverage of the tests [SI].
 
+        The table has one row per combination of bat, procedure and changed settings.
         Raises `InputError` as `states` does.
         """
         numbers = range(self.blocks)

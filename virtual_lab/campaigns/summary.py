@@ -1,4 +1,4 @@
-"""Summary of a campaign: one row per bat, procedure and change."""
+"""Summary of a campaign: one row per combination of bat, procedure and changed settings."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
     Parameters
     ----------
     case
-        Bat, procedure and changes.
+        Combination of bat, procedure and changed settings.
     parts
         Parts of the case, with the content of their files, sorted by laboratories and day.
     """

@@ -95,9 +95,9 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
 
 
 def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
-    """Yield a mismatch for the first line of `stated` that differs from `here`, if any does.
+    """Yield a mismatch for the first line at which the texts differ, if any.
 
-    `file` is the name of the file for the mismatch.
+    A missing line counts as a difference. `file` is the name of the file for the mismatch.
     """
     lines = zip_longest(stated.split("\n"), here.split("\n"))
     for number, (there, expected) in enumerate(lines, start=1):

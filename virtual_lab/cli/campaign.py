@@ -15,5 +15,8 @@ def check(folder: Folder, *, progress: Progress) -> Any:
 
 
 def summary(folder: Folder) -> Any:
-    """Show verdicts, means, errors and coverage of every bat, procedure and change in FOLDER."""
+    """Show verdicts, means, errors and coverage of the tests in FOLDER.
+
+    The table has one row per combination of bat, procedure and changed settings.
+    """
     return api.Campaign.open(folder).summary()

@@ -91,7 +91,7 @@ def picture_cells(
     Parameters
     ----------
     progress
-        Function that is called with the name of the axis.
+        Function that is called with a text, the name of the axis.
     axes
         Name of each map, the field of `Case` that varies in it, and the values.
     balls

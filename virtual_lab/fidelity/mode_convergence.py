@@ -74,7 +74,7 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConver
 
         Or sheets.
     progress
-        Function that is called with the number of bats done and in total.
+        Function that is called with a text, the number of bats done, and the total.
 
     Raises
     ------

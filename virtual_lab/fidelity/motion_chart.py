@@ -88,7 +88,7 @@ def motion_chart(
     Parameters
     ----------
     progress
-        Function called with the current step.
+        Function that is called with a text that names the present task.
     steps, losses
         Steps for the hits, and for the energy loss of a rotating bat [s].
     batch

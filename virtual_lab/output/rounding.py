@@ -27,7 +27,8 @@ def digits(u: float) -> str:
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
 
-    Both have the decimal places that leave `u` two significant digits. `word` replaces the u.
+    Both have the decimal places that leave `u` two significant digits. `word` replaces the u. A u
+    of 0 gives six decimal places and ``(u 0)``.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 

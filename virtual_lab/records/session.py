@@ -89,7 +89,9 @@ class PackedSession:
 def pack(session: Session) -> PackedSession:
     """Return the files of a session as bytes and arrays, by their paths in its folder.
 
-    ``session.json`` among them holds the SHA-256 of all others. Nothing is written.
+    One of them, ``session.json``, holds a SHA-256 for every other file. In a simulated session, the
+    hash of a channel's file also covers the JSON text of the simulation's origin, placed before the
+    file's bytes. In texts, CR LF counts as LF. Nothing is written.
     """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)
@@ -183,9 +185,9 @@ class ChannelEntry(Spec):
     rows: Whole
     """Number of rows of the file."""
     sha256: str
-    """SHA-256 of the file, after the text of the simulation in a simulated session."""
+    """SHA-256 of the file; in a simulated session, of the JSON text of its origin and the file."""
     attached: Mapping[str, str] = field(default_factory=dict)
-    """SHA-256 of each array beside the file, by its name."""
+    """SHA-256 of each array beside the file, by its name; it covers the same text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

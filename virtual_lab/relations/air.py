@@ -23,7 +23,7 @@ def air_density(
     """Return the density of moist air [kg/m³], in the common shape of the arguments.
 
     `temperature` is in K, `humidity` relative from 0 to 1, `pressure` in Pa. Values outside the
-    range of the formula are not refused.
+    range of the formula are not refused. The formula is applied to them.
     """
     kelvin, p = np.asarray(temperature, dtype=float), np.asarray(pressure, dtype=float)
     t = kelvin - ZERO_CELSIUS

@@ -73,7 +73,7 @@ def bias(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the number of bats done and in total.
+        Function that is called with a text, the number of bats done, and the total.
 
     Raises
     ------

@@ -188,7 +188,7 @@ def coverage(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the number of laboratories done and in total.
+        Function that is called with a text, the number of laboratories done, and the total.
 
     Raises
     ------
@@ -212,8 +212,9 @@ def each_laboratory(
 ) -> Iterator[Taken]:
     """Yield the result of `take` for each block of laboratories, in the order of the laboratories.
 
-    `take` must be a function of a module, because processes pickle it. `progress` is called after
-    each block. Raises `InputError` for fewer than two laboratories or `workers` below 1.
+    `take` must be a function of a module, because processes pickle it. After each block, `progress`
+    is called with a text, the number of laboratories done, and the total. Raises `InputError` for
+    fewer than two laboratories or `workers` below 1.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")

@@ -216,7 +216,7 @@ def daily(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the present task.
+        Function that is called with a text that names the present task.
 
     Raises
     ------

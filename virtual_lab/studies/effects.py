@@ -82,18 +82,20 @@ def effects(
 ) -> Rows[Effect]:
     """Compare the stated and the real effect of each component of the budget of the metric.
 
-    The table has one row per component, sorted by the size of the stated effect.
+    The table has one row per component, sorted by the size of the stated effect. The columns
+    `stated` and `realised` hold the stated and the real effect of one u, in the unit of the metric.
+    `apart` is the real effect minus the stated effect, in standard errors.
 
-    Two components can differ for a known reason. The first is the slope along the barrel. Its
-    stated uncertainty is the spread over many bats, but the study tests one bat. `realised` is
-    then the error of this one bat's slope, which says little about the spread, so `apart` is
-    None. This error also changes the effect of the aim.
+    For two components, the real effect can differ from the stated effect for a known reason. The
+    first is the slope along the barrel. Its stated uncertainty is the spread over many bats, but
+    the study tests one bat. For the slope, `realised` is the error of this one bat's slope, which
+    says little about the spread, so `apart` is None. This error also changes the effect of the aim.
 
     The second is `hits`. It is stated as if each hit had a ball of its own, drawn at random,
     but the hits use different balls of the same dozen. If e is not proportional to e0, as for a
     hollow bat, balls differ in their results. These differences count fully in the scatter of
-    the hits but partly cancel in the mean, so the stated effect is too large (asa, six of
-    twelve balls: by 6 %).
+    the hits but partly cancel in the mean, so the stated effect is too large. With the procedure
+    ``asa``, whose six hits use six of twelve balls, it is too large by 6 %.
 
     Parameters
     ----------
@@ -119,7 +121,7 @@ def effects(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the number of laboratories done and in total.
+        Function that is called with a text, the number of laboratories done, and the total.
 
     Raises
     ------

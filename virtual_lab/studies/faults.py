@@ -153,7 +153,8 @@ def faults(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the fault and the procedure that are simulated.
+        Function that is called with a text that names the procedure and the fault, the number of
+        laboratories done, and the total.
 
     Returns
     -------

@@ -126,7 +126,7 @@ def operating(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the number of tests done and in total.
+        Function that is called with a text, the number of tests done, and the total.
 
     Raises
     ------

@@ -38,8 +38,8 @@ def sweep_tests(
 ) -> pd.DataFrame:
     """Return a table with one row per test, in the columns that `virtual_lab.sweep` describes.
 
-    The rows are sorted by bat, procedure and number of the laboratory. A test without a result has
-    a row, too.
+    The rows are in the order of `bats`, then of `procedures`, then by number of the laboratory. A
+    test without a result has a row, too.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def sweep_tests(
     workers
         Number of processes.
     progress
-        Function that is called with a text, the number of tests done, and the total number.
+        Function that is called with a text, the number of tests done, and the total.
 
     Raises
     ------

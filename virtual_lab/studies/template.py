@@ -78,7 +78,7 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
 def particulars_form(path: Path) -> Path:
     """Write an empty form for the particulars of a test into a new file, and return its path.
 
-    Raises `InputError` if the file exists or cannot be written.
+    Missing folders are created. Raises `InputError` if the file exists or cannot be written.
     """
     with new_files(path.parent) as draft:
         (draft / path.name).write_text("\n".join(form()) + "\n", encoding="utf-8")

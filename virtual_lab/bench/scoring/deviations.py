@@ -57,7 +57,10 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
-    """Return the total time of justified additional checks [s]; no points are lost for it."""
+    """Return the total time [s] of extra checks that a reading justified.
+
+    The procedure does not require these checks. The economy score does not count their time.
+    """
     entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(
         event.seconds

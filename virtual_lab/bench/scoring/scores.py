@@ -190,8 +190,8 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
     """Return the economy score, 0 to 1, and its explanation.
 
     The score is the product of three factors, each at most 1: the expert's time over the trainee's
-    time, the same ratio of the numbers of shots, and the score `result`. `needless` seconds of the
-    trainee's time are not counted.
+    time, the same ratio of the numbers of shots, and the score `result`. `needless` is the
+    part of the trainee's time that is not counted [s]: extra checks that a reading justified.
     """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)

@@ -100,6 +100,7 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
 
     Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot, so
     a straight barrel stays straight. Positions beyond the bat are not refused.
+    The end cubic is extrapolated there.
     """
     return _between_stations(profile, profile.outer_diameter, z)
 

@@ -61,10 +61,11 @@ class RestingBatSpec(CannonRigSpec):
 def commission(
     spec: CannonRigSpec, factory: InstrumentFactory, name: str, gates: type[Any], sheet: type[Any]
 ) -> dict[str, Any]:
-    """Return the commissioned instruments of a rig by name, as the fields of its station.
+    """Return the instruments of a rig, by the field names of its station.
 
-    `name` is the rig's name for its random numbers. `gates` is the class of the gates and `sheet`
-    that of their data sheet. Raises `InputError` for an unknown data sheet.
+    Their errors are drawn at random, or are zero if the laboratory is ideal. `name` is the rig's
+    name for its random numbers. `gates` is the class of the gates and `sheet` that of their data
+    sheet. Raises `InputError` for an unknown data sheet.
     """
     fit = factory.commission
     return {

@@ -177,7 +177,8 @@ def fit_bat(
     seed
         Seed of the random parameters and of the variation of the measurements.
     progress
-        Function that is called with the number of bats fitted.
+        Function that is called with a text, the number of bats fitted, and the total. Before the
+        collisions are computed, it is called with a text only.
 
     Raises
     ------

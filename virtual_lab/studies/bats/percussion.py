@@ -203,7 +203,8 @@ def percussion(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with the laboratory that is firing.
+        Function that is called with a text, the number of impact positions done in all
+        laboratories, and the total.
 
     Returns
     -------

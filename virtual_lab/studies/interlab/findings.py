@@ -121,7 +121,7 @@ def interlab(
     workers
         Number of processes, each with one thread, that share the laboratories.
     progress
-        Function that is called with the number of cases done and in total.
+        Function that is called with a text, the number of cases done, and the total.
 
     Raises
     ------

@@ -88,7 +88,7 @@ def paper(*, progress: Progress = quiet) -> Findings:
     Parameters
     ----------
     progress
-        Function called with the number of claims done and in total.
+        Function that is called with a text, the number of claims done, and the total.
     """
     rows: list[Row] = []
     for claim in CLAIMS:

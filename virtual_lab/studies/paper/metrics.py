@@ -289,10 +289,11 @@ def gain_by_equations() -> float:
 
 
 def energy_with_vibration(support_name: str) -> float:
-    """Return the largest absolute difference of the share of energy in the bat, held minus free.
+    """Return the largest absolute difference in energy between a supported bat and a free bat.
 
-    The share is that of rigid motion, vibration and losses in the ball's initial energy. R161 is
-    hit at 3 to 8 in from the tip. `support_name` is pivoted, clamped or held.
+    The energy is the sum of the bat's rigid motion, bending and hoop vibration, and the loss in the
+    ball, as a fraction of the ball's initial energy. R161 is hit at 3 to 8 in from the tip.
+    `support_name` is pivoted, clamped or held.
     """
 
     def total(name: str) -> Array:
@@ -303,10 +304,10 @@ def energy_with_vibration(support_name: str) -> float:
 
 
 def least_energy_gap(support_name: str) -> float:
-    """Return the smallest absolute difference of the energy of rigid motion, held minus free bat.
+    """Return the smallest absolute difference in energy between a supported bat and a free bat.
 
-    It is a share of the ball's initial energy. R161 is hit at 3 to 4.75 in from the tip.
-    `support_name` is pivoted, clamped or held.
+    The energy is that of rigid motion, as a fraction of the ball's initial energy. R161 is hit
+    at 3 to 4.75 in from the tip. `support_name` is pivoted, clamped or held.
     """
     gap = peak_of(WOOD, Z, support_name=support_name).energy.rigid - peak_of(WOOD, Z).energy.rigid
     return float(np.abs(gap[Z < 5]).min())

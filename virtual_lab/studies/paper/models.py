@@ -60,15 +60,18 @@ def modes_left_out(count: int) -> float:
 
 
 def highest_of(count: int) -> float:
-    """Return the frequency of bending mode number `count` of free R161 [kHz]; the lowest is 1."""
+    """Return the frequency [kHz] of bending mode number `count` of the free bat R161.
+
+    Mode 1 is the lowest.
+    """
     return float(model(WOOD).modes.bending_frequencies[count - 1]) / 1e3
 
 
 def less_lost() -> float:
     """Return the smallest share of energy lost along EA70 minus the smallest along R161.
 
-    The share is that of the ball's initial energy, 3 to 8 in from the tip; it is negative if EA70
-    loses less.
+    The share is a fraction of the ball's initial energy. Both bats are hit at 3 to 8 in from the
+    tip. The result is negative if EA70 loses less.
     """
     aluminium, wood = (float(energy_loss(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood

@@ -127,7 +127,7 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
     Parameters
     ----------
     progress
-        Function that is called with the task, the number of rows done and their total.
+        Function that is called with a text, the number of rows done, and the total.
     """
     rows: list[ReferenceRow] = []
     for number in read_published():

@@ -71,7 +71,7 @@ def noticed_faults(
     folder
         Folder of the days played so far; it is made if there is none.
     progress
-        Function that is called with the number of faults played and in total.
+        Function that is called with a text, the number of faults done, and the total.
     days
         Number of days per fault and size.
 

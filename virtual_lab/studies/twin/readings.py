@@ -65,7 +65,7 @@ def unlike_readings(
     days
         Number of days to play, each with every edge and count.
     progress
-        Function that is called with the number of days played and in total.
+        Function that is called with a text, the number of days done, and the total.
     """
     block = certification.block
     own = readings_of(evaluate(block, *reduce_block(block)))

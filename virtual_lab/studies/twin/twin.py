@@ -236,7 +236,7 @@ def twin(
     seed
         Seed of the days.
     progress
-        Function that is called with the number of days played and in total.
+        Function that is called with a text, the number of days or faults done, and the total.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def watch(
     tripod
         Whether the camera is known to stand still.
     progress
-        Function that receives messages about the progress.
+        Function that is called with a text that names the frame.
     """
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
@@ -150,7 +150,9 @@ def repeats(watched: Watched) -> Mask:
     """Return a mask of the frames that repeat the one before, (frame,).
 
     A repeat hardly changes the picture, and fewer than half of its round objects move. The second
-    condition is for a ball at the top of a low hop, which changes the picture very little.
+    condition is for a ball at the top of a low hop, which changes the picture very little. Objects
+    without a match in the frame before are not counted. If no object has a match, the second
+    condition is met.
     """
     moving, same = watched.blobs, lulls(watched.change)
     clean = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]

@@ -122,11 +122,14 @@ def estimate_of(
     unit: float = 1.0,
     relative_u: float = 0.0,
 ) -> Estimate:
-    """Estimate a quantity of a fit, in units with a relative u.
+    """Return the estimate of a quantity of a fit: `unit` times ``quantity(fit)``, with its u.
 
-    The fit is moved by one standard uncertainty in both directions along each axis of its
-    covariance. The greater change counts, because drag cannot fall below 0. The difference to each
-    other fit, times the share stated with that fit, is another part of u.
+    `unit` is the size of one unit of `quantity`, and `relative_u` its relative standard
+    uncertainty. The u is the root sum of squares of these parts, times `unit`. For each axis of the
+    fit's covariance, the fit is moved by one standard uncertainty in both directions, and the
+    larger change of the quantity counts, because drag cannot fall below 0. For each pair (other
+    fit, share) in `others`, the part is the difference between `fit` and that other fit, times the
+    share. The last part is `relative_u` times the quantity.
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)

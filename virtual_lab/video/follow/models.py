@@ -21,7 +21,7 @@ STEEPEST = 10 * DEGREE
 DRAG_SHARE = 0.35  # share of the difference between fits with and without drag that is u
 OFF_NORMAL = 35 * DEGREE  # largest angle between a change of velocity and the normal [rad]
 
-Others = Sequence[tuple[Fit, float]]  # fits, with the share of the difference to each that is u
+Others = Sequence[tuple[Fit, float]]  # fits, and the share of each one's difference that is u
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
