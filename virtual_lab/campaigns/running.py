@@ -61,7 +61,7 @@ def campaign(
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a text, the number of tests done, and the total. While a new
-        campaign is prepared, it is called with the number of cases or columns instead.
+        campaign is prepared, cases and columns are counted instead.
 
     Raises
     ------
