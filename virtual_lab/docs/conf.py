@@ -30,6 +30,7 @@ extensions = [
     "building.formulas",
     "building.generated",
     "building.offline",
+    "building.streams",
 ]
 exclude_patterns = [
     "building",
