@@ -17,7 +17,11 @@ FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad 
 
 
 def kind_of(session: Session) -> dict[str, str]:
-    """Return bat, text of the procedure, impact rig and laboratory, which joined tests share."""
+    """Return the properties that joined tests share.
+
+    They are ``bat``, ``procedure`` (its text), ``rig`` (of the impact stage) and ``laboratory``
+    (its name).
+    """
     return {
         "bat": session.bat,
         "procedure": session.procedure_text,

@@ -29,7 +29,10 @@ def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
 
 
 def budget_table(budget: Budget) -> pd.DataFrame:
-    """Return the uncertainty budget as a table: one row per component in SI, largest first."""
+    """Return the uncertainty budget as a table with values in SI units.
+
+    It has one row per component, sorted by contribution, the largest first.
+    """
     import pandas as pd
 
     return pd.DataFrame([asdict(line) for line in budget_lines(budget)])

@@ -213,7 +213,11 @@ def _part(value: str) -> str:
 
 
 def check_new_file(path: Path, endings: Sequence[str]) -> None:
-    """Raise `InputError` for a file that exists, cannot be written, or has another ending."""
+    """Raise `InputError` for a file that exists, cannot be written, or has another ending.
+
+    A missing folder is no error if it can be made. `endings` include the dot, and upper and lower
+    case differ.
+    """
     if path.suffix not in endings:
         raise InputError(
             "", "file", str(path), f"allowed: a name that ends in {', '.join(endings)}"

@@ -57,11 +57,13 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the stability maps of plain pymunk and of our pymunk model of the motion.
 
-    Each model has five maps, of the time step against one quantity of `MotionAxis`. There is one
-    row per cell, with the map, the model, both coordinates, the state (good, inaccurate or
-    unstable), the number of shots, and ``worst_error``: the largest error of the ball's velocity
-    relative to the speed of approach, or None if it is not finite. ``refused`` tells whether our
-    model refuses the settings; such cells are computed all the same.
+    Each model has five maps, one per quantity of `MotionAxis`. A map is a grid of time steps and
+    values of that quantity. There is one row per cell, with the map, the model, both coordinates,
+    the state (good, inaccurate or unstable), the number of shots, and ``worst_error``: the largest
+    error of the ball's velocity relative to the speed of approach, or None if it is not finite.
+
+    ``refused`` tells whether our model refuses the settings of a cell in its own maps. Such cells
+    are computed all the same. In the maps of plain pymunk it is always False.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def quote(cell: object) -> str:
     """Return a table cell as text, in a form that no spreadsheet interprets as a formula.
 
-    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe; numbers do not.
+    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe in front. A number
+    does not, nor does a text that states a number, such as ``-1.5``.
     """
     text = str(cell)
     if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):

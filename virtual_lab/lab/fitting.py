@@ -74,7 +74,10 @@ def require_camera(rig: Rig) -> None:
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Raise `InputError` for a scan beyond the tip or the pivot of a bat. Otherwise return None."""
+    """Raise `InputError` for a scan that reaches the tip or the pivot of a bat, or goes beyond it.
+
+    Otherwise return None.
+    """
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob

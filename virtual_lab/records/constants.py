@@ -215,6 +215,7 @@ def constant_of(key: str) -> Constant | None:
     """Return the description of a constant ``stage.instrument.constant``, None if it is unknown.
 
     A number at the end distinguishes constants of one kind: ``distance_0``, ``distance_1``.
+    Such a number is ignored, and the stage is not checked.
     """
     return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
 

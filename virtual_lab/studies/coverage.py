@@ -173,7 +173,7 @@ def coverage(
     laboratories
         Number of laboratories, each with another bat, other balls and calibration errors.
     seed
-        Seed of the study; its laboratories are taken by number, from 0.
+        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     summed
         Let the instruments record sums instead of every gate edge and encoder count, and let every
         laboratory test the nominal bat. This is much faster.

@@ -249,7 +249,7 @@ def critique(
     laboratories
         Number of laboratories that test every bat by every procedure.
     seed
-        Seed of the study; its laboratories are taken by number, from 0.
+        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 

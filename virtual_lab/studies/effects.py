@@ -83,7 +83,8 @@ def effects(
     """Compare the stated and the real effect of each component of the budget of the metric.
 
     The table has one row per component, sorted by the size of the stated effect. The columns
-    `stated` and `realised` hold the stated and the real effect of one u, in the unit of the metric.
+    `stated` and `realised` hold the stated and the real change of the metric, in its unit, for a
+    change of the component by one standard uncertainty u.
     `apart` is the real effect minus the stated effect, in standard errors.
 
     For two components, the real effect can differ from the stated effect for a known reason. The
@@ -110,7 +111,7 @@ def effects(
     laboratories
         Number of laboratories, at least four per component.
     seed
-        Seed of the study; its laboratories are taken by number, from 0.
+        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     summed
         Let the instruments record sums instead of every gate edge and encoder count, and let every
         laboratory test the nominal bat. This is much faster.

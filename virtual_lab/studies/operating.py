@@ -105,12 +105,13 @@ def operating(
     """Show the probability that a bat passes, as a function of its true metric.
 
     Each laboratory makes three tests of a bat. The table has the probability for one test and for
-    the best of three.
+    the best of three. The instruments record sums instead of every gate edge and encoder count, and
+    all laboratories test the nominal bat.
 
     Parameters
     ----------
     bat
-        Bat design: a name in the catalog or a .toml file. Its instruments write sums.
+        Bat design: a name in the catalog or a .toml file.
 
         Or a sheet.
     procedures
@@ -120,7 +121,7 @@ def operating(
     laboratories
         Number of laboratories, each with three tests.
     seed
-        Seed of the study; its laboratories are taken by number, from 0.
+        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 

@@ -124,7 +124,7 @@ class Components(AlignedArrays):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """Standard uncertainty of one result, and its components, largest first."""
+    """Standard uncertainty of one result, and its components, the largest contribution first."""
 
     value: float
     u: float

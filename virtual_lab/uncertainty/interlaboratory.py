@@ -184,11 +184,11 @@ def grubbs_limit(groups: int, level: float) -> float:
 
 
 def h_limit(groups: int, level: float) -> float:
-    """Return the critical value of |h| (ASTM E691) for one of `groups` means.
+    """Return the critical value of |h|, with the statistic h of ASTM E691; it has no unit.
 
-    The statistic h is the deviation of one mean from the mean of all, in standard deviations of the
-    means. Its absolute value exceeds the limit by chance with a probability of `level`. The limit
-    is NaN for fewer than three groups.
+    The test is of one mean out of `groups`. The statistic h is the deviation of this mean from the
+    mean of all, in standard deviations of the means. Its absolute value exceeds the limit by chance
+    with a probability of `level`. The limit is NaN for fewer than three groups.
     """
     from scipy.stats import t
 
@@ -199,10 +199,11 @@ def h_limit(groups: int, level: float) -> float:
 
 
 def k_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical value of k (ASTM E691) for one of `groups`, without unit.
+    """Return the critical value of the statistic k of ASTM E691; it has no unit.
 
-    The statistic k is the standard deviation within a group, with `dof` degrees of freedom, over
-    the pooled one. It exceeds the limit by chance with a probability of `level`.
+    The test is of one group out of `groups`. The statistic k is the standard deviation within this
+    group, with `dof` degrees of freedom, over the pooled one of all groups. It exceeds the limit by
+    chance with a probability of `level`.
     """
     from scipy.stats import f
 

@@ -56,7 +56,10 @@ class PrintedInstrument(NamedTuple):
 
 
 def rules_of(desk: Desk) -> list[PrintedRule]:
-    """Return one row per number of the rules, in the units of the rule book and in SI."""
+    """Return one row for each numerical entry in the rules of the procedure.
+
+    The value is printed in the unit of the rule book, followed by SI units if they differ.
+    """
     words = wall()["rules"]
     order = {key: place for place, key in enumerate(words)}
     return [

@@ -26,12 +26,13 @@ SCALE_U = 0.01  # harmless relative difference between the height scales of two 
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison per inner gate and flight direction: its distance from the flight.
+    """Yield one comparison per inner gate and flight direction: surveyed minus timed position [m].
 
-    The difference is the surveyed position of the gate minus that from its time of passage, by the
-    flight through the first and the last gate [m], one mean per laboratory. Nothing is yielded with
-    fewer than three gates, or with another instrument than gates and boards. A laboratory with
-    fewer than `FEWEST_SHOTS` shots is not compared.
+    The timed position is where the ball is at the gate's time of passage, on a flight with drag
+    that passes the first and the last gate at their measured times. The difference is averaged over
+    the shots of each laboratory. Nothing is yielded with fewer than three gates, or with another
+    instrument than gates and boards. A laboratory with fewer than `FEWEST_SHOTS` shots is not
+    compared.
     """
     constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):

@@ -253,9 +253,10 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison: mean e_A from the bat's recoil minus that from the ball's rebound.
 
-    The mean is over the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS` of
-    them; one is enough if the aim marks give the scatter of the impact position. Nothing is yielded
-    if no laboratory has enough.
+    The mean is over the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS`
+    such shots, because their scatter gives the uncertainty of the mean. One shot is enough if there
+    are at least `FEWEST_SHOTS` aim marks, which give the scatter of the impact position. Nothing is
+    yielded if no laboratory has enough.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     has_both = evidence.reduced.valid & np.isfinite(difference)

@@ -45,7 +45,10 @@ def most_asked(rules: ScanRules) -> int:
 
 @njit(cache=True)
 def is_at(place: float, at: float, reach: float) -> bool:
-    """Return whether a shot at `place` is less than `reach` away from the position `at` [m]."""
+    """Return whether a shot at `place` is at most `reach` away from the position `at` [m].
+
+    A distance of exactly `reach` counts, also if it is a little larger after rounding.
+    """
     return bool(abs(place - at) < reach + LEAST)
 
 
@@ -72,8 +75,8 @@ def mean_at(
 ) -> tuple[int, float]:
     """Return the number of valid hits at a position, and the mean objective of these hits.
 
-    Only the first `most` valid hits less than `reach` [m] from `at` [m] count. The mean is 0 if
-    there are none. The arrays are (shot,).
+    Only the first `most` valid hits at most `reach` [m] from `at` [m] count. The mean is 0 if there
+    are none. The arrays are (shot,).
     """
     count, total = 0, 0.0
     for shot in range(place.size):

@@ -171,19 +171,20 @@ def rebound_speed_from_recoil(
 def struck_place(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    It is `aimed` + `aim` - `along`, all in metres: the aimed position, plus the distance of the
-    line of fire from its nominal line along the bat, minus the part of this distance that `aimed`
-    already contains.
+    It is `aimed` + `aim` - `along`, all in metres. `aim` is the distance, along the bat, of the
+    line of fire from its nominal line. `along` is the estimate of this distance that was already
+    added to `aimed`. It is subtracted so that the distance does not count twice.
     """
     return aimed + aim - along
 
 
 def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
-    """Return the rebound speed of a ball at right angles to a bat that is not square to it [m/s].
+    """Return the component of a ball's rebound velocity at right angles to the bat [m/s].
 
-    A smooth ball keeps its velocity along the bat and rebounds at right angles to it. `v_in` and
-    `v_out` are the speeds along the line of fire [m/s], and `cosine` is that of the bat's angle
-    from square to this line.
+    The bat may be tilted, so that it is not at right angles to the line of fire. A smooth ball
+    keeps its velocity component along the bat; only the component at right angles to the bat
+    changes. `v_in` and `v_out` are the speeds along the line of fire, in and back [m/s]. `cosine`
+    is the cosine of the tilt.
     """
     return (v_out + v_in * (1 - cosine**2)) / cosine
 

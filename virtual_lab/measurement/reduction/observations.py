@@ -145,9 +145,9 @@ def odd_swings(times: Array) -> Mask:
 def counted_releases(odd: Mask) -> Mask:
     """Return a mask of the releases without an odd swing, (laboratory, release).
 
-    `odd` is a mask of swings, (laboratory, release, swing). If the releases without one are fewer
-    than two, or than half of all, the mask is True for all releases of the laboratory, because the
-    records do not show which are right.
+    `odd` is a mask of swings, (laboratory, release, swing). If fewer than two releases of a
+    laboratory, or fewer than half of them, are free of odd swings, the mask is True for all its
+    releases, because the records do not show which are right.
     """
     even = ~odd.any(axis=2)
     too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)

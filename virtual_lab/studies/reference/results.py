@@ -54,10 +54,11 @@ FOOT = 12 * INCH
 
 
 def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> float:
-    """Return a number of a catalog file, such as ``balls``, its name and a key, in `unit`.
+    """Return the number with the key `key` in a catalog file, converted to `unit`.
 
-    `index` selects from a list and is ignored for a single number. Raises `InputError` for an
-    unknown file, and `ValueError` for an unknown key or a unit of another dimension.
+    The file is the entry `name` of the folder `kind`, such as ``balls``. `index` selects from a
+    list and is ignored for a single number. Raises `InputError` for an unknown file, and
+    `ValueError` for an unknown key or a unit of another dimension.
     """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     value = datum.value[index] if isinstance(datum.value, list) else datum.value

@@ -145,7 +145,8 @@ def _played(fault: Fault, playing: TwinDays, u: float, sound: Array) -> NoticedF
 def sized(fault: Fault, size: float) -> Fault:
     """Return a fault whose changes of numbers are multiplied by `size`.
 
-    A change of a whole number, or of a reading that is there or not, has its full size.
+    Changes of whole numbers and texts keep their full size, and so do readings that the fault adds
+    or removes. A fault in `NO_SIZE` is returned unchanged.
     """
     if fault.name in NO_SIZE:
         return fault

@@ -346,13 +346,13 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile of the pictures that is the background.
+    """Return the quantile, 0 to 1, at which the background lies among the grey values of a pixel.
 
-    It is the median, except for eight or more pictures of a grey camera, as used in laboratories:
-    there a slow ball may cover a pixel for most of the time. Most of the pixels that it touches,
-    however, are covered for less than half of the time, and show whether the ball is lighter than
-    the background. For a lighter ball the quantile lies below the median, for a darker one above
-    it.
+    The grey values are those in all pictures. The quantile is 0.5, the median, except for eight or
+    more pictures of a grey camera, as used in laboratories: there a slow ball may cover a pixel for
+    most of the time. Most of the pixels that it touches, however, are covered for less than half of
+    the time, and show whether the ball is lighter than the background. For a lighter ball the
+    quantile is below 0.5, for a darker one above it.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
