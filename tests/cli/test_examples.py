@@ -19,6 +19,7 @@ EXAMPLES = {name: each.example for name, each in COMMANDS.items()} | {"rehearse"
 # examples that take a quarter of a second and less, beside the files that several of them read
 FAST = ("score", "reduce", "verify", "template", "list", "show", "profile", "slope")
 SCENARIO = Path(__file__).parents[2] / "data/bench/scenarios/plain-day.toml"
+INTERLAB = Path(__file__).parents[1] / "studies" / "interlab-asa.toml"
 STUDY = 'bats = ["r161"]\nprocedures = ["bbcor"]\nlaboratories = 2\nseed = 1\n'
 
 
@@ -42,6 +43,7 @@ FILES: dict[str, Callable[[], object]] = {
     "out/other": lambda: run("certify r161 --procedure bbcor --seed 8 --out out/other"),
     "measured.toml": lambda: Path("measured.toml").write_text(MEASURED),
     "mine.toml": lambda: Path("mine.toml").write_text(SCENARIO.read_text()),
+    "laboratories.toml": lambda: Path("laboratories.toml").write_text(INTERLAB.read_text()),
     "study.toml": lambda: Path("study.toml").write_text(STUDY),
     "campaign": run_campaign,
     "clip.mp4": lambda: write_video(Path("clip.mp4"), list(Film().frames()), 240),

@@ -209,7 +209,9 @@ cli = Sections(
                 example="coverage r161 --summed --laboratories 20",
             ),
             FunctionCommand("operating", output=DRAWN, example="operating r161 --laboratories 20"),
-            FunctionCommand("interlab", output=DRAWN, example="interlab study.toml --predict"),
+            FunctionCommand(
+                "interlab", output=DRAWN, example="interlab laboratories.toml --predict"
+            ),
             FunctionCommand(
                 "bias", options=("procedure",), output=DRAWN, example="bias --procedure bbcor"
             ),
