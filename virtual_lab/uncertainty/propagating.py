@@ -52,8 +52,8 @@ def propagate_inputs(
     model
         A function of named inputs that returns one number, or a mapping of names to numbers.
         It is called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it
-        is called row by row, and a note says so. An input with groups of n observations is an
-        array (k, n), or (n,) row by row.
+        is called row by row, and a note says so. An input with groups of n observations is
+        passed as an array (k, n), or as (n,) if the function is called row by row.
     inputs
         For each name an `Input`, a number without uncertainty, or readings (n,), whose mean
         and standard uncertainty of the mean are used. A tuple of m names has readings (n, m)

@@ -108,8 +108,8 @@ def detection_score(
 ) -> tuple[float, str]:
     """Return the detection score, max(0, 1 - Σ (p - o)²), and its explanation.
 
-    The sum runs over all possible, present and named faults: p is the probability that the trainee
-    gave to a fault, or its rate if it was not named; o is 1 if the fault was present.
+    The sum runs over every fault that is possible, present or named: p is the probability that the
+    trainee gave to a fault, or its rate if it was not named; o is 1 if the fault was present.
     """
     probabilities = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
     penalty = sum((p - (name in faults)) ** 2 for name, p in probabilities.items())

@@ -18,8 +18,9 @@ FAST = {"reassoc", "contract", "nsz"}
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
     """Fill in the passages, the u of their heights, and the misfit of the edges.
 
-    The results of a board that fewer than four beams detected are NaN, and so is a misfit without
-    any such board.
+    The results of a board are NaN if the ball broke fewer than four of its beams, or if the fitted
+    height is too far from the broken beams (by the number of beams or more). The misfit is NaN if
+    no board has a result.
 
     Parameters
     ----------

@@ -40,8 +40,8 @@ def balls_of_sets(
     hits [m/s]. The slope of e0 over speed [s/m] is the one within each ball. Its instrumental
     variable is the nominal speed, because the error of a measured speed is in e0, too: the slope is
     the rise of e0 with the nominal speed, divided by that of the measured speed. A hit with a
-    negative ball index is ignored. The results of a ball without hits are NaN, and so is the slope
-    if all hits have the same nominal speed.
+    negative ball index is ignored. The results of a ball without hits are NaN. The slope is NaN if
+    all hits have the same nominal speed.
     """
     counts, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0

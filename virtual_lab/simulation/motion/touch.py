@@ -158,7 +158,8 @@ def first_touch(
 
     Times count from `state`. The method is conservative advancement: ball and bat cannot meet
     before a time equal to their gap divided by the largest possible closing speed, so no touch is
-    missed, however short. With `parting` they may touch at the start, if their gap is opening.
+    missed, however short. With `parting`, the search begins just after the start if the ball is
+    moving away from the bat, so that a contact at the start does not count.
     """
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until

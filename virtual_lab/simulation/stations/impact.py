@@ -118,11 +118,12 @@ def error_free(
 ) -> TrueOutcome:
     """Return the true results for the lot's mean ball at the plan's positions, (shot,).
 
-    The speeds are the nominal ones of the plan. A collision with the rig's support gives the
-    impulse. (The support matters: e_A of softball-34 at 6.5 in is .0007 smaller on a pivot than
-    free, because the ball is in contact until the reflection from the handle returns.) The motion
-    that this impulse gives to a rigid bat, free or on a pivot at `pivot_from_knob` [m], determines
-    e and r. This function uses no equation of the reduction.
+    The speeds are the nominal ones of the plan. e_A and the impulse are those of a collision with
+    a bat that is held by `support`. (The support matters: e_A of softball-34 at 6.5 in is .0007
+    smaller on a pivot than free, because the ball is in contact until the reflection from the
+    handle returns.) From this impulse e and r are computed twice: for a rigid bat that is free
+    (`free`), and for one on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). The result
+    has both, whatever `support` is. This function uses no equation of the reduction.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob

@@ -209,7 +209,8 @@ def percussion(
     Returns
     -------
     PercussionStudy
-        One row per impact position, including the centre of percussion.
+        One row per impact position: 2 to 12 in from the tip in steps of 1 in, the centre of
+        percussion, and the positions 0.01 in on each side of it.
 
     Raises
     ------

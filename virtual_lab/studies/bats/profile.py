@@ -259,7 +259,7 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
 
     The keys are e, BPF, e_A and v_f_mph. A position is in inches from the tip, and the barrel ends
     at 12 in: farther from the tip a heavy ball may touch the bat twice, and e_A is then larger than
-    anywhere on the barrel.
+    anywhere on the barrel. The peaks are those of cubic splines through the curves.
     """
     barrel = curves["z_in"] <= BARREL_END
     return {name: peak(curves["z_in"][barrel], curves[name][barrel]) for name in PEAKS}

@@ -196,8 +196,8 @@ def sum_of_shares() -> float:
 def inverse_mass(support_name: str) -> float:
     """Return the largest relative deviation of r by Eq. (8) or (9) from r by finite elements.
 
-    Finite elements give the rigid modes of the four bats, at 0.5 to 20 in from the tip.
-    `support_name` is free or pivoted.
+    r by finite elements follows from the rigid modes of each of the four bats, at 0.5 to 20 in from
+    the tip. `support_name` is free or pivoted.
     """
     z, gaps = np.linspace(0.5, 20, 40), []
     for bat in BATS:

@@ -176,8 +176,8 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 def blend(before: Any, after: Any, size: float) -> Any:
     """Return `before` with its change to `after` multiplied by `size`, number by number.
 
-    Whole numbers, texts, the keys of a mapping, and numbers that are not finite before or after are
-    those of `after`.
+    Whole numbers, texts and the keys of a mapping are those of `after`, and so are numbers that are
+    not finite in `before` or in `after`.
     """
     if before is after:
         return before

@@ -124,10 +124,10 @@ def estimate_of(
 ) -> Estimate:
     """Return the estimate of a quantity of a fit: `unit` times ``quantity(fit)``, with its u.
 
-    `unit` is the size of one unit of `quantity`, and `relative_u` its relative standard
-    uncertainty. The u is the root sum of squares of these parts, times `unit`. For each axis of the
-    fit's covariance, the fit is moved by one standard uncertainty in both directions, and the
-    larger change of the quantity counts, because drag cannot fall below 0. For each pair (other
+    `unit` is the size of one unit of `quantity`, and `relative_u` the relative standard uncertainty
+    of `unit`. The u is `unit` times the root sum of squares of the following parts. For each axis
+    of the fit's covariance, the fit is moved by one standard uncertainty in both directions, and
+    the larger change of the quantity counts, because drag cannot fall below 0. For each pair (other
     fit, share) in `others`, the part is the difference between `fit` and that other fit, times the
     share. The last part is `relative_u` times the quantity.
     """

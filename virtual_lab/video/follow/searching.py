@@ -56,10 +56,11 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 def clip_scene(
     clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
-    """Return the scene before the search. If `squeezed`, a repeat takes no time.
+    """Return the scene before the search.
 
-    The time of a repeat is NaN. The fall is None if no length is known, or if most frames are
-    stored twice.
+    The time of a repeated frame is NaN. If `squeezed`, the frames after a repeat are earlier by one
+    frame, as if it were absent; otherwise they keep their times. The fall is None if no
+    length is known, or if most frames are stored twice.
     """
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):

@@ -181,12 +181,14 @@ def _background(clip: Clip, moving: Blobs) -> Array:
 def settle(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Return scene, flights and ball with only the places that fit the flights.
+    """Return scene, flights and ball for the fit of the sharp places.
 
-    `ball` must have the places of the flights `ways` one by one, joined in order. The returned
-    flights lack the places that are unusable, outliers or near a contact. The returned ball
-    keeps all places; those left out although usable have the flag `OFF_WAY`. It also has notes
-    on doubts. Raises `NotSharpError` if too few places remain.
+    The scene has the gravity and drag of the calibration. The flights have the places of `ball`,
+    corrected for the ball's height over the plane, without those that are unusable, outliers or
+    near a contact. The places of `ball` must be those of the flights `ways`: all of the first
+    flight, then all of the second. The returned ball keeps all places; those that are usable but
+    left out have the flag `OFF_WAY`. It also has notes on doubts. Raises `NotSharpError` if a
+    flight has too few places left.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None

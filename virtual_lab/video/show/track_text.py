@@ -101,8 +101,9 @@ def track_document(track: FollowedClip) -> Row:
     The values of ``contact``, ``restitution`` and ``restitution_of`` are None unless the clip has
     exactly one contact. ``speed_in_mps`` and ``angle_in_deg`` are those at the end of the flight
     before it, ``speed_out_mps`` and ``angle_out_deg`` those at the start of the flight after it.
-    Without exactly one contact they refer to the only flight, or to the first two of a ball that
-    was located sharply. A value without a flight is None.
+    Without exactly one contact, an only flight counts as the one before, and the values of the one
+    after are None. If there are several flights and the ball was located sharply, the first counts
+    as the one before and the second as the one after. Otherwise all four values are None.
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
@@ -166,8 +167,8 @@ def _roll(track: FollowedClip) -> float | None:
 def _hit(track: FollowedClip) -> list[Flight | None]:
     """Return the flights before and after the only contact, None for one that does not exist.
 
-    Without exactly one contact they are the only flight, or the first two of a ball that was
-    located sharply.
+    Without exactly one contact, an only flight counts as the one before. If there are several
+    flights and the ball was located sharply, the first two count. Otherwise both are None.
     """
     if len(track.contacts) == 1:
         return [track.flights[k] for k in (track.contacts[0].before, track.contacts[0].after)]
