@@ -390,7 +390,7 @@ def _conditional_on(certification: Certification) -> str:
     values = "1 of its values is" if unverified == 1 else f"{unverified} of its values are"
     model = (
         "the collision model (the choice of the ball's force law alone shifts the peak e of a bat "
-        "by up to 0.045) and on "  # value for r161, from `virtual-lab sensitivity r161`
+        "by up to 0.042) and on "  # value for r161, from `virtual-lab sensitivity r161`
         if isinstance(certification.session.origin, Simulated)
         else ""
     )
