@@ -48,7 +48,7 @@ SALT = bytes(16)  # nothing of a twin is sealed
 SIDE_BY_SIDE = 512  # number of days side by side
 # material of a bat whose mass, balance and inertia replace those of its outline
 MATERIAL = Material(density=700.0, youngs_modulus=1e10, shear_modulus=1e9, shear_coefficient=0.9)
-STATE_NOTHING = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)
+NO_SPREAD = BatSpread(density=0.0, youngs_modulus=0.0, density_tilt=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +100,7 @@ class TwinDays:
         certified = evaluate(sessions, reduced, readings)
         control = self.statement.calibration.get(CONTROL)
         true = measurands(
-            cast("ImpactStation", self.statement.law),  # of a station only `outcome` is called
+            cast("ImpactStation", self.statement.law),  # has `outcome`, the only method called
             day.laboratory.specimen,
             reduced,
             certified.outcome.weights,
@@ -197,7 +197,7 @@ def scattered_as_stated(statement: Statement, seed: int, days: int = SIDE_BY_SID
     0 if instruments and aim alone scatter at least as much as the records.
     """
     squares = np.zeros(2)
-    own = np.array([statement.wall_variance, statement.hit_variance])
+    stated = np.array([statement.wall_variance, statement.hit_variance])
     trial = np.full(2, statement.wall_variance)
     without, with_it = (
         _mean_variances(
@@ -211,7 +211,7 @@ def scattered_as_stated(statement: Statement, seed: int, days: int = SIDE_BY_SID
         )
         for square in (squares, trial)
     )
-    scatter = np.sqrt(trial * np.maximum(own - without, 0.0) / (with_it - without))
+    scatter = np.sqrt(trial * np.maximum(stated - without, 0.0) / (with_it - without))
     wall, hit = scatter.tolist()
     return TwinDays(statement=statement, seed=seed, wall_scatter=wall, hit_scatter=hit)
 
@@ -274,14 +274,10 @@ def _restated(
     if stage is Stage.IMPACT and part == "cannon" and statement.across:
         across = statement.across
         true["across"] = across.value + across.u * draws.normal("twin.across")
+    true = {**fresh.true, **true}
     if "density" in true and statement.density is not None:
         true["density"] = np.full(np.shape(true["density"]), statement.density)[()]
-    elif "density" in fresh.true and statement.density is not None:
-        true["density"] = np.full(np.shape(fresh.true["density"]), statement.density)[()]
-    return cast(
-        "CalibratedInstrument[Any]",
-        replace(fresh, stated=stated, true={**fresh.true, **true}),
-    )
+    return cast("CalibratedInstrument[Any]", replace(fresh, stated=stated, true=true))
 
 
 def _field_name(station: Any, instrument: Any) -> str:
@@ -303,7 +299,7 @@ def _bat_sheet(statement: Statement) -> BatSpec:
         name=session.bat,
         title=session.bat,
         body=_body(statement),
-        spread=STATE_NOTHING,
+        spread=NO_SPREAD,
         sport=cast("Any", session.bat_sport or None),
     )
 

@@ -170,11 +170,11 @@ def largest_deviation(values: Array, groups: NDArray[np.number]) -> float:
         return float("nan")
     values, group = values[several], group[several]
     means = np.bincount(group, values, number.size) / number
-    off = values - means[group]
-    scatter = float(np.sqrt(np.sum(off**2) / (values.size - np.unique(group).size)))
+    deviations = values - means[group]
+    scatter = float(np.sqrt(np.sum(deviations**2) / (values.size - np.unique(group).size)))
     if not scatter > 0:
         return float("nan")
-    return float(np.max(np.abs(off) / np.sqrt(1 - 1 / number[group])) / scatter)
+    return float(np.max(np.abs(deviations) / np.sqrt(1 - 1 / number[group])) / scatter)
 
 
 def _diameter(record: Record, speed: Array) -> float:

@@ -1,4 +1,4 @@
-"""What the records of a laboratory state: bat, balls and instruments, as measured values alone."""
+"""Bat, balls and instruments as the records of a laboratory state them: measured values alone."""
 
 from __future__ import annotations
 
@@ -232,7 +232,7 @@ def _ring(reduced: Reduction, certification: Certification) -> Ring:
     terms, _ = project(basis, record.counts[valid][:, after].T)
     pairs = terms[RECOIL.polynomial_order + 1 :].reshape(len(rings), 2, -1)
     cosine, sine = pairs.swapaxes(0, 1)
-    pace = 2j * np.pi * fit.ring_frequency - fit.ring_decay  # of each rotating phasor [1/s]
+    pace = 2j * np.pi * fit.ring_frequency - fit.ring_decay  # growth rate of each phasor [1/s]
     back = contact[valid] + RECOIL.contact_duration - origin
     phasor = (cosine - 1j * sine) * np.exp(np.outer(pace, back)) / fit.rate[valid]
     mean = phasor.mean(axis=1)
