@@ -11,7 +11,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))  # for the modules in building/
-os.environ["MATPLOTLIBRC"] = str(HERE / "matplotlibrc")  # of pages and gallery
+os.environ["MATPLOTLIBRC"] = str(HERE / "matplotlibrc")  # style of pages and gallery
 # commands of pages run in the same environment
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.environ["VIRTUAL_LAB_CLONE"] = str(HERE.parents[1])  # where executed pages find tests/ and data/
@@ -62,7 +62,6 @@ nb_execution_mode = "force"
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 280  # s
-nb_merge_streams = True
 nb_output_stderr = "remove"  # lines of progress
 
 autodoc_typehints = "none"  # the Parameters sections say what is allowed

@@ -53,7 +53,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
 
 
-def relinked(text: str, home: str, page: str) -> str:
+def relink(text: str, home: str, page: str) -> str:
     """Return a page's text with each link to a file of the tree as a link within the site.
 
     `home` is the folder of the text in the tree, `page` its page of the site, from DOCS. A link to
@@ -80,7 +80,7 @@ def pages() -> Iterator[tuple[str, str]]:
         first, *rest = re.split(r"^(?=# )", text, flags=re.MULTILINE)[1:]
         text = first + "".join(re.sub(r"^#", "##", part, flags=re.MULTILINE) for part in rest)
         page = f"generated/pages/{name}.md"
-        yield page, relinked(text, posixpath.dirname(source), page)
+        yield page, relink(text, posixpath.dirname(source), page)
 
 
 def functions() -> Iterator[tuple[str, str]]:
@@ -206,7 +206,7 @@ def dictionary() -> Iterator[tuple[str, str]]:
         "## Value columns of the records\n",
         table(("record", "column", "unit", "meaning"), columns),
         "## Columns of readings.csv\n",
-        "A rig has those of its instruments; … stands for the procedure's metric.\n",
+        "A rig has those of its instruments; … is the name of the procedure's metric.\n",
         table(("column", "unit", "meaning"), shots),
     ]
     yield "generated/dictionary.md", "\n".join(parts)
@@ -224,7 +224,7 @@ def schema() -> Iterator[tuple[str, str]]:
         rows = [
             (
                 f"`{key}`",
-                kind_of(each),
+                type_name(each),
                 f"`{each['unit']}`" if "unit" in each else "",
                 each["description"].replace("``", "`"),
             )
@@ -236,7 +236,7 @@ def schema() -> Iterator[tuple[str, str]]:
     yield "generated/certificate.schema.json", json.dumps(whole, indent=1)
 
 
-def kind_of(described: dict[str, Any]) -> str:
+def type_name(described: dict[str, Any]) -> str:
     """Return the type of a property in words. ``null`` among them means that it may be missing.
 
     A property of unknown type is ``any``.
@@ -244,9 +244,9 @@ def kind_of(described: dict[str, Any]) -> str:
     if "$ref" in described:
         return str(described["$ref"]).rpartition("/")[2]
     if "anyOf" in described:
-        return " or ".join(kind_of(each) for each in described["anyOf"])
+        return " or ".join(type_name(each) for each in described["anyOf"])
     if described.get("type") == "array" and isinstance(described.get("items"), dict):
-        return f"array of {kind_of(described['items'])}"
+        return f"array of {type_name(described['items'])}"
     return str(described.get("type", described.get("const", "any")))
 
 
@@ -271,7 +271,7 @@ def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
     """Let the links of a page that leave the docs lead to their pages of the site."""
     if not page.startswith("generated/"):
         home = posixpath.normpath(posixpath.join("virtual_lab/docs", posixpath.dirname(page)))
-        source[0] = relinked(source[0], home, f"{page}.md")
+        source[0] = relink(source[0], home, f"{page}.md")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
