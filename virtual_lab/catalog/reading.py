@@ -132,7 +132,7 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
 
 
 def count_unverified(kind: str, name: str) -> dict[str, str]:
-    """Return how many values of a catalog entry and of the entries it names are unverified.
+    """Return the numbers of unverified values of a catalog entry and of the entries it names.
 
     A rig, for example, names its instruments. The result has the form ``{"rigs/astm-pivot": "4 of
     5", …}``: unverified values of all values. An entry whose values are all verified is left out.

@@ -76,7 +76,7 @@ def typeset(
     others: dict[str, str],
     standards: list[str],
 ) -> bytes:
-    """Return the PDF file that Typst makes of a template.
+    """Return the PDF file of a template, set by Typst.
 
     Characters without a glyph are printed as code points. Raises `InputError` if Typst fails.
 

@@ -177,7 +177,7 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
 def reduced_document(
     certification: Certification, stated: Mapping[str, Any], session_digest: str
 ) -> CertificateDocument:
-    """Return the certificate that this program makes of a certification, for a comparison.
+    """Return the certificate of a certification as this program writes it, for a comparison.
 
     Versions, commit and the digest of the truth are those of `stated`, the values of JSON of the
     other certificate, if it has them in the form of this schema.

@@ -122,7 +122,7 @@ class StudyResult(ABC):
         return f"<{self.title}, {len(self.rows)} rows>"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the rows as a table, or the text if it says more."""
+        """Return the HTML for a notebook: the rows as a table, or the text if it says more."""
         if type(self).text is StudyResult.text:
             return _table_html(self.table)
         return preformatted(self.text)
@@ -150,7 +150,7 @@ class Rows(StudyResult, Generic[Row]):
         return "\n\n".join(part for part in (self.title, body, self.words) if part)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the title, the table and the words beneath it."""
+        """Return the HTML for a notebook: the title, the table and the words beneath it."""
         parts = (f"<p>{escape(each)}</p>" if each else "" for each in (self.title, self.words))
         return _table_html(self.table).join(parts)
 

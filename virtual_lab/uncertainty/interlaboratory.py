@@ -35,7 +35,7 @@ class NestedStudy:
     lot_variance: Array  # NaN with one lot per laboratory, whose variance is in the next one
     laboratory_variance: Array
     repeat_mean_square: Array
-    lot_mean_square: Array  # that of the repeats, with one lot per laboratory
+    lot_mean_square: Array  # mean square of the repeats if there is only one lot
     laboratory_mean_square: Array
     h: Array  # deviation of each laboratory's mean, in standard deviations, (..., laboratory)
     k: Array  # scatter of each laboratory's repeats, in units of s_r, (..., laboratory)

@@ -19,7 +19,7 @@ from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 
 Z = np.arange(2.5, 9.01, 0.1)
 BALL, MASS = 90 * MPH, 5.125 * OUNCE
-STIFFNESS = 3.23e6  # of the paper's ball [N/m]
+STIFFNESS = 3.23e6  # stiffness of the paper's ball [N/m]
 
 
 @dataclass(frozen=True)
