@@ -192,9 +192,8 @@ def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
     Raises `InputError` for rules that already have a correction, and for another form of the text.
     """
     if rules.spec.correction is not None:
-        method = rules.spec.correction.method
-        allowed = f"{rules.spec.name} has a [correction]: {method}; leave it out"
-        raise InputError("", "correction", text, allowed)
+        stated = f"{rules.spec.name} has a [correction]: {rules.spec.correction.method}"
+        raise InputError("", "correction", text, f"{stated}; leave it out")
     method, _, standard = text.partition(":")
     try:
         value = float(standard)
