@@ -89,6 +89,7 @@ class Interlab(Rows[InterlabTerm]):
                 causes.set_title(as_drawn(name))
                 unit = f" [{rows[0].unit}]" if rows[0].unit else ""
                 causes.set_xlabel(f"standard deviation{unit}; mark: predicted")
+                causes.locator_params(axis="x", nbins=5)
                 for axes, values, limit, words in (
                     (h, study.h[0], study.h_limit(), "h: means"),
                     (k, study.k[0], study.k_limit(), "k: scatter of repeats"),
