@@ -442,6 +442,7 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
     "vl.critique('r161')": "bats = 'r161'; allowed: at least two",
     "vl.critique('r161', 'ea70')": r"several bats are one list, \[A, B\]; or write it by name",
     "vl.critique(['r161', 'ea70'], procedures=[])": "at least one",
+    "vl.critique(['r161', 'ea70'], procedures=['bbcor', 'bbcor'])": "'bbcor'; is given twice",
     "vl.faults(procedures=[vl.procedure('bbcor').with_(valid_hits=9)])": (
         r"procedure = 'bbcor \(valid_hits=9\)'; these faults have predictions for astm-f1881, bbcor"
     ),

@@ -212,7 +212,7 @@ class Sheet:
 
     def _unknown_key_error(self, document: Mapping[str, Any], name: str, key: str) -> InputError:
         keys = [each for each in document if each not in ("name", "title", "kind")]
-        allowed = f"unknown key, {nearest(name, keys)}known here: {', '.join(keys)}"
+        allowed = f"unknown key, {nearest(name, keys)}allowed: {', '.join(keys)}"
         return InputError(self.name, key, None, allowed)
 
     def _check(self, where: str) -> None:

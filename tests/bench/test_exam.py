@@ -104,7 +104,7 @@ def test_a_code_readmits_a_trainee_and_ends_the_lost_session(
         (('"Ada"', '"../x"'), "names no folder"),
         (('"Ada"', '"Ben"'), "named twice"),
         (("exam-day", "plain-day"), 'feedback = "never"'),
-        (("exam-day", "no-day"), "known: "),
+        (("exam-day", "no-day"), "allowed: "),
         (('["Ada", "Ben"]', "[]"), "trainees"),
     ],
 )

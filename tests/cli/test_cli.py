@@ -429,7 +429,7 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["profile", "r161", "--reference-inertia", "17000"], "with its unit"),
         (["profile", "r161", "--swing-law", "energy", "--swing", "0.3"], "no exponent"),
         (["profile", "r161", "ea70", "--swing-law", "energy", "--swing", "0"], "no exponent"),
-        (["profile", "r161", "--ball", "bat"], "known: baseball-2003"),
+        (["profile", "r161", "--ball", "bat"], "allowed: baseball-2003"),
         (["profile", "r161", "--swing", "0", "--swing", "0.5"], "one exponent"),
         (["profile", "r161", "ea7"], "did you mean ea70?"),
         (["profile", "r161", "r161"], "its own name"),

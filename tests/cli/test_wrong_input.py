@@ -209,11 +209,11 @@ CASES: dict[str, Case] = {
         ["/proc cannot be written to"],
     ),
     "a device as a folder": (nothing, "profile r161 --out /dev/null", ["/dev/null", "is a file"]),
-    "a bat's name of 300": (nothing, f"certify {LONG}", ["bat = 'xxx", "known: "]),
+    "a bat's name of 300": (nothing, f"certify {LONG}", ["bat = 'xxx", "allowed: "]),
     "a bat's file of 300": (nothing, f"certify {LONG}.toml", ["bat file", "no such file"]),
-    "an empty name": (nothing, "certify ''", ["bat = ''", "known: "]),
+    "an empty name": (nothing, "certify ''", ["bat = ''", "allowed: "]),
     "a name and a line break": (nothing, "certify 'r161\n'", ["did you mean r161?"]),
-    "a slash at the end": (bat(), "certify mine.toml/", ["bat = 'mine.toml/'", "known: "]),
+    "a slash at the end": (bat(), "certify mine.toml/", ["bat = 'mine.toml/'", "allowed: "]),
     "a name that climbs": (nothing, "certify ../bats/r161", ["bat = '../bats/r161'"]),
     "a home in a path": (nothing, "certify ~nobody/mine.toml", ["no such file"]),
     "a folder for a bat": (
@@ -497,6 +497,7 @@ CASES: dict[str, Case] = {
         ["'bat'", "twice"],
     ),
     "NaN in JSON": (session('{"schema": NaN}'), "reduce r", ["NaN is no number"]),
+    "1e999 in JSON": (session('{"schema": 1e999}'), "reduce r", ["1e999 is not finite"]),
     "a session's key mistyped": (
         session(lambda d: d.update(calibraton=d.pop("calibration"))),
         "reduce r",

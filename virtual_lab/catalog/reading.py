@@ -77,7 +77,7 @@ def require_kind(kind: str) -> None:
     The kinds are those in `KINDS`, such as "bats".
     """
     if kind not in KINDS:
-        raise InputError("", "kind", kind, f"{nearest(kind, KINDS)}known: {', '.join(KINDS)}")
+        raise InputError("", "kind", kind, f"{nearest(kind, KINDS)}allowed: {', '.join(KINDS)}")
 
 
 @lru_cache
@@ -114,7 +114,7 @@ def find(kind: str, name: str) -> Path:
     if name not in allowed_names:
         others = [other for other in KINDS if name in names(other)]
         hint = f"{name} is among the {others[0]}; " if others else nearest(name, allowed_names)
-        allowed = f"{hint}known: {', '.join(allowed_names)}, or a .toml file"
+        allowed = f"{hint}allowed: {', '.join(allowed_names)}, or a .toml file"
         raise InputError("", Path(kind).name.removesuffix("s"), name, allowed)
     return DATA / kind / f"{name}.toml"
 
@@ -216,7 +216,7 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
     change = validate(document, where, ModifiedBat)
     if change.base not in names("bats"):
         hint = nearest(change.base, names("bats"))
-        raise InputError(where, "base", change.base, f"{hint}known: {', '.join(names('bats'))}")
+        raise InputError(where, "base", change.base, f"{hint}allowed: {', '.join(names('bats'))}")
     base = load_bat(change.base)
     numbers = tuple(datums(document))
     changed = {datum.key for datum in numbers}

@@ -12,6 +12,7 @@ import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -68,7 +69,8 @@ def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file.
 
     Raises `InputError` for a file that cannot be read, other content than one object, a key that
-    occurs twice, the words NaN or Infinity, or nesting deeper than 32 levels.
+    occurs twice, the words NaN or Infinity, a number beyond the range of a float such as 1e999, or
+    nesting deeper than 32 levels.
     """
     return parse_json(read_text(path), str(path))
 
@@ -76,7 +78,9 @@ def read_json(path: Path) -> dict[str, Any]:
 def parse_json(text: str, where: str) -> dict[str, Any]:
     """Return the JSON object in `text`, as `read_json` does; `where` names the file in errors."""
     try:
-        document = json.loads(text, object_pairs_hook=_once, parse_constant=_no_number)
+        document = json.loads(
+            text, object_pairs_hook=_once, parse_constant=_no_number, parse_float=_finite
+        )
     except ValueError as fault:
         raise InputError(where, "JSON", None, f"cannot be parsed: {fault}") from fault
     except RecursionError as fault:
@@ -122,6 +126,13 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _no_number(text: str) -> None:
     raise ValueError(f"{text} is no number of JSON")
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(f"{text} is not finite")
+    return value
 
 
 def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:

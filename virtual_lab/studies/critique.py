@@ -272,13 +272,11 @@ def critique(
     exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
     top = [row.peaks["v_f_mph"] for row in compared.peaks]  # sorted by bat, then by n
-    rules_by_name = {
-        each: catalog.load("procedures", each, Procedure).spec
-        for each in procedures or _of_this_game(compared.sports)
-    }
-    catalog.require_own_names("procedures", [rules.name for rules in rules_by_name.values()])
+    procedures = procedures or _of_this_game(compared.sports)
+    sheets = [catalog.load("procedures", each, Procedure).spec for each in procedures]
+    catalog.require_own_names("procedures", [rules.name for rules in sheets])
     ranked = []
-    for procedure, rules in rules_by_name.items():
+    for procedure, rules in zip(procedures, sheets, strict=True):
         printed = METRICS[rules.metric]
         exact = [_exact(bat, procedure) for bat in bats]
         columns = []

@@ -120,7 +120,7 @@ def _require_constants(
     if missing:
         allowed = f"missing: {', '.join(missing)}"
         if unknown:
-            allowed += f" (not known: {', '.join(unknown)})"
+            allowed += f" (unknown: {', '.join(unknown)})"
         raise InputError(where, "calibration", None, allowed)
     if unknown:
         hint = nearest(unknown[0], needed)

@@ -147,7 +147,7 @@ def _no_line(start: str) -> Change:
         ),
         (
             _form("bench.rule.offset", "bench.ruler.offset"),
-            ["missing: bench.rule.offset", "not known: bench.ruler.offset"],
+            ["missing: bench.rule.offset", "unknown: bench.ruler.offset"],
         ),
         (
             _more("impact.gate.clock"),

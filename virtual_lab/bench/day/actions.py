@@ -66,7 +66,7 @@ def action_of(
     """
     sheets = action_table().actions
     if name not in sheets:
-        allowed = f"{nearest(name, sheets)}known: {', '.join(sheets)}"
+        allowed = f"{nearest(name, sheets)}allowed: {', '.join(sheets)}"
         raise InputError("", "action", name, allowed)
     raw = dict(arguments or {})
     takes = {argument.name: argument for argument in ARGUMENTS.get(name, ())}

@@ -229,7 +229,7 @@ def operator_of(name: str, seed: int = 0) -> Operator:
     `seed` determines the slips of the operator. Raises `InputError` for an unknown name.
     """
     if name not in HABITS:
-        allowed = f"{nearest(name, HABITS)}known: {', '.join(HABITS)}"
+        allowed = f"{nearest(name, HABITS)}allowed: {', '.join(HABITS)}"
         raise InputError("", "operator", name, allowed)
     habits = replace(HABITS[name], seed=seed)
     return lambda look: _take(look, habits)

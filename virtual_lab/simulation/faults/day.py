@@ -39,7 +39,9 @@ class FaultSet:
         for name in names:
             if name not in CATALOGUE:
                 near = nearest(name, CATALOGUE)
-                raise InputError("", "fault", name, f"{near}known: {', '.join(sorted(CATALOGUE))}")
+                raise InputError(
+                    "", "fault", name, f"{near}allowed: {', '.join(sorted(CATALOGUE))}"
+                )
             able = _able(CATALOGUE[name])
             if rig not in able:
                 allowed = f"is a fault of {', '.join(able)}, not of the rig {rig}"
