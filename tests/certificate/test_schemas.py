@@ -51,7 +51,7 @@ def test_the_digest_of_each_schema_is_unchanged(form: str) -> None:
 def test_every_kind_of_change_is_seen() -> None:
     """The description covers fields, types and meanings."""
     lines = list(described(document.CertificateDocument))
-    assert '"""What the result is worth; printed on every page."""' in lines
+    assert '"""Sentence on the origin of the result, printed on every page."""' in lines
     assert "u: Uncertainty | None" in lines
     assert 'serial: Title = ""' in lines  # of the bat, a class within a class within
     assert {"Stated", "TestItem", "BudgetLine", "CommitStated"} <= {*lines}

@@ -44,10 +44,10 @@ class FoundBy(Spec):
     """Detection of a fault at the rehearsal bench: the actions, and the deciding number."""
 
     actions: Annotated[tuple[str, ...], MinLen(1)]  # names of actions in data/bench/actions.toml
-    number: str  # description of the number; a larger one is worse
-    reading: str  # description on the page beside its limit; {} for parts that differ by the day
+    number: str  # description of the deciding number, which is larger for a worse fault
+    reading: str  # name of the reading on the page; {} marks parts that differ from day to day
     unit: str = ""  # unit of the printed reading
-    beyond: Annotated[float, Gt(0), Dimension("number")]  # limit above which it is the fault
+    beyond: Annotated[float, Gt(0), Dimension("number")]  # limit above which the fault is suspected
     # standard deviation of the number on sound days, if no certificate gives one
     u: Annotated[float | None, Gt(0), Dimension("number")] = None
     sure: Annotated[

@@ -72,7 +72,7 @@ class Entry(Generic[T]):
 
 
 def require_kind(kind: str) -> None:
-    """Raise `InputError` for a kind of entry that the catalog does not have. Otherwise return None.
+    """Raise `InputError` for a kind of entry that the catalog does not have.
 
     The kinds are those in `KINDS`, such as "bats".
     """
@@ -84,7 +84,7 @@ def require_kind(kind: str) -> None:
 def names(kind: str) -> tuple[str, ...]:
     """Return the names of all entries of a kind in the shipped catalog, sorted.
 
-    They have no ending. The tuple is empty for an unknown kind.
+    The names are without ``.toml``. The tuple is empty for an unknown kind.
     """
     return tuple(sorted(path.stem for path in (DATA / kind).glob("*.toml")))
 
@@ -104,7 +104,7 @@ def title(kind: str, name: str) -> str:
 def find(kind: str, name: str) -> Path:
     """Return the path of a catalog entry's file, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError`, which suggests the nearest names, if there is no such file.
+    Raises `InputError`, which suggests similar names, if there is no such file.
     """
     if name.endswith(".toml"):
         if not os.path.isfile(name):  # False also for a name that is too long
@@ -132,10 +132,11 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
 
 
 def count_unverified(kind: str, name: str) -> dict[str, str]:
-    """Return the numbers of unverified values of a catalog entry and of the entries it names.
+    """Return the number of unverified values of a catalog entry and of all entries it refers to.
 
-    A rig, for example, names its instruments. The result has the form ``{"rigs/astm-pivot": "4 of
-    5", …}``: unverified values of all values. An entry whose values are all verified is left out.
+    A rig, for example, refers to its instruments. The result has the form ``{"rigs/astm-pivot": "4
+    of 5", …}``, which means that 4 of 5 values are unverified. An entry whose values are all
+    verified is left out.
     """
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
@@ -174,14 +175,14 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
-    """Read a text once, because a test reads its rules after every round."""
+    """Return the entry in a text, cached because a test reads its rules after every round."""
     spec_read: Any = validate(_parse(text, where), where, cast("type", spec))
     return Entry(spec_read, text, _numbers(text, where))
 
 
 @lru_cache(maxsize=128)
 def _parse(text: str, where: str) -> dict[str, Any]:
-    """Return a document. It is cached, so callers must not change it."""
+    """Return the content of a TOML text. It is cached, so callers must not change it."""
     return parse_toml(text, where)
 
 
@@ -193,8 +194,8 @@ def _numbers(text: str, where: str) -> tuple[Datum, ...]:
 def load_bat(name: str) -> Entry[BatSpec]:
     """Return a bat of the catalog, or of the user's file if `name` ends in .toml, in SI.
 
-    It can be described in full or as a modification of another (``base = "…"``). Raises
-    `InputError` as `find` and `read_bat`.
+    The file describes the bat completely, or as a modification of another bat (``base = "…"``).
+    Raises `InputError` in the cases of `find` and `read_bat`.
     """
     return read_bat(*source("bats", name))
 
@@ -202,9 +203,10 @@ def load_bat(name: str) -> Entry[BatSpec]:
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat described by a TOML `text`; `where` names the file in error messages.
 
-    Numbers are in SI. A text with the key ``base`` states changes of that bat of the catalog, which
-    gives all other values. Its `wall_factor` can be a plain number instead of a table; the source
-    is then ``not stated``. Raises `InputError` for an invalid text and for an unknown base.
+    Numbers are in SI. A text with the key ``base`` states only the changes of that bat of the
+    catalog; all other values are those of the base. In such a text `wall_factor` can be a plain
+    number instead of a table; its source is then ``not stated``. Raises `InputError` for an invalid
+    text and for an unknown base.
     """
     document = _parse(text, where)
     if "base" not in document:
@@ -226,10 +228,10 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModifiedBat(Spec):
-    """A bat made from another one: another wall thickness, added weights, another hoop mode.
+    """A modification of a catalog bat: other wall thickness, added weights, or other hoop mode.
 
-    Without `hoop` the hoop mode of the base is adapted to the wall (see `BatBody.with_wall`), and
-    without `sport` the bat has the sport of its base.
+    Without `hoop` the hoop mode of the base is adapted to the wall thickness (see
+    `BatBody.with_wall`). Without `sport` the bat has the sport of its base.
     """
 
     name: Name
@@ -273,8 +275,8 @@ def _is_replaced(key: str, change: ModifiedBat, changed: set[str]) -> bool:
 def source(kind: str, name: str) -> tuple[str, str]:
     """Return the text of an entry, and the name of its file for error messages.
 
-    That name is without the folder for an entry of the catalog, and the path for a user's file. A
-    text put in place by `sheets_in_place` takes precedence, under the name of the entry. Raises
+    The name is the file name for an entry of the catalog, and the path for a user's file. Within
+    `sheets_in_place`, a text that replaces the file is returned with the name of the entry. Raises
     `InputError` if there is no such file.
     """
     in_place = _in_place.get()
@@ -290,7 +292,7 @@ def source(kind: str, name: str) -> tuple[str, str]:
 
 @cache
 def _shipped_text(kind: str, name: str) -> str:
-    """Read a text once, because the rigs request their instruments in each laboratory."""
+    """Return the text of a shipped file, cached because each laboratory reads its instruments."""
     return read_text(find(kind, name))
 
 
@@ -324,7 +326,7 @@ def texts_in_place() -> Mapping[Key, str]:
 def require_own_names(key: str, names: Sequence[str]) -> None:
     """Raise `InputError` if two of `names` are equal, because tables could not distinguish them.
 
-    `key` is the argument that the message names. Otherwise return None.
+    `key` is the name of the argument for the message.
     """
     for name in names:
         if names.count(name) > 1:
@@ -332,11 +334,11 @@ def require_own_names(key: str, names: Sequence[str]) -> None:
 
 
 def datums(document: Any, prefix: str = "") -> Iterator[Datum]:
-    """Yield the numbers of a parsed file with unit and source, as written, in their order.
+    """Yield the numbers of a parsed file with unit and source as written, in the order of the file.
 
-    The key of a number is its path, such as ``body.lumps.knob.mass``; an item of a list has its
-    name or its index. Entries without unit are skipped. `prefix` is put before each key. Raises
-    `KeyError` for a number without source.
+    The key of a number is its path, such as ``body.lumps.knob.mass``. The path contains the name of
+    a list item, or its index if it has no name. Entries without a unit are skipped. `prefix` is put
+    before each key. Raises `KeyError` for a number without a source.
     """
     if isinstance(document, Mapping):
         if "value" in document and "unit" in document:

@@ -32,7 +32,7 @@ LARGEST = 1e18  # largest value of any quantity [SI], so that products stay fini
 class Dimension:
     """Annotation of a field whose file entry is a quantity of this dimension, converted to SI.
 
-    A value outside `low` to `high` is refused, because it is usually an error of the unit.
+    A value that is not between `low` and `high` is refused, because usually its unit is wrong.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Dimension:
     high: float = LARGEST
 
     def read(self, raw: object) -> object:
-        """Return the SI value, or tuple of values, of an entry of a file.
+        """Return the SI value of an entry of a file, or the tuple of its SI values.
 
         Raises `ValueError` for a wrong form, an unknown unit, and a value outside the range.
         """
@@ -157,13 +157,13 @@ CHECK_STANDARD: Final = "check standard"
 BatSport = Literal["baseball", "softball", "check standard"]  # a check standard is no bat
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
 NonNegative = Annotated[float, Ge(0), Dimension("number")]
-# relative standard deviation, so small that a value five of it below the mean is positive
+# relative standard deviation; even five of them below the mean, a value is still positive
 Spread = Annotated[float, Dimension("number", 0, 0.2)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile(Spec):
-    """Outline of a bat: z, outer diameter and wall thickness [m] at stations; no wall: solid."""
+    """Profile of a bat: z, outer diameter and wall thickness [m] at stations; no wall if solid."""
 
     z: Annotated[tuple[float, ...], Len(2, 100), Dimension("length", 0, LONGEST)]
     outer_diameter: Annotated[tuple[float, ...], Dimension("length", 1e-3, 0.2)]
@@ -198,10 +198,11 @@ class Profile(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material(Spec):
-    """Material of the whole bat. The shear coefficient is 0.9 for a solid round, 0.5 for a tube.
+    """Material of the whole bat. The shear coefficient is 0.9 for a solid bat, 0.5 for a tube.
 
     With `density_tilt` t the density varies linearly along the bat, from (1 + t) times the mean at
-    the tip to (1 - t) times the mean at the knob. It is 0 in drawings, but not in individual bats.
+    the tip to (1 - t) times the mean at the knob. The tilt of a drawing is 0, that of an individual
+    bat is not.
     """
 
     density: Annotated[float, Dimension("density", 100, 3e4)]
@@ -223,7 +224,10 @@ class Lump(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoopMode(Spec):
-    """The n = 2 shell mode of a hollow barrel: a modal coordinate without net momentum."""
+    """The hoop mode (n = 2 shell mode) of a hollow barrel, the vibration of its cross section.
+
+    Its modal coordinate has no net momentum.
+    """
 
     frequency: Annotated[float, Dimension("frequency", 10, 1e5)]
     modal_mass: Annotated[float, Dimension("mass", 1e-4, 5)]
@@ -231,7 +235,7 @@ class HoopMode(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatBody(Spec):
-    """Geometry and material of a bat: all that the physical model needs."""
+    """Geometry and material of a bat, from which the physical model is built."""
 
     profile: Profile
     material: Material
@@ -254,11 +258,12 @@ class BatBody(Spec):
     def with_wall(self, factor: float) -> BatBody:
         """Return the bat with all walls multiplied by `factor`. A solid bat is returned unchanged.
 
-        The hoop mode changes with the wall thickness t like that of a thin ring that bends without
+        The hoop mode changes with the wall thickness t as for a thin ring that bends without
         stretching (Hoppe 1871; Rayleigh, The Theory of Sound, § 233): f = 6/√5 √(E/12ρ) t / 2πR².
         Frequency and modal mass are therefore proportional to t, and the stiffness to t³. The mean
-        radius R is treated as constant (an error of 1 % of f for a tenth of the wall), and so is
-        the share of the stiffness from stretching at the ends of the barrel.
+        radius R is treated as constant, which causes an error of 1 % of f if t changes by a tenth.
+        The share of the stiffness that comes from stretching at the ends of the barrel is also
+        treated as constant.
         """
         if self.profile.wall is None:
             return self
@@ -288,9 +293,9 @@ class PublishedBat(Spec):
     mass: Annotated[float, Gt(0), Dimension("mass")]
     z_cm: Annotated[float | None, Gt(0), Dimension("length")] = None
     inertia_cm: Annotated[float | None, Gt(0), Dimension("inertia")] = None
-    # about the point 1 in from the knob
+    # moment of inertia about the point 1 in from the knob
     inertia_knob: Annotated[float | None, Gt(0), Dimension("inertia")] = None
-    # about the axis 6 in from the knob
+    # moment of inertia about the axis 6 in from the knob
     inertia_pivot: Annotated[float | None, Gt(0), Dimension("inertia")] = None
     bending_frequencies: Annotated[tuple[float, ...], Dimension("frequency")] = ()
     barrel_nodes: Annotated[tuple[float, ...], Dimension("length")] = ()
@@ -336,7 +341,7 @@ class BallSpread(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallAgeing(Spec):
-    """Ageing: a hit at v reduces e0 by loss (v / speed)², and a share of the loss recovers."""
+    """Ageing of a ball: a hit at v reduces e0 by loss (v / speed)²; part of this loss recovers."""
 
     speed: Annotated[float, Gt(0), Dimension("speed")]
     loss: Annotated[float, Ge(0), Lt(1), Dimension("number")]
@@ -346,9 +351,10 @@ class BallAgeing(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallHumidity(Spec):
-    """Effect of the humidity in which balls are kept: e0 is that of the sheet at `standard`.
+    """Effect of the humidity in which balls are kept on their e0.
 
-    `slope` is the change of e0 from 0 to 100 % relative humidity, as a share of that e0.
+    At the relative humidity `standard`, e0 has the value of the sheet. `slope` is the change of e0
+    from 0 to 100 % relative humidity, divided by the e0 of the sheet.
     """
 
     standard: Annotated[float, Ge(0), Le(1), Dimension("number")]
@@ -376,7 +382,7 @@ class BallSpec(Spec):
     stiffness_spread: Spread = 0.0
     sport: Sport | None = None  # None: not known
     ageing: BallAgeing | None = None
-    humidity: BallHumidity | None = None  # None: e0 does not depend on it
+    humidity: BallHumidity | None = None  # None: e0 does not depend on humidity
 
     def __post_init__(self) -> None:
         force = np.ravel(self.stiffness * 0.01**self.exponent)  # one value, or one per lot

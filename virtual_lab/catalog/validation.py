@@ -71,7 +71,7 @@ def _keys(spec: Any, location: tuple[int | str, ...]) -> list[str]:
 
 
 def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, ...]:
-    """Return the location of an error in the document, without the validator's additions."""
+    """Return the location of an error in the document, without parts that the validator added."""
     for depth, part in enumerate(location):
         try:
             document = document[part]
@@ -81,7 +81,7 @@ def _place(document: Any, location: tuple[int | str, ...]) -> tuple[int | str, .
 
 
 def _at(document: Any, location: tuple[int | str, ...]) -> Any:
-    """Return the entry of the file at the location of an error, with number and unit as written."""
+    """Return the entry at the location of an error, with number and unit as written in the file."""
     for part in location:
         document = document[part]
     if isinstance(document, Mapping):

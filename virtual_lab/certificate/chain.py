@@ -24,7 +24,9 @@ RESULT = ("verdict", "metric", "shots", "budget")
 
 
 def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
-    """Return number, digest, folder name and reason of a report to be replaced; None without one.
+    """Return the reference to the report in `folder`, which a new report replaces; None without it.
+
+    The reference holds number, digest and folder name of the old report, and the reason.
 
     `folder` is the result folder of the report. Raises `InputError` if the folder has no
     certificate, or if only one of folder and reason is stated.
@@ -47,8 +49,8 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
     """Return the certificate in a result folder, and the certification computed from its records.
 
     Raises `InputError` if the folder has no certificate or no usable records, or if the records
-    give another certificate. Of a certificate made by another program only the result and the
-    copied values must agree.
+    give another certificate. If another version of the program made the certificate, only its
+    result and the values copied from the records must agree.
     """
     stated = read_document(folder / CERTIFICATE)
     certification = certify_session(load_session(folder / RECORDS))
@@ -64,7 +66,7 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
 
 
 def result_folders(folder: Path) -> list[Path]:
-    """Return [folder] for a result folder, otherwise the result folders directly in it, sorted.
+    """Return `[folder]` if it is a result folder, else the result folders directly in it, sorted.
 
     A result folder holds a ``certificate.json``. Raises `InputError` if the folder is missing or
     there is no result folder.

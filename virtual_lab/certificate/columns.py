@@ -24,7 +24,7 @@ class InPrint(NamedTuple):
     words: str
     unit: str = ""
     places: int = 4
-    symbol: str = ""  # symbol before the words; "metric": that of the procedure's metric
+    symbol: str = ""  # symbol before the words; "metric": the symbol of the procedure's metric
     # text for a missing value; None: a column without values is left out
     otherwise: str | None = None
 
@@ -53,7 +53,7 @@ def _reading(which: str, name: str) -> Getter:
 
 
 def _with(which: str, name: str) -> Getter:
-    """Return values of the shots where an encoder measured them."""
+    """Return a getter of the values `name` that is None unless an encoder measured them."""
     return lambda c: None if getattr(c.readings, which) is None else getattr(c.shots, name)
 
 
@@ -247,9 +247,8 @@ SHOTS = (
 
 
 def shot_columns(metric: str) -> dict[str, ShotColumn]:
-    """Return every column that ``readings.csv`` may have, by its name in tests by a metric.
+    """Return every column that ``readings.csv`` may have, by column name, in the order of the file.
 
-    `metric` is the name of the metric, which is part of some column names. The order is that of the
-    file.
+    `metric` is the name of the procedure's metric, which is part of some column names.
     """
     return {each.name.format(metric): each for each in SHOTS}

@@ -80,9 +80,10 @@ def same_text(path: Path) -> str:
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
     """Yield one mismatch per key of a JSON file that differs from `here`; nothing if all agree.
 
-    Numbers that differ only by rounding count as equal. If all keys agree but the text of the file
-    differs from `text`, only the first such line is yielded. `text` is the content that this
-    program writes for the values of `here`. A file that cannot be read is one mismatch.
+    Numbers that differ only by rounding are equal. `text` is the file content that this program
+    writes for the values of `here`. If all keys agree but the content of the file differs from
+    `text`, the first different line is the only mismatch. A file that cannot be read is one
+    mismatch.
     """
     try:
         stated = read_json(path)
@@ -97,7 +98,7 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
 def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
     """Yield a mismatch for the first line at which the texts differ, if any.
 
-    A missing line counts as a difference. `file` is the name of the file for the mismatch.
+    A missing line is a difference too. `file` is the file name that the mismatch states.
     """
     lines = zip_longest(stated.split("\n"), here.split("\n"))
     for number, (there, expected) in enumerate(lines, start=1):
@@ -110,10 +111,10 @@ def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
 
 
 def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
-    """Yield one mismatch per cell of a CSV file that differs from the text `here`, if any does.
+    """Yield one mismatch per cell of a CSV file that differs from the table `here`, a CSV text.
 
-    Cells that differ only by rounding count as equal. If the numbers of rows or columns differ, or
-    the file cannot be read, only this is yielded.
+    Cells that differ only by rounding are equal. If the tables differ in their number of rows or
+    columns, or if the file cannot be read, this is the only mismatch.
     """
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
@@ -147,8 +148,8 @@ def _same_cell(stated: str, expected: str) -> bool:
 def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterator[Mismatch]:
     """Yield one mismatch per key of a JSON document whose value differs; nothing if all agree.
 
-    Numbers that differ only by rounding count as equal. `stated` is the value in the file,
-    `expected` that of this program. `file` is the name of the file, `key` the key of both values.
+    Numbers that differ only by rounding are equal. `stated` is the value in the file `file`, and
+    `expected` is the value that this program computes. `key` is the key of both values.
     """
     if isinstance(stated, Mapping) and isinstance(expected, Mapping):
         for name in [*expected, *(name for name in stated if name not in expected)]:
@@ -179,6 +180,6 @@ def _value(value: Any) -> str:
 
 
 def cut_short(text: str) -> str:
-    """Return a text of up to 60 characters as it is, a longer one as its beginning and a digest."""
+    """Return a text, shortened to its beginning and a digest if it has more than 60 characters."""
     cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
     return text if len(text) <= 60 else cut

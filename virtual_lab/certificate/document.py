@@ -76,7 +76,7 @@ class ProcedureStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatAsMeasured(Spec):
-    """The bat's inertial properties; places from the barrel tip."""
+    """The bat's inertial properties; positions are measured from the barrel tip."""
 
     name: str
     """Name of the bat."""
@@ -236,7 +236,7 @@ class SwingRow(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceRow(Spec):
-    """One place of a scan: hits, their mean metric and its scatter."""
+    """One impact position of a scan: number of hits, mean and scatter of their metric."""
 
     place_in: Real
     """Impact position, from the barrel tip."""
@@ -421,7 +421,7 @@ class EncoderTrace(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RingRecorded(Spec):
-    """The encoder's record of one shot less its turn, after contact."""
+    """The encoder's record of one shot after contact, minus the fitted rotation."""
 
     shot: Whole
     """Number of the shot."""
@@ -435,7 +435,7 @@ class RingRecorded(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceStated(Spec):
-    """Correction of a scan's result for the choice of the place."""
+    """Correction of a scan's result for choosing the best impact position."""
 
     correction: Real
     """Correction of the metric for choosing the best position of a scan, in SI."""
@@ -520,7 +520,7 @@ class CertificateDocument(Spec):
     origin: Literal["simulated", "supplied"]
     """Origin of the records: this simulation, or another laboratory."""
     statement: str
-    """What the result is worth; printed on every page."""
+    """Sentence on the origin of the result, printed on every page."""
     procedure: ProcedureStated
     """Procedure of the test."""
     bat: BatAsMeasured
@@ -622,7 +622,7 @@ class CertificateDocument(Spec):
     versions: dict[str, str]
     """Versions of the program and its libraries, by name."""
     session_digest: str | None = None
-    """SHA-256 of session.json, with LF, which has those of all records; null: none was written."""
+    """SHA-256 of session.json, which states the digests of all records; null: no such file."""
     commit: CommitStated | None = None
     """Commit of the clone that made the certificate; null: an installed program.
 
@@ -631,7 +631,7 @@ class CertificateDocument(Spec):
 
     @property
     def states_result(self) -> bool:
-        """Whether a form shows the metric as a result: that of an invalid test is none."""
+        """Whether the metric is shown as a result, which it is not if the test is invalid."""
         return self.metric.value is not None and self.verdict != "INVALID"
 
     @property
@@ -666,20 +666,21 @@ def text_of(stated: Mapping[str, Any]) -> str:
 
 
 def number_of(stated: Mapping[str, Any]) -> str:
-    """Return the number of a certificate, 12 hexadecimal digits, from its values of JSON.
+    """Return the number of a certificate, 12 hexadecimal digits, from its JSON values.
 
-    The values may be of any schema. The number does not depend on the commit.
+    The values may have any schema version. The number does not depend on the commit.
     """
     counted = {**stated, "commit": None} if "commit" in stated else stated
     return hashlib.sha256(text_of(counted).encode()).hexdigest()[:12]
 
 
 def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated | None:
-    """Return the risk of a verdict that depends on the limit alone, None for other verdicts.
+    """Return the risk that the verdict is wrong; None unless the limit alone decides the verdict.
 
-    For PASS it is the probability that the true value is above the limit, for FAIL that it is not.
-    `eligible` says whether the bat meets all rules other than the limit. The result is None, too,
-    without a value, an uncertainty or a limit, and for INVALID.
+    For PASS the risk is the probability that the true value is above the limit. For FAIL it is the
+    probability that the true value is at or below the limit. `eligible` states whether the bat
+    meets all rules other than the limit. The result is also None if the metric has no value,
+    uncertainty or limit, and for the verdict INVALID.
     """
     value, u, limit = metric.value, metric.u, metric.limit
     if value is None or not u or limit is None or not eligible or verdict == "INVALID":
@@ -764,7 +765,7 @@ def _same_risk(stated: RiskStated | None, computed: RiskStated | None) -> bool:
 
 
 def _verdict(document: CertificateDocument, met: bool) -> str:
-    """Return the verdict on a bat whose metric meets its limit or not, INVALID aside."""
+    """Return the verdict if the test is valid; `met` states whether the metric meets its limit."""
     if document.metric.value is None or any(flag.invalidates for flag in document.flags):
         return "INVALID"
     if not (met and all(finding.met for finding in document.findings)):
@@ -787,7 +788,7 @@ def _foreign_words(document: CertificateDocument) -> Iterator[tuple[str, Any, st
 def read_document(path: Path) -> CertificateDocument:
     """Return the certificate in a JSON file.
 
-    Raises `InputError` as `document_of`, or if the file cannot be read.
+    Raises `InputError` if the file cannot be read, and in the cases of `document_of`.
     """
     return document_of(read_json(path), str(path))
 

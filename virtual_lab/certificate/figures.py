@@ -56,7 +56,7 @@ def hits_figure(document: CertificateDocument) -> str:
 
 
 def along_figure(document: CertificateDocument) -> str:
-    """Return e_A, e and the metric along the barrel, with error bars and fitted curves, as SVG.
+    """Return an SVG plot of e_A, e and the metric along the barrel, with u and fitted curves.
 
     Positions are in inches from the tip; the bars are standard uncertainties. The document must
     have curves along the barrel.
@@ -102,7 +102,7 @@ def along_figure(document: CertificateDocument) -> str:
 
 
 def budget_figure(document: CertificateDocument) -> str:
-    """Return the shares of the variance of the metric [%] as bars, as SVG.
+    """Return an SVG bar chart of the share of each budget component in the metric's variance [%].
 
     The document must have a printed budget.
     """
@@ -222,9 +222,9 @@ def contact_figure(document: CertificateDocument) -> str:
 
 
 def swings_figure(document: CertificateDocument) -> str:
-    """Return the metric over the exponent of the swing law, with its 95 % intervals, as SVG.
+    """Return an SVG plot of the metric and its 95 % interval against the exponent of the swing law.
 
-    The document must have a range of swing laws.
+    The document must have the metric for several swing laws.
     """
     printed = METRICS[document.metric.name]
     exponents = [row.exponent for row in document.swing_range]
@@ -347,7 +347,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
 def _kinds(
     measured: Sequence[tuple[float, ShotRow]], scan: bool
 ) -> list[tuple[str, list[tuple[float, ShotRow]], str, bool]]:
-    """Return the kinds of hits to be marked: label, hits, fill of the disc, whether a cross."""
+    """Return label, hits, color of the disc, and whether it has a cross, for each kind of hit."""
     valid = [(x, row) for x, row in measured if not row.reason]
     if scan:
         return [
@@ -389,7 +389,7 @@ def _result_panel(document: CertificateDocument, left: float, bottom: float) -> 
 def _put_density(
     panel: Panel, value: float, u: float, limit: float | None, document: CertificateDocument
 ) -> None:
-    """Draw the result's distribution, filled beyond the limit: the risk of the verdict."""
+    """Draw the distribution of the result; the filled part beyond the limit is the risk."""
     low, high = panel.y
     steps = (*np.linspace(low, high, 201).tolist(), *(value + u * n / 8 for n in range(-36, 37)))
     heights = sorted(each for each in steps if low <= each <= high)

@@ -97,9 +97,9 @@ def certificate(
     certification
         Result of the test.
     truth_digest
-        SHA-256 of the sealed truth, which links a simulated test to it; None: no truth is sealed.
+        SHA-256 of the sealed truth of a simulated test; None without a sealed truth.
     session_digest
-        SHA-256 of ``session.json``, which links any certificate to its records; None: not written.
+        SHA-256 of ``session.json``, which names the records; None if this file was not written.
     """
     session, procedure = certification.session, certification.procedure
     metric, outcome = certification.metric, certification.outcome
@@ -215,7 +215,7 @@ def certificate(
 
 
 def _particulars(session: Session) -> Particulars:
-    """Return the stated particulars; supplied records fill in missing names."""
+    """Return the particulars of a session; the supplied records provide names that are missing."""
     particulars, origin = session.particulars, session.origin
     if isinstance(origin, Supplied):
         laboratory, customer = particulars.laboratory, particulars.customer
@@ -233,7 +233,7 @@ def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated
 def budget_lines(budget: Budget) -> list[BudgetLine]:
     """Return the components of an uncertainty, with values in SI units, the largest first.
 
-    Each has its share of the variance [%]; all shares are 0 if the variance is 0.
+    Each component states its share of the variance [%]. All shares are 0 if the variance is 0.
     """
     variance = sum(part.contribution**2 for part in budget.components)
     return [
@@ -298,10 +298,10 @@ def _places(certification: Certification) -> list[PlaceRow]:
 
 
 def _along(certification: Certification) -> AlongBarrel | None:
-    """Return e_A, e, a ball's speed and the metric along the barrel; None with too few places.
+    """Return e_A, e, a ball speed and the metric along the barrel; None with too few positions.
 
-    The speed is v_f at the speeds of the rules' game or of the test. For a bat at rest it is the
-    rebound speed.
+    The ball speed is v_f, computed for the game speeds of the rules if they state any, otherwise
+    for the speeds of the test. For a bat at rest v_f is the rebound speed.
     """
     valid, shots = certification.judgement.valid, certification.shots
     place = certification.readings.place[valid] / INCH
@@ -352,7 +352,11 @@ def _along(certification: Certification) -> AlongBarrel | None:
 
 
 def _batted_speed(certification: Certification) -> Array:
-    """Return v_f of each shot at the speeds of the rules' game, or of the test, (shot,) [m/s]."""
+    """Return v_f of each shot [m/s], shape (shot,).
+
+    It is computed for the game speeds of the rules if they state any, otherwise for the speeds of
+    the test.
+    """
     properties = {name: np.array(each.value) for name, each in certification.bat.items()}
     # no speed depends on the radius
     bat = BatProperties(**properties, barrel_radius=np.array(np.nan))
@@ -467,7 +471,7 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
 
 
 def _choice(metric: Budget | None) -> ChoiceStated | None:
-    """Return the correction for the place chosen by a scan, None without one."""
+    """Return the correction for choosing the best position of a scan; None without a scan."""
     parts = [part for part in metric.components if part.name == CHOICE] if metric else []
     return ChoiceStated(correction=parts[0].value, u=parts[0].u) if parts else None
 
@@ -514,7 +518,7 @@ def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
 
 
 def _correction(certification: Certification) -> CorrectionStated | None:
-    """Return the correction for balls that differ from the standard ball, None without one."""
+    """Return the correction for balls that differ from the standard ball; None if not applied."""
     correction = certification.procedure.correction
     if correction is None or not certification.procedure.normalized:
         return None

@@ -17,10 +17,10 @@ FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad 
 
 
 def kind_of(session: Session) -> dict[str, str]:
-    """Return the properties that joined tests share.
+    """Return the properties that must be equal in tests whose scatter is pooled.
 
-    They are ``bat``, ``procedure`` (its text), ``rig`` (of the impact stage) and ``laboratory``
-    (its name).
+    The keys are ``bat``, ``procedure`` (text of its sheet), ``rig`` (of the impact stage) and
+    ``laboratory`` (its name).
     """
     return {
         "bat": session.bat,
@@ -49,8 +49,8 @@ def earlier_scatter(
     Raises
     ------
     InputError
-        Fewer than three tests; a test that is listed twice, is that of today, is of another kind or
-        is INVALID; a folder without a certificate.
+        There are fewer than three tests, a folder has no certificate, or a test is listed twice, is
+        the test of today, is of another kind, or is INVALID.
     """
     if not folders:
         return {}

@@ -13,7 +13,7 @@ PACKAGE = "virtual_lab.certificate"
 def certificate_page(document: CertificateDocument, paper: str = "a4") -> str:
     """Return the certificate as one self-contained HTML page, for paper ``a4`` or ``letter``.
 
-    It runs no script and loads nothing.
+    The page contains no script and loads no other file.
     """
     from markupsafe import Markup
 

@@ -117,9 +117,9 @@ def typeset(
 def _lacking(refusal: str, printable: str) -> set[str]:
     """Return the characters of a text without a glyph, from Typst's error message.
 
-    If the message names a base character with combining marks, only the marks are returned,
-    because the font may have the base. If it names an ASCII base alone, which every font has, the
-    marks behind it in the text are returned.
+    If the message names a base character with combining marks, only the marks are returned, because
+    the font may have the base character. If the message names only an ASCII character, which every
+    font has, the marks that follow it in the text are returned.
     """
     characters = set[str]()
     for escaped in NO_GLYPH.findall(refusal):
@@ -172,7 +172,7 @@ def _view(document: CertificateDocument) -> dict[str, Any]:
 
 
 def _logo(address: str) -> dict[str, Any] | None:
-    """Return kind and content of a logo as the template takes them."""
+    """Return kind and content of a logo in the form that the template expects."""
     if not address:
         return None
     kind, data = picture_in(address)
@@ -192,7 +192,7 @@ def _day(document: CertificateDocument) -> list[int]:
 
 
 def _spell_out(value: Any, unprintable: set[str]) -> Any:
-    """Return texts with the characters that no font has as code points."""
+    """Return `value` with each unprintable character in its texts replaced by its code point."""
     if isinstance(value, str):
         return "".join(f"[U+{ord(each):04X}]" if each in unprintable else each for each in value)
     if isinstance(value, dict):

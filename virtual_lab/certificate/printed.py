@@ -85,11 +85,14 @@ VERDICTS = {
 def printed_values(document: CertificateDocument) -> dict[str, Any]:
     """Return everything that a certificate prints, by name.
 
-    Numbers are texts, rounded to their uncertainty, in printed units. A missing number is a dash or
-    "". A table is a list of rows, or a dictionary with ``heads`` and ``rows``; its cells are texts.
-    A group of values, such as ``conditions``, is a dictionary of texts. A part that the certificate
-    does not have is None, "" or an empty list. Conditions for the template, such as ``swung``, are
-    bool. The number of shots in ``rebound`` is an int, 0 if the check was not made.
+    The type of a value depends on its kind:
+
+    * A number is a text in printed units, rounded to its uncertainty; a dash or "" if missing.
+    * A table is a list of rows, or a dictionary with ``heads`` and ``rows``; its cells are texts.
+    * A group of values, such as ``conditions``, is a dictionary of texts.
+    * A condition that the template tests, such as ``swung``, is a bool.
+    * The number of shots in ``rebound`` is an int; 0 if the check was not made.
+    * A part that the certificate does not have is None, "" or an empty list.
     """
     rings = document.ring.frequencies_hz if document.ring else ()
     return {
@@ -163,7 +166,7 @@ def _about_flags(document: CertificateDocument) -> str:
 
 
 def _conditions(document: CertificateDocument) -> dict[str, str]:
-    """Return speeds and place of the hits, as texts; "" where there is none."""
+    """Return speeds and impact position of the hits as texts; "" for a missing value."""
     speed, place = document.v_rel_mph, document.impact_position_in
     return {
         "relative": _number(speed, 2, ""),
@@ -176,7 +179,7 @@ def _conditions(document: CertificateDocument) -> dict[str, str]:
 
 
 def _identification(document: CertificateDocument) -> list[list[str]]:
-    """Return words and value of what identifies the test."""
+    """Return one row per item that identifies the test: its name and its value."""
     simulated, particulars = document.simulation is not None, document.particulars
     rigs = ", ".join(f"{rig} ({stage})" for stage, rig in document.rigs.items())
     day = document.date or "no date in the records"
@@ -237,7 +240,7 @@ def _instruments(stated: Mapping[str, InstrumentIdentity]) -> dict[str, object] 
 
 
 def _other_recoil(other: OtherRecoil | None) -> dict[str, str] | None:
-    """Return the results of the same e_A with the recoil factor of the other support."""
+    """Return the results that the same e_A gives with the recoil factor of the other support."""
     if other is None:
         return None
     return {
@@ -268,11 +271,11 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 
 
 def printed_result(document: CertificateDocument) -> dict[str, object]:
-    """Return verdict and result in printed units, with limit and number of hits, by name.
+    """Return verdict, result, limit and number of hits in printed units, by name.
 
     The values are texts, except for the bools `stated`, `decides` and `uncertain`. Without a
-    result, as after an INVALID test, `stated` is False, and `uncertain` and the keys of value and
-    uncertainty are missing.
+    result, for example of an INVALID test, `stated` is False, and the dictionary has neither
+    `uncertain` nor the keys of value and uncertainty.
     """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]
@@ -305,7 +308,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
 
 
 def _first_order(document: CertificateDocument) -> str:
-    """Return the combined u of the budget's lines, "" where the stated u is printed the same."""
+    """Return the combined u of the budget's lines as printed; "" if it prints like the stated u."""
     unit_si = METRICS[document.metric.name].unit_si
     combined = sqrt(sum(row.contribution**2 for row in document.budget)) / unit_si
     printed = digits(combined)
@@ -407,7 +410,7 @@ def _as_found(document: CertificateDocument) -> dict[str, str] | None:
 
 
 def _choice(document: CertificateDocument) -> str:
-    """Return the correction for the place chosen by a scan, with its unit."""
+    """Return the correction for choosing the best position of a scan, with its unit."""
     if document.choice is None:
         return ""
     printed = METRICS[document.metric.name]
@@ -460,7 +463,7 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
 
 
 def _along(document: CertificateDocument) -> dict[str, object] | None:
-    """Return symbols and units of a scan's quantities, and their means at each place with u."""
+    """Return symbols, units, means and u of a scan's quantities at each impact position."""
     if document.along is None:
         return None
     sizes = [printed_size(each.name) for each in document.along.quantities]
@@ -494,7 +497,7 @@ def printed_size(name: str) -> tuple[str, str, float]:
 
 
 def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
-    """Return one row per quantity that the camera measured, too; [] without a camera."""
+    """Return one row per quantity that the camera measured in addition; [] without a camera."""
     rows = []
     for name, symbol in (
         ("collision_efficiency", "e_A"),
@@ -521,9 +524,10 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 
 
 def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the budget as rows of texts: components from 1 % of the variance, then the rest.
+    """Return the budget as rows of texts.
 
-    A row has the words, u of the input, type, contribution to u in the printed unit of the metric,
+    Each component with at least 1 % of the variance has a row; a last row sums up the others. A row
+    holds a description, u of the input, type, contribution to u in the printed unit of the metric,
     and share [%]. The list is empty without a result, without a budget, or if u is 0.
     """
     unit_si = METRICS[document.metric.name].unit_si

@@ -21,7 +21,7 @@ REGULAR = 0o100000  # mode of a regular file in the index, without its permissio
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of this program and of the libraries its numbers depend on, by name."""
+    """Return the versions of this program and of the libraries that affect its numbers, by name."""
     return {"virtual-lab": VERSION} | {name: _installed(name) for name in LIBRARIES}
 
 
@@ -37,12 +37,13 @@ def commit() -> CommitStated | None:
 def commit_of(root: Path) -> CommitStated | None:
     """Return the commit of a clone of this project in `root`, None if there is none.
 
-    `root` must itself contain this project's pyproject.toml. A repository that merely contains the
-    virtual environment in which the program is installed does not count. The result is also None
-    without a commit, and for a repository in an unknown format, such as SHA-256. Git is not called.
+    The result is None if `root` does not contain this project's pyproject.toml, if there is no
+    commit, and for a repository in an unknown format, such as SHA-256. A repository that only
+    contains the virtual environment of the program therefore gives None. Git is not called.
 
-    The result's `changes` is a digest of the program's files that differ from git's index, empty if
-    none does. Staged changes (``git add``) and untracked files are not seen.
+    The field `changes` of the result is a digest of the program's files that differ from git's
+    index; it is empty if no file differs. Staged changes (``git add``) and untracked files do not
+    affect it.
     """
     try:
         project = (root / "pyproject.toml").read_text(encoding="utf-8")
@@ -130,7 +131,7 @@ def _entries(data: bytes) -> Iterator[_Entry]:
 
 
 def _length(data: bytes, place: int) -> tuple[int, int]:
-    """Return the place after a number of variable length in the index, and the number."""
+    """Return the index of the byte after a number of variable length, and the number."""
     number = data[place] & 0x7F
     while data[place] & 0x80:
         place += 1

@@ -47,8 +47,8 @@ def require_key(path: Path, *, private: bool) -> Any:
 def write_sums(folder: Path, key: Path | None = None) -> None:
     """Write the SHA-256 digests of all files in a folder, and their signature if there is a key.
 
-    The files are ``SHA256SUMS`` and its signature. `key` is the file of a private key. Raises
-    `InputError` as `require_key`.
+    The list is written to ``SHA256SUMS``, and its signature to a file beside it. `key` is the file
+    of a private key. Raises `InputError` if it cannot be used, as described for `require_key`.
     """
     private = None if key is None else require_key(key, private=True)
     lines = [f"{_digest(folder / name)}  {name}\n" for name in _list_files(folder)]
@@ -59,10 +59,10 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
 
 
 def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFinding]:
-    """Yield one finding per file of a folder that differs from its list of digests, if any does.
+    """Compare a folder with its list of digests; yield one finding per difference.
 
-    A missing file, a file that is not listed and a missing list are mismatches. A folder of
-    `optional` that is completely missing is one unchecked part.
+    A changed file, a missing file, a file that is not listed, and a missing list are mismatches. If
+    a folder in `optional` is completely missing, it is reported as one unchecked part.
     """
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")
@@ -85,10 +85,10 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
 
 
 def signature_fault(folder: Path, key: Path) -> Mismatch | None:
-    """Return a mismatch unless the owner of a public key has signed the list of digests, else None.
+    """Return None if the list of digests has a valid signature for a public key, else a mismatch.
 
-    `key` is the file of the public key. A missing signature is a mismatch. Raises `InputError` as
-    `require_key`.
+    `key` is the file of the public key. A missing signature is a mismatch too. Raises `InputError`
+    if the key cannot be used, as described for `require_key`.
     """
     public = require_key(key, private=False)
     from cryptography.exceptions import InvalidSignature

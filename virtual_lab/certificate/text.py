@@ -1,4 +1,4 @@
-"""A certificate as plain text for a terminal: the values in print, a line for each."""
+"""A certificate as plain text for a terminal, with one line per printed value."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def certificate_text(document: CertificateDocument) -> str:
 
 
 def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[str]:
-    """Yield the result, and all that was measured beside it."""
+    """Yield the lines of the result and of the other measured quantities."""
     result, at = printed["result"], printed["conditions"]
     most = "no limit" if result["limit"] == "none" else f"limit {result['limit']}"
     first = f", to first order {result['u_first_order']}" if result["u_first_order"] else ""
@@ -105,7 +105,7 @@ WAYS = ("gates", "video", "joined")
 
 
 def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
-    """Return lines on the particulars that are stated and those that are not; none if none is."""
+    """Return the lines on stated and missing particulars; empty if no particular is stated."""
     lines = [
         f"  {words}: {value}" for words, value in particulars.list_statements(simulated=simulated)
     ]

@@ -179,8 +179,8 @@ def reduced_document(
 ) -> CertificateDocument:
     """Return the certificate of a certification as this program writes it, for a comparison.
 
-    Versions, commit and the digest of the truth are those of `stated`, the values of JSON of the
-    other certificate, if it has them in the form of this schema.
+    `stated` are the JSON values of the certificate to compare with. Its versions, commit and digest
+    of the truth are adopted if they have the form of this schema.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
@@ -193,7 +193,7 @@ def reduced_document(
 
 
 def _findings(folder: Path) -> Iterator[FolderFinding]:
-    """Yield the findings about a folder, its signature aside."""
+    """Yield the findings about a folder, except for its signature."""
     stated = read_json(folder / CERTIFICATE)
     if stated.get("schema") not in READABLE:
         allowed = f"allowed: {', '.join(map(str, READABLE))}; make the certificate again with "
@@ -221,10 +221,10 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
 
 
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
-    """Return a sentence that names the other program that made a certificate, "" if this one did.
+    """Return a sentence that names the program that made a certificate; "" if it was this program.
 
-    Programs differ by version, schema, or commit. `stated` are the values of JSON of the
-    certificate.
+    A program is another one if its version, schema or commit differs. `stated` are the JSON values
+    of the certificate.
     """
     here = program.commit()
     of_here = (SCHEMA, program.versions()["virtual-lab"], here and asdict(here))
@@ -265,10 +265,10 @@ def _report_fault(file: str, fault: InputError) -> Mismatch:
 def _document(
     folder: Path, stated: Mapping[str, Any], certification: Certification, elsewhere: bool
 ) -> Generator[FolderFinding, None, CertificateDocument | None]:
-    """Yield the keys of the certificate that are not those of the document made here.
+    """Yield the keys of a certificate whose values differ from the document computed here.
 
-    Return the document with which page and PDF are compared. It is None if another program made
-    the certificate and states something else, or if the certificate is not valid.
+    Return the document with which page and PDF are to be compared. It is None if the certificate is
+    not valid, or if another program made it and its values differ.
     """
     digest = digest_of_text(read_bytes(folder / RECORDS / SESSION))
     expected = reduced_document(certification, stated, digest)
@@ -277,7 +277,7 @@ def _document(
     if not rows:
         yield from layout
         try:
-            # page and PDF have the last digits of the stated document, which may differ from ours
+            # Page and PDF show the last digits of the stated document, which may differ from ours.
             return document_of(dict(stated), CERTIFICATE)
         except InputError as fault:  # versions or commit are not texts
             yield _report_fault(CERTIFICATE, fault)
@@ -292,9 +292,10 @@ def _document(
 
 
 def _differing(rows: Iterable[Mismatch]) -> Iterator[Mismatch]:
-    """Yield the differences from this program: one row per result, one for the rest of a file.
+    """Yield the differences from this program: one row per result, one row per file for the rest.
 
-    A page and a table of another program may be worded otherwise in many places.
+    The wording of another program's page and tables may differ in many lines, so these differences
+    are not listed singly.
     """
     others_of_file: dict[str, list[Mismatch]] = {}
     for row in rows:
@@ -397,7 +398,7 @@ def _forms(
 
 
 def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
-    """Yield the first line that differs from the document's page, unless one paper size fits."""
+    """Yield the first line that differs from the document's page; nothing if either size agrees."""
     stated, first = same_text(path), ""
     for paper in PAPERS:  # most certificates use the first
         page = certificate_page(document, paper)
@@ -410,7 +411,7 @@ def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     """Yield a mismatch if the PDF is not that of the document for any paper size.
 
-    `InputError` if it cannot be compared, for example if another version of Typst made it.
+    Raises `InputError` if it cannot be compared, for example if another version of Typst made it.
     """
     stored, expected = read_bytes(path), b""
     for paper in PAPERS:
@@ -483,7 +484,7 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
 
 
 def _strays(folder: Path) -> Iterator[Mismatch]:
-    """Yield files that do not belong to a result. Those among the records are checked elsewhere."""
+    """Yield the files that do not belong to a result, except in the folder of the records."""
     of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SETTINGS, SUMS, SIGNATURE}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]

@@ -1,4 +1,4 @@
-"""Numba's cache of compiled code: its folder, and who may write to it at one time."""
+"""Numba's cache of compiled code: its folder, and a lock so that one process writes at a time."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def _lock(path: Path) -> Iterator[None]:
 
 
 def _writable(folder: Path) -> bool:
-    """Whether a folder can be written to, or be made."""
+    """Return whether a folder can be written to, or can be created."""
     there = next(path for path in (folder, *folder.parents) if os.path.exists(path))
     return os.path.isdir(there) and os.access(there, os.W_OK | os.X_OK)
 
 
 def _private(folder: Path) -> bool:
-    """Whether a folder, no link, belongs to this account and no other account can write to it."""
+    """Return whether a folder is no link and only this account, which owns it, can write to it."""
     status = folder.lstat()
     mine = stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid()
     return mine and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

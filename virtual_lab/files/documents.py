@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-DEEPEST = 32  # largest nesting depth of a document; ours have six levels
+DEEPEST = 32  # largest nesting depth of a document; the files of this project have six levels
 # pattern of a dotted key that is nested too deeply
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 NESTED = f"is nested deeper than {DEEPEST} levels"
@@ -68,9 +68,9 @@ def read_text(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file.
 
-    Raises `InputError` for a file that cannot be read, other content than one object, a key that
-    occurs twice, the words NaN or Infinity, a number beyond the range of a float such as 1e999, or
-    nesting deeper than 32 levels.
+    Raises `InputError` if the file cannot be read, does not contain exactly one object, contains a
+    key twice, the words NaN or Infinity or a number too large for a float, such as 1e999, or is
+    nested more than 32 levels deep.
     """
     return parse_json(read_text(path), str(path))
 
@@ -94,8 +94,8 @@ def parse_json(text: str, where: str) -> dict[str, Any]:
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the TOML document in a file.
 
-    Raises `InputError` for a file that cannot be read, other content, or nesting deeper than 32
-    levels.
+    Raises `InputError` if the file cannot be read, is not TOML, or is nested more than 32 levels
+    deep.
     """
     return parse_toml(read_text(path), str(path))
 
@@ -149,8 +149,8 @@ def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
 def inside(folder: Path, name: str, where: str, key: str) -> Path:
     """Return the path of the file `name` in a folder, whether it exists or not.
 
-    Raises `InputError` with the file `where` and the `key` if the path leads out of the folder, by
-    ``..`` or by a link.
+    Raises `InputError`, which names the file `where` and the `key`, if the path leads out of the
+    folder by ``..`` or by a link.
     """
     path = folder / name
     try:
@@ -191,8 +191,8 @@ def contents(folder: Path) -> dict[str, str]:
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
     """Return the table in a CSV file, one column per name in the header.
 
-    Raises `InputError` if the file cannot be read, is no UTF-8 text, has no rows, has another
-    delimiter, has a column name twice, or has rows of another length than the header.
+    Raises `InputError` if the file cannot be read, is not UTF-8 text, has no rows, has another
+    delimiter, has a column name twice, or has rows whose length differs from the header.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -234,8 +234,8 @@ def parse_table(
 def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
     """Return the columns of a CSV file of numbers by name; an empty cell is NaN.
 
-    If the file has a fault, or cells that are no numbers, the result and the errors are those of
-    `parse_table`, which loads pandas.
+    If the file has a fault or contains cells that are not numbers, it is read by `parse_table`,
+    which loads pandas, with the same results and errors.
     """
     import numpy as np
 
@@ -250,7 +250,7 @@ def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
 
 
 def _require_whole_rows(data: bytes, where: str, delimiter: str, cells: int) -> None:
-    """Refuse a row shorter than the header, because the file may be truncated; pandas fills it."""
+    """Refuse a row shorter than the header, which pandas would fill: the file may be truncated."""
     if b'"' in data:
         return  # quoted cells may contain the delimiter
     for number, line in enumerate(data.splitlines(), 1):
@@ -315,8 +315,8 @@ def check_new_folder(target: Path) -> None:
 def check_writable(target: Path, key: str) -> None:
     """Raise `InputError` unless a file or folder can be made at `target`; `key` is for the message.
 
-    A draft is made and removed, because a system may call a folder writable in which it makes no
-    file, such as ``/proc``.
+    The check creates a draft and removes it, because a system may report a folder as writable
+    although no file can be created in it, such as ``/proc``.
     """
     existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
     try:
@@ -338,11 +338,11 @@ def first_free(target: Path) -> Path:
 
 @contextmanager
 def new_folder(target: Path, settings: str = "") -> Iterator[Path]:
-    """Yield a folder to fill beside `target`, which becomes `target` if no error occurs.
+    """Yield a temporary folder to fill, which is renamed to `target` if no error occurs.
 
-    `settings` are the arguments of the call that made the result, for the file ``settings.toml``;
-    an empty text writes none. Raises `InputError` if `target` is not absent or empty, or cannot be
-    written. After an error nothing is left.
+    `settings` is the text of the file ``settings.toml``, the arguments of the call that made the
+    result; no file is written if it is empty. Raises `InputError` if `target` exists and is not an
+    empty folder, or if it cannot be written. After an error no file is left.
     """
     check_new_folder(target)
     try:
@@ -379,9 +379,10 @@ def new_files(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[BinaryIO]:
-    """Yield a file to write, which becomes `path` if no error occurs, replacing an existing file.
+    """Yield a temporary file to write, which replaces `path` if no error occurs.
 
-    It is written to disk before it gets its name. Raises `OSError` if the folder cannot be written.
+    The content is on disk before the file gets its name. Raises `OSError` if the folder cannot be
+    written.
     """
     with draft_in(path.parent) as draft:
         with open(draft / path.name, "wb") as file:

@@ -1,8 +1,8 @@
 """Drafts: a result appears completely or not at all, however the program ends.
 
-A draft is a hidden folder beside the final place. The process that made it holds a lock, which the
-system releases when the process ends. A draft without a lock was left by a killed process, and the
-next process that writes to the same folder removes it.
+A draft is a hidden folder beside the final folder. The process that made it holds a lock, which the
+system releases when the process ends. A draft without a lock was left by a killed process; the next
+process that writes to the same folder removes it.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _sweep(folder: Path) -> None:
 
 
 def _lock(folder: Path) -> int | None:
-    """Return a lock on a folder, None if another process has it or the system offers none."""
+    """Return a lock on a folder; None if another process has it or the system has no locks."""
     if sys.platform == "win32":
         return None
     import fcntl

@@ -1,4 +1,4 @@
-"""Tables as CSV files that spreadsheets read as they are."""
+"""Tables as CSV files that spreadsheets read without change."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def quote(cell: object) -> str:
     """Return a table cell as text, in a form that no spreadsheet interprets as a formula.
 
-    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe in front. A number
-    does not, nor does a text that states a number, such as ``-1.5``.
+    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe in front. Numbers,
+    and texts that state a number, such as ``-1.5``, are not changed.
     """
     text = str(cell)
     if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):

@@ -1,4 +1,4 @@
-"""Pictures of a calibration board by a camera of the catalog, stored with the true lens."""
+"""Simulated pictures of a calibration board by a camera of the catalog, with the true lens."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ def film_board(
 ) -> Path:
     """Write pictures of a board as PNG into a new folder. Return the path of ``folder/pictures``.
 
-    The folder ``pictures`` holds the pictures, and ``truth/camera.json`` the true lens and the
-    camera position in axes of the rig. In the first picture the board lies in the ball's plane.
+    The folder ``pictures`` holds the pictures. The file ``truth/camera.json`` holds the true lens
+    and the true camera position in axes of the rig. In the first picture the board lies in the
+    plane of the ball.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def film_board(
     Raises
     ------
     InputError
-        An unknown camera, a folder that is not empty, too few or too many pictures.
+        The camera is unknown, the folder is not empty, or there are too few or too many pictures.
     """
     import cv2
 

@@ -34,13 +34,13 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     control bat, that bat is tested first, by the same procedure, on the same rigs and with the same
     balls. The ratio of its measured to its known e is the constant ``control.restitution_ratio`` of
     the main test. Calibration errors common to both tests largely cancel in this ratio, but the
-    budget counts them twice: u is slightly too large.
+    budget includes them in both tests, so u is slightly too large.
 
     Raises
     ------
     InputError
-        As for `Laboratory.open`; a control bat that the rules do not use, or a missing one; a
-        control bat whose test gives no result.
+        In the cases of `Laboratory.open`; also if a control bat is stated that the rules do not
+        use, if a required one is missing, or if its test gives no result.
     """
     if not kernel_is_compiled():
         progress("compiling the numerical code, which happens once and takes some fifteen seconds")

@@ -1,4 +1,4 @@
-"""Checks that rig, bat and ball fit a procedure: channels, motion, places, windows."""
+"""Checks that rig, bat and ball fit a procedure: channels, motion, impact positions, windows."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
-    """Raise `InputError` for a rig that does not suit a procedure. Otherwise return None.
+    """Raise `InputError` for a rig that does not suit a procedure.
 
     Such a rig lacks a record that the procedure needs, or swings a bat that must be at rest.
     """
@@ -56,7 +56,7 @@ def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
-    """Raise `InputError` for a motion model that the rig does not have. Otherwise return None."""
+    """Raise `InputError` for a motion model that the rig does not have."""
     able = rig.motions if isinstance(rig, MotionRig) else {MotionRung.CLOSED_FORM}
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
@@ -64,7 +64,7 @@ def require_motion(rig: Rig, motion: MotionRung) -> None:
 
 
 def require_camera(rig: Rig) -> None:
-    """Raise `InputError` for a rig without a camera, which cannot film. Otherwise return None."""
+    """Raise `InputError` for a rig without a camera, which cannot film."""
     if "camera" not in rig.channels:
         able = [
             name for name, candidate in installed_rigs().items() if "camera" in candidate.channels
@@ -74,10 +74,7 @@ def require_camera(rig: Rig) -> None:
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Raise `InputError` for a scan that reaches the tip or the pivot of a bat, or goes beyond it.
-
-    Otherwise return None.
-    """
+    """Raise `InputError` for a scan that reaches or exceeds the tip or the pivot of a bat."""
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob
@@ -95,7 +92,7 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
     """Raise `InputError` for windows of mass or e0 that exclude the nominal ball.
 
-    Few shots would count with such windows. Otherwise return None.
+    With such windows most balls would be set aside.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
@@ -114,10 +111,10 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
-    """Return the numbers of unverified values in the sheets of some rigs and of their instruments.
+    """Return the number of unverified values in each sheet of some rigs and of their instruments.
 
-    The form is ``{"rigs/astm-pivot": "4 of 5", …}``, as for `catalog.count_unverified`. Rigs of
-    other packages are left out.
+    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of 5 values are
+    unverified. Rigs of other packages are left out.
     """
     counts: dict[str, str] = {}
     for rig in rigs:
@@ -127,7 +124,7 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
 
 
 def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
-    """Yield the instruments of some rigs whose data sheets state an identity, each with its name.
+    """Yield name and identity of each instrument of some rigs whose data sheet states an identity.
 
     Nothing is yielded for rigs of other packages. Raises `InputError` for an identity with a wrong
     entry.

@@ -74,9 +74,9 @@ class Laboratory:
         Raises
         ------
         InputError
-            An unknown rig or collision model, a motion model that the rig does not have, a rig
-            without a record that the procedure needs, a film without a camera, a bat or ball
-            that does not fit the procedure.
+            The rig or the collision model is unknown, the rig does not have the motion model, a
+            record that the procedure needs, or the camera for a film, or bat or ball do not fit the
+            procedure.
         """
         setup.require_seeded()
         rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec
@@ -230,7 +230,7 @@ def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
 
 
 def _sealing(setup: TestSetup) -> str:
-    """Return the statement whether the truth can be recomputed from the records by trying seeds."""
+    """Return a sentence that states whether the truth can be recomputed by trying seeds."""
     if setup.reality is not Reality.REAL:
         return "reproducible: nothing is random, not sealed"
     if setup.seed is not None:

@@ -1,8 +1,8 @@
 """The measurand: the procedure's result for the exact curve of the tested bat.
 
-There are two measurands: (i) the result from the positions that were hit, which a laboratory
-without errors finds exactly; (ii) for a scan, the value at the maximum of the continuous curve and,
-if the procedure requires it, the width of the curve near its maximum.
+There are two measurands. The first is the result from the positions that were hit, which a
+laboratory without errors finds exactly. The second is for scans: the value at the maximum of the
+continuous curve and, if the procedure requires it, the width of the curve near its maximum.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ def measurands(
 ) -> dict[str, Array]:
     """Return the true ``metric`` and the true quantities of the tests by name, (laboratory,) [SI].
 
-    The other quantities are those at the impact position on the certificate, so they are averaged
-    with the `weights` of its hits, (shot,). For a scan the metric at the maximum of the continuous
-    curve is added, and the width of this curve [m] if the procedure requires one. `control` is the
-    error-free argument of `TrueCurve.metric`. Values are NaN for a test without a result.
+    The other quantities refer to the impact position on the certificate, so they are averaged with
+    the `weights` of its hits, (shot,). For a scan, the result also holds the metric at the maximum
+    of the continuous curve, and the width of this curve [m] if the procedure requires one.
+    `control` is the true ratio of e of the control bat to its known e. Values are NaN for a test
+    without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories
@@ -154,9 +155,9 @@ def true_curve(
     places: Array,
     owner: Owner = ...,
 ) -> TrueCurve:
-    """Return the true results at `places` at the procedure's nominal speeds, arrays (place,).
+    """Return the true results at `places` for the procedure's nominal speeds, arrays (place,).
 
-    `places` are distances from the barrel tip [m]. `owner` is the laboratory, in a block, whose bat
+    `places` are distances from the barrel tip [m]. In a block, `owner` is the laboratory whose bat
     and balls are used at each position, (place,).
     """
     bat = specimen.bat.of_shots(owner).rigid

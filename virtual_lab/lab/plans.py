@@ -65,9 +65,9 @@ class BeforeShots(NamedTuple):
 def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
     """Return the plan to fire one ball at each requested position, (shot,), with the balls in turn.
 
-    Balls that were set aside are not used. The position, from the barrel tip [m], is the requested
-    one minus the known error of the aim. It is rounded to the step in which it can be set, but not
-    in an ideal laboratory.
+    Balls that were set aside are not used. The planned position, from the barrel tip [m], is the
+    requested position minus the known error of the aim. It is rounded to the step in which the rig
+    can be set, except in an ideal laboratory.
     """
     owner = shots.owner
     turn, counts = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)

@@ -1,11 +1,11 @@
 """One bat design in many laboratories with different errors.
 
-In metrology a round robin is one artefact that travels from laboratory to laboratory.
+(In metrology a round robin is one artefact that travels from laboratory to laboratory.)
 
 The common parts (procedure, surrogate of the nominal bat's collision) are made once. The
-laboratories are those of one seed by number, as in ``certify --seed S --number n``. If the
-instruments write sums, laboratories run side by side in blocks. A nominal bat then takes a fraction
-of a millisecond per laboratory, and an individual bat a twentieth of a second.
+laboratories have the numbers 0, 1, … of one seed, as in ``certify --seed S --number n``. If the
+instruments write sums, laboratories are simulated side by side in blocks. A laboratory then takes a
+fraction of a millisecond for a nominal bat, and a twentieth of a second for an individual bat.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from virtual_lab.simulation.stations.rig import find_rig, knows_blocks
 from virtual_lab.uncertainty.scatter import HitVariance
 
 Taken = TypeVar("Taken")
-BLOCK = 1024  # number of laboratories per block; more gain a few per cent and need memory
-SCANS = 768  # number per block for scans, which need more shots
-INDIVIDUALS = 32  # number per block for individual bats, whose modes and splines need memory
+BLOCK = 1024  # number of laboratories per block; more are a few per cent faster but need memory
+SCANS = 768  # number of laboratories per block for scans, which need more shots
+INDIVIDUALS = 32  # the same for individual bats, whose modes and splines need memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +54,8 @@ class RoundRobin:
         """Return the round robin of a bat by a procedure.
 
         With `summed` the instruments write sums, and all laboratories test the nominal bat with a
-        surrogate of its collision. With `individual` each laboratory has an individual bat, whose
-        modes must be computed; without `summed` this is always so. Raises `InputError` as
-        `TestSetup.of` does.
+        surrogate of its collision. With `individual`, or without `summed`, each laboratory has an
+        individual bat, whose modes must be computed. Raises `InputError` as `TestSetup.of` does.
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
@@ -66,7 +65,7 @@ class RoundRobin:
     def with_common_model(cls, setup: TestSetup) -> Self:
         """Return the round robin of a setup, with a common collision model for a nominal bat.
 
-        A surrogate has one stiffness of the ball, so there is none for lots of different stiffness.
+        A common model has one stiffness of the ball, so lots of different stiffness have none.
         """
         rules, ball, bat = setup.rules.spec, setup.ball.spec, setup.bat.spec
         if setup.made or ball.stiffness_spread:
@@ -172,14 +171,15 @@ def _unpickle(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
-    """Return the range of the scenes of a test's collisions: nominal values ± six sigma [SI].
+    """Return the range of the collisions in a test [SI]: nominal values ± six standard deviations.
 
-    It depends only on procedure, bat and lot, so a surrogate over it is always the same.
+    The range depends only on procedure, bat and lot, so a surrogate for it is always the same.
     """
     either = np.array([-1.0, 1.0])
-    sigmas = 6  # half width; a scene outside costs time but no accuracy
-    # Scatter of the cannons in data/instruments. With other cannons more scenes lie outside. The
-    # scatter of the position [m] includes the uncertainty of the centre of percussion.
+    sigmas = 6  # half width of the range; a collision outside costs time but no accuracy
+    # The scatter is that of the cannons in data/instruments; with other cannons more collisions are
+    # outside the range. The scatter of the position [m] includes the uncertainty of the centre of
+    # percussion.
     place = np.array(nominal_places(procedure, bat)) + sigmas * 1.7e-3 * either
     axis = bat.body.length - procedure.pivot_from_knob
     bat_speed = procedure.turn_rate(bat.body.length) * (axis - place[::-1])

@@ -48,7 +48,7 @@ def write_seal(folder: Path) -> None:
 def alterations(folder: Path) -> list[Alteration]:
     """Return the files and keys altered, removed or added since `folder` was sealed.
 
-    The list is empty if nothing was changed. Added files count only below ``records`` and
+    The list is empty if nothing was changed. Added files are only reported below ``records`` and
     ``truth``. If the seal itself was altered, only this is reported. Raises `InputError` without a
     seal.
     """
@@ -65,7 +65,7 @@ def alterations(folder: Path) -> list[Alteration]:
     sealed = seal.get("content")
     if not isinstance(sealed, dict) or seal.get("digest") != _digest(sealed):
         return [Alteration(SEAL, "", "altered")]
-    complete = {"records", "truth"}  # nothing may be added to them
+    complete = {"records", "truth"}  # folders to which no file may be added
     present = contents(folder)
     present.pop(SEAL, None)
     additions = {
@@ -102,7 +102,7 @@ def _content(folder: Path, name: str) -> str | dict[str, str]:
 def _compare_file(
     folder: Path, name: str, sealed: str | dict[str, str], kind: str | None
 ) -> Iterator[Alteration]:
-    """Yield alterations of a sealed file, of which there is now one of `kind`, or none."""
+    """Yield the alterations of a sealed file; `kind` is its present kind, None if it is missing."""
     if kind != "file":
         yield Alteration(name, "", f"replaced by a {kind}" if kind else "removed")
         return
@@ -138,7 +138,7 @@ def _values(document: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _digest(value: Any) -> str:
-    """Return the SHA-256 of a value of JSON; 60 and 60.0 are one number."""
+    """Return the SHA-256 of a JSON value; 60 and 60.0 have the same digest."""
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()

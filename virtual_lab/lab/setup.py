@@ -37,7 +37,7 @@ class TestSetup:
     ball: Entry[BallSpec]
     rules: Entry[Procedure]
     rig: str
-    doubtful_rigs: Mapping[str, str]  # unverified numbers behind the rigs, by sheet
+    doubtful_rigs: Mapping[str, str]  # number of unverified values of the rigs, by data sheet
     seed: int | None = None  # None draws a seed that only the sealed truth contains
     # number of the laboratory in the study of this seed; shape (n,) for a block
     number: int | Slots = 0
@@ -47,7 +47,7 @@ class TestSetup:
     motion: MotionRung = MotionRung.CLOSED_FORM
     faults: FaultSet = NO_FAULTS
     test: int | None = None
-    # number of the lot in its laboratory; None: the first lot, or in a numbered test another one
+    # number of the lot in its laboratory; None: lot 0, or for a numbered test a lot of its own
     lot: int | None = None
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
@@ -92,17 +92,17 @@ class TestSetup:
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
 
-        The choices are those of `virtual_lab.certify`, whose `collision` is `rung` here; a choice
-        that is no parameter is set by `dataclasses.replace`. A bat or procedure may also be an
-        entry that was read. `detail` says whether instruments write every reading or sums.
-        Instruments of the `particulars` are added to those of the rigs' data sheets, and replace
-        one of equal name.
+        The parameters are those of `virtual_lab.certify`, except that `collision` is called `rung`
+        here. Bat or procedure may also be an entry that was already read. `detail` states whether
+        instruments write every reading or sums. Instruments of the `particulars` are added to those
+        of the rigs' data sheets, and replace instruments with the same name. Other fields of the
+        setup are set by `dataclasses.replace`.
 
         Raises
         ------
         InputError
-            Unknown names, files that cannot be used, a seed that is none, a fault that
-            cannot befall the rig, a correction of another form.
+            A name is unknown, a file cannot be used, the seed is not allowed, a fault cannot occur
+            at the rig, or the correction has another form.
         """
         if seed is not None:
             require_seed(seed)
@@ -152,7 +152,7 @@ class TestSetup:
         return prod(self.shape)
 
     def draws(self, seed: int, *branch: int) -> Draws:
-        """Return the random numbers of the laboratories, or of a branch, by their seed."""
+        """Return the random numbers of the laboratories for a seed, or of a branch of the seed."""
         draws = self.reality.draws(seed, *branch, laboratory=self.number)
         return draws if self.varied is None else Selected(draws, Quiet(self.number), self.varied)
 
@@ -169,7 +169,7 @@ class TestSetup:
 
     @property
     def unverified(self) -> dict[str, str]:
-        """Number of unverified numbers behind the simulation, by sheet."""
+        """Number of unverified values that the simulation uses, by data sheet."""
         counts = _doubtful(f"bats/{self.bat.spec.name}", self.bat)
         if self.control_bat:
             counts |= _doubtful(f"bats/{self.control_bat.spec.name}", self.control_bat)
@@ -187,7 +187,7 @@ def _doubtful(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, 
 
 
 def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
-    """Return the rules with a conversion ``METHOD:E0``.
+    """Return the rules with the conversion to a standard ball that a text ``METHOD:E0`` states.
 
     Raises `InputError` for rules that already have a correction, and for another form of the text.
     """

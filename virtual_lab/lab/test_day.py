@@ -70,8 +70,8 @@ class TestDay:
     def hit_wall(self) -> TestDay:
         """Fire every ball at the wall at each of the procedure's speeds, which ages the balls.
 
-        The true e0 of the lot is its mean over these hits, and the measurand refers to it; changes
-        of a ball between wall and bat are not modelled.
+        The true e0 of the lot, to which the measurand refers, is its mean over these hits. A change
+        of a ball between wall and bat is not modelled.
         """
         laboratory, setup = self.laboratory, self.laboratory.setup
         plan = wall_plan(setup.rules.spec, setup.detail, setup.shape)
@@ -86,7 +86,7 @@ class TestDay:
         )
 
     def prepare(self) -> TestDay:
-        """Reduce the records of bench and wall, to find the impact position and usable balls."""
+        """Reduce the records of bench and wall, which give impact position and usable balls."""
         preparation, laboratory = prepare(self.sessions), self.laboratory
         specimen = laboratory.specimen
         mask = preparation.used.reshape(specimen.balls.mass.shape)
@@ -154,7 +154,7 @@ class TestDay:
         return self.finish_with(self.collect_records())
 
     def finish_with(self, sessions: SessionBlock) -> BlockTest:
-        """Return the result of `finish` for other `sessions`, those that an operator kept."""
+        """Return the result of `finish` for other `sessions`, such as an operator's selection."""
         laboratory, reduced = self.laboratory, self.reduced
         assert self.bench is not None
         assert self.wall is not None
@@ -237,7 +237,7 @@ def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
 
 
 def _round_in_words(shots: NextShots) -> str:
-    """Return a text with the number of shots of a round, and of positions if several."""
+    """Return a text that states the number of shots of a round, and of positions if several."""
     where = np.unique(np.round(shots.place / INCH, 2))
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
     return f"{shots.place.size} shots{along}"

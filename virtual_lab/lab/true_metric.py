@@ -19,7 +19,7 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueCurve:
-    """A bat along its barrel with the lot's mean ball at nominal speeds, arrays (place,)."""
+    """True results of a bat along its barrel, for the mean ball of the lot, arrays (place,)."""
 
     procedure: Procedure
     bat: RigidBat[Any]

@@ -1,7 +1,7 @@
 """Distribution of work to processes of this computer, each with one thread.
 
-A worker imports the functions that it calls but not the caller's script, so the script needs no
-``if __name__ == "__main__"``.
+A worker imports the modules of the functions that it calls, but not the script that started it. The
+script therefore needs no ``if __name__ == "__main__"``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Submit(Protocol):
 
 
 class Worker:
-    """A process that carries out calls. It starts at the first call, and again after it died."""
+    """A process that carries out calls. It starts at the first call, and again after a crash."""
 
     def __init__(self, words: str = "") -> None:
         """Prepare a worker whose command line contains `words`, which identify it."""
@@ -67,7 +67,7 @@ class Worker:
         return cast("Answer", answer)
 
     def end(self) -> int | None:
-        """End the process, even during a call, and return its exit code, None without a process.
+        """End the process, even during a call. Return its exit code, or None without a process.
 
         The next call starts another one.
         """

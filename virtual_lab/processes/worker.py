@@ -40,7 +40,7 @@ def work() -> None:
 
 
 def _hear(calls: SimpleQueue[bytes]) -> None:
-    """Pass on incoming calls. The end of the input ends this process at once."""
+    """Put incoming calls into the queue. End this process at once when the input ends."""
     while length := sys.stdin.buffer.read(8):
         calls.put(sys.stdin.buffer.read(int.from_bytes(length, "big")))
     remove_drafts()

@@ -18,10 +18,10 @@ from virtual_lab.uncertainty.estimate import Estimate, Estimates
 class SessionBlock:
     """The records and calibrations of laboratories that test by one procedure.
 
-    Records of bench and wall, and the aim marks, have the same number of rows for each laboratory,
-    one laboratory after another. Records of shots at the bat are in the order of firing, and
-    `owner` holds the laboratory of each shot. Raises `ValueError` for encoder counts of several
-    laboratories, because they are fitted for one bat.
+    Records of bench and wall, and the aim marks, hold the rows of one laboratory after another,
+    with the same number of rows for each. Records of shots at the bat are in the order of firing,
+    and `owner` holds the laboratory of each shot. Raises `ValueError` for encoder counts of several
+    laboratories, because one fit of counts is for one bat.
     """
 
     procedure_text: str
@@ -68,7 +68,7 @@ class SessionBlock:
     def row(self, laboratory: int) -> SessionBlock:
         """Return one laboratory of the block as a block of one."""
         if self.laboratories == 1:
-            return self  # including arrays stored beside the tables
+            return self  # with its large arrays, which `select` would drop
         mask = self.owner == laboratory
 
         def one(estimates: Mapping[str, Estimates]) -> dict[str, Estimates]:
@@ -106,7 +106,7 @@ def _stack(estimates: Mapping[str, Estimate]) -> dict[str, Estimates]:
 
 @dataclass(frozen=True, slots=True)
 class _OfOne(Mapping[str, Estimate]):
-    """The estimates of one laboratory, each made when it is requested."""
+    """The estimates of one laboratory, by name. Each is made when it is requested."""
 
     block: Mapping[str, Estimates]
     laboratory: int

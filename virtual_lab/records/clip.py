@@ -17,10 +17,10 @@ FRAMES = ("shot", "frame")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipRecord(Record):
-    """Square image windows around the ball, (shot, frame); NaN: no more frames.
+    """Square image windows around the ball, (shot, frame); NaN after the last frame of a shot.
 
     The time of a frame is the middle of its exposure. `left` and `top` are the frame coordinates of
-    the first pixel of a window. Lost frames are missing: the times show a gap.
+    the first pixel of a window. A lost frame has no entry, so the times show a gap.
     """
 
     times: Array
@@ -63,8 +63,8 @@ class ClipRecord(Record):
 class TrackRecord(Record):
     """Record of a tracking camera: the ball's centre in each frame, (shot, frame) [px].
 
-    Pixels of the frame in OpenCV's convention, not corrected for distortion; `u` is the standard
-    uncertainty of x and of y.
+    Positions are in pixels of the frame in OpenCV's convention, not corrected for distortion. `u`
+    is the standard uncertainty of each coordinate.
     """
 
     times: Array

@@ -47,8 +47,8 @@ PURE = ColumnUnit("1")
 def unit_of(name: str) -> ColumnUnit:
     """Return the unit in which a column's name ends, as UCUM code and size in SI.
 
-    For example, ``speed_mph`` is in mph. A name that is only a unit, such as ``counts``, has that
-    unit. A name that ends in no unit has that of pure numbers, "1".
+    For example, ``speed_mph`` is in mph. A name can also be just a unit, such as ``counts``. If a
+    name does not end in a unit, the column holds pure numbers with the unit "1".
     """
     parts = name.split("_")
     endings = ("_".join(parts[at:]) for at in range(len(parts)))

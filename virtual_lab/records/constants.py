@@ -34,7 +34,7 @@ class Constant(NamedTuple):
     """Description, unit and plausible range of a constant."""
 
     dimension: str
-    meaning: str  # meaning of the value, for a form to fill in
+    meaning: str  # meaning of the value, printed in the form for another laboratory
     words: str  # name of the constant in a budget
     printed: str  # unit in a budget, a key of PER_SI
     low: float = 0.0  # limits of a plausible value [SI]; u is at most the width of this range
@@ -221,12 +221,11 @@ def constant_of(key: str) -> Constant | None:
 
 
 def require_plausible(key: str, constant: Estimate, where: str) -> None:
-    """Raise `InputError` for a constant, or a u, that is outside the range of its kind.
+    """Raise `InputError` for a constant outside its plausible range, or with too large a u.
 
-    The u may be as large as the width of the range. `key` is the name of the constant and `where`
-    that of its file. Otherwise return None. A constant of an unknown kind may have any value up to
-    `GREATEST`. A budget shifts the constant by its u; far outside the range the model is
-    meaningless.
+    The u may be as large as the width of the range, because a budget shifts the constant by its u,
+    and far outside the range the model is meaningless. A constant of an unknown kind may have any
+    value up to `GREATEST`. `key` is the name of the constant and `where` the name of its file.
     """
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)

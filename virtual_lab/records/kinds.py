@@ -14,7 +14,7 @@ from virtual_lab.records.clip import ClipRecord, TrackRecord
 from virtual_lab.records.record import Order, Record, RecordColumn, rising
 from virtual_lab.units import Array
 
-# channel of the bench: one mass, weighed before and after the others
+# channel of the bench: the reference mass, weighed before and after all other items
 REFERENCE_MASS = "reference-mass"
 
 
@@ -44,7 +44,7 @@ class LengthReadings(Record):
 class PendulumRecord(Record):
     """Times of passages in one direction, shape (release, passage); amplitudes (release, end).
 
-    `end` 0 is the amplitude read at the first passage, 1 at the last.
+    The amplitude at `end` 0 is read at the first passage, the amplitude at `end` 1 at the last.
     """
 
     times: Array
@@ -71,8 +71,8 @@ class ClimateReadings(Record):
     """Readings of the hall's thermometer, hygrometer and barometer, shape (reading,).
 
     Reading 0 was taken at the start of the test, the last one at its end. The relative humidity is
-    a number from 0 to 1. The density of the air is computed from these readings; without this
-    record it is that of the calibration.
+    a number from 0 to 1. The density of the air is computed from these readings. Without this
+    record the density in the calibration is used.
     """
 
     temperature: Array
@@ -95,15 +95,15 @@ class ClimateReadings(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallRecord(Record):
-    """Base of records of the balls' flights: a stage that fires balls has one such channel."""
+    """Base of the records of ball flights. A stage that fires balls has one such channel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateRecord(BallRecord):
-    """Times at which beams broke and cleared, shape (shot, way, gate, edge), NaN: not detected.
+    """Times at which beams were broken and cleared, (shot, way, gate, edge); NaN: not detected.
 
-    `way` 0 is the incoming ball, 1 the returning ball; `edge` 0 is the break, 1 the clearing. Gates
-    are counted from the cannon to the target.
+    `way` 0 is the incoming ball and 1 the returning ball; `edge` 0 is the break and 1 the clearing.
+    Gates are numbered from the cannon to the target.
     """
 
     times: Array
@@ -122,10 +122,10 @@ class GateRecord(BallRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardRecord(BallRecord):
-    """Times at which each beam of a board broke and cleared, NaN: the ball missed it.
+    """Times at which each beam of a light board was broken and cleared; NaN: the ball missed it.
 
-    Shape (shot, way, board, beam, edge); ways and edges as in `GateRecord`, boards count from
-    the cannon to the target, beams from the lowest up.
+    The shape is (shot, way, board, beam, edge). Ways and edges are numbered as in `GateRecord`,
+    boards from the cannon to the target, and beams from the lowest to the highest.
     """
 
     times: Array
@@ -146,8 +146,8 @@ class BoardRecord(BallRecord):
 class PassageRecord(BallRecord):
     """Record of gates that store passages instead of edges, (shot, way, gate).
 
-    It holds the time of passage of the ball's centre [s], and its height above the zero of the
-    gates [m]. NaN: not detected, or not measured.
+    For each passage of the ball's centre it holds the time [s], and the height above the zero of
+    the gates [m]. A value is NaN if it was not detected or not measured.
     """
 
     times: Array
@@ -175,8 +175,9 @@ class PassageRecord(BallRecord):
 class RateRecord(Record):
     """Record of an encoder that stores rates instead of counts: rate at contact and its u, (shot,).
 
-    `before` is the rate of a bat at rest before contact; `angle` is the angle of a swung bat at
-    contact, 0 if the bat is square to the ball. Both are NaN if not applicable.
+    `before` is the rate before contact, for a bat that is not swung. `angle` is the angle at
+    contact, for a swung bat; it is 0 if the bat is square to the ball. A value that does not apply
+    is NaN.
     """
 
     rate: Array
@@ -222,7 +223,7 @@ class EncoderRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AimMarks(Record):
-    """Marks of test shots on an aim paper, as distances from the aim, shape (mark,).
+    """Marks of test shots on an aim paper, as distances from the aimed point, shape (mark,).
 
     `along` is positive toward the knob, `across` is positive upward.
     """
@@ -241,7 +242,7 @@ class AimMarks(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShotLog(Record):
-    """The operator's log: ball used, nominal speed, place set with the rule, shape (shot,)."""
+    """The operator's log: ball, nominal speed, impact position set with the rule, shape (shot,)."""
 
     ball: Array
     nominal_speed: Array
@@ -258,7 +259,7 @@ class ShotLog(Record):
 
 
 def _of_a_flight(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
-    """Return the order of a ball's passages: in from first to last gate, back in reverse."""
+    """Return the required order of times: in from first to last gate, then back in reverse."""
     gate = axes[2]
     back = np.reshape([1.0, -1.0], (2, *[1] * (times.ndim - 2)))
     faults = {
@@ -299,10 +300,10 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
 
 @cache
 def record_types() -> Mapping[str, type[Record]]:
-    """Return the kinds of record, as classes by name: ours, and those of installed packages.
+    """Return the classes of all kinds of record by name: ours, and those of installed packages.
 
-    A package adds one by an entry point in the group ``virtual_lab.records``. It cannot replace one
-    of ours.
+    A package adds a kind by an entry point in the group ``virtual_lab.records``. It cannot replace
+    one of our kinds.
     """
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.records")}
     # our kinds come first, and a package cannot replace them

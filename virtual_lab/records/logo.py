@@ -1,7 +1,7 @@
-"""A laboratory's logo: a small PNG or SVG, cleaned of all that could run or load something.
+"""A laboratory's logo: a small PNG or SVG without anything that could run or load something.
 
-It is kept as a ``data:`` address among the particulars, so that records and certificate have it
-whole.
+It is stored as a ``data:`` address among the particulars, so that records and certificate contain
+the complete picture.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DRAWN = re.compile(
     "svg|g|path|rect|circle|ellipse|line|polyline|polygon|text|tspan|defs|linearGradient|"
     "radialGradient|stop|clipPath|mask|symbol|use|title|desc|style"
 )
-MOST_DRAWN = 10_000  # largest number of shapes, each counted as often as it is used
+MOST_DRAWN = 10_000  # largest number of drawn shapes; a shape used n times is n shapes
 LARGEST_SIDE = 1e6  # largest side of a drawing, in any unit
 SIDE = re.compile(r"\s*\+?((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?:[a-z]{2}|%)?\s*")
 REFERENCE = re.compile(r"url\(\s*['\"]?#([^'\")]+)")
@@ -46,7 +46,7 @@ def logo_of(name: str, folder: Path, where: str) -> str:
     Raises
     ------
     InputError
-        No such file, none of a PNG or an SVG, too large a one, or one without a size.
+        The file is missing, is not a PNG or SVG, is too large, or does not state its size.
     """
     key, path = "laboratory.logo", inside(folder, name, where, "laboratory.logo")
     kind = KINDS.get(path.suffix.lower())
@@ -82,10 +82,10 @@ def picture_in(address: str) -> tuple[str, bytes]:
 
 @dataclass(frozen=True, slots=True)
 class LogoAddress:
-    """Mark on a field: its entry is a cleaned picture, or empty."""
+    """Annotation of a field whose entry is a picture without unsafe parts, or empty."""
 
     def read(self, raw: object) -> object:
-        """Return the entry; `ValueError` if unfit."""
+        """Return the entry. Raises `ValueError` if it is not such a picture."""
         if isinstance(raw, str) and raw:
             picture_in(raw)
         return raw
@@ -118,7 +118,7 @@ def _require_png(data: bytes) -> bytes:
 
 
 def _clean_svg(data: bytes) -> bytes:
-    """Return a drawing of plain shapes alone: no script, no link, nothing from elsewhere."""
+    """Return a drawing with plain shapes only: no scripts, links or references to other files."""
     text = re.sub(rb"<!DOCTYPE[^>\[]*>", b"", data)
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise ValueError("declares its own document type, which is not allowed")
@@ -161,7 +161,7 @@ def _strip(element: ElementTree.Element) -> None:
 
 
 def _require_size(root: ElementTree.Element) -> None:
-    """Raise `ValueError` if a side that the drawing states is not above 0, or is too large."""
+    """Raise `ValueError` if a stated side of the drawing is not above 0, or is too large."""
     sides = [root.get(key, "1") for key in ("width", "height")]
     box = re.split(r"[\s,]+", root.get("viewBox", "0 0 1 1").strip())
     for side in (*sides, *(box[2:] if len(box) == 4 else ["none"])):
@@ -172,13 +172,13 @@ def _require_size(root: ElementTree.Element) -> None:
 
 
 def _require_few(root: ElementTree.Element) -> None:
-    """Raise `ValueError` for a drawing of too many shapes, each counted as often as it is used."""
+    """Raise `ValueError` for a drawing with too many shapes; a shape used n times is n shapes."""
     by_id = {each.get("id"): each for each in root.iter()}
     counts: dict[ElementTree.Element, float] = {}
 
     def count(element: ElementTree.Element) -> float:
         if element not in counts:
-            counts[element] = inf  # count of a shape that uses itself
+            counts[element] = inf  # it remains inf for a shape that uses itself
             references = [element.get("href", "")[1:]]
             references += [
                 name for each in element.attrib.values() for name in REFERENCE.findall(each)

@@ -1,7 +1,8 @@
 """Machine-readable descriptions of a result folder for other programs.
 
-``datapackage.json`` (Frictionless, Data Package 1) has every column of every table with meaning
-and unit, ``ro-crate-metadata.json`` (RO-Crate 1.1, Process Run Crate) every file and who made it.
+``datapackage.json`` (Frictionless, Data Package 1) describes every column of every table, with
+meaning and unit. ``ro-crate-metadata.json`` (RO-Crate 1.1, Process Run Crate) lists every file and
+its author.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ def data_package(
 ) -> dict[str, Any]:
     """Return the content of ``datapackage.json`` (Frictionless) for a folder's tables, as JSON.
 
-    `tables` has the columns of each table by its path in the folder. The unit of a number is that
-    in which the column's name ends.
+    `tables` maps the path of each table in the folder to its columns. The unit of a column is the
+    ending of its name.
     """
     return {
         "profile": "tabular-data-package",

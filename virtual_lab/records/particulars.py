@@ -1,7 +1,7 @@
-"""Particulars of a report: laboratory, customer, bat, place, dates, and who authorised it.
+"""Particulars of a report: laboratory, customer, bat, place, dates, and authorizing person.
 
-The common requirements for reports of ISO/IEC 17025:2017, 7.8.2.1. All of it may be left out: a
-certificate says in one line what is not stated.
+These are the common requirements for reports of ISO/IEC 17025:2017, 7.8.2.1. Each may be left out;
+one line of the certificate lists the missing ones.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Calendar:
-    """Mark on a field: its file entry is a day, as a date or as text; empty: not stated."""
+    """Annotation of a field whose file entry is a day, as a date or as text; empty: not stated."""
 
     def read(self, raw: object) -> object:
-        """Return the day as text. Raises `ValueError` for a text that is no day."""
+        """Return the day as text. Raises `ValueError` for a text that is not a day."""
         if isinstance(raw, datetime.date):
             return raw.isoformat()
         if isinstance(raw, str) and raw:
@@ -60,7 +60,7 @@ class TestingLaboratory(Spec):
     place: Title = ""
     """Place of the test, if it is not the address."""
     logo: Logo = ""
-    """Logo as a data: address; in a file of particulars, the name of a picture's file beside it."""
+    """Logo as a data: address; in a file of particulars, the name of a picture file beside it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +130,7 @@ class ReplacedReport(Spec):
     number: Title
     """Number of the replaced certificate."""
     digest: Title
-    """SHA-256 of its certificate.json, with LF."""
+    """SHA-256 of its certificate.json with LF line ends."""
     folder: Title
     """Name of its folder, beside that of this report."""
     reason: Title
@@ -168,7 +168,7 @@ class Particulars(Spec):
     customer: Customer = Customer()
     """The customer."""
     bat: TestItem = TestItem()
-    """The bat as it was handed in."""
+    """The tested bat, as it was received."""
     test: TestCourse = TestCourse()
     """Course of the test."""
     authorised_by: Authoriser | None = None
@@ -184,7 +184,7 @@ class Particulars(Spec):
         return _without_empty(asdict(self))
 
     def list_statements(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
-        """Yield the words and the value of each stated particular, in the order of a report.
+        """Yield the printed name and the value of each stated particular, in the order of a report.
 
         Nobody authorises a simulated test, so its line is marked as simulated.
         """
@@ -248,16 +248,17 @@ IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in
 def read_particulars(
     path: Path | None, changes: Mapping[str, str], replaces: ReplacedReport | None = None
 ) -> Particulars:
-    """Return the particulars in a file, replaced by those of `changes` that are not empty.
+    """Return the particulars in a file, after replacing those that `changes` states.
 
-    Keys of `changes` have the form ``laboratory.name``. Without a file only these are stated.
-    `replaces` is the report that the one with these particulars replaces.
+    Keys of `changes` have the form ``laboratory.name``; empty values are ignored. Without a file,
+    the particulars are only those of `changes`. `replaces` is the earlier report that the new
+    report replaces.
 
     Raises
     ------
     InputError
-        A file that cannot be read, unknown keys, a value that cannot be printed, a day that is none
-        or comes before one it must follow; names file, key, value and what is allowed.
+        The file cannot be read, a key is unknown, a value cannot be printed, a day is not a date,
+        or days are in the wrong order. The message names file, key, value and what is allowed.
     """
     document = read_toml(path) if path else {}
     for key, value in changes.items():

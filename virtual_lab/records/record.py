@@ -50,19 +50,19 @@ class RecordColumn:
     axes: tuple[str, ...]
     meaning: str
     may_be_missing: bool = False
-    is_index: bool = False  # whether it holds the number of an item, counted like axes
+    is_index: bool = False  # whether it holds the index of an item, from 0 like index columns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """Values that may not decrease along an axis, NaN ignored; `strictly`: must increase."""
+    """Values that must not decrease along an axis (if `strictly`, must increase), ignoring NaN."""
 
     column: str
     values: Array
     axes: tuple[str, ...]
     along: str
     fault: str  # message for values out of order
-    sign: float | Array = 1.0  # -1 for values that may not increase
+    sign: float | Array = 1.0  # -1 for values that must not increase
     strictly: bool = False
 
     def first_fault(self) -> tuple[int, ...] | None:
@@ -117,7 +117,10 @@ class Record:
         return list(dict.fromkeys(axis for column in cls.columns.values() for axis in column.axes))
 
     def sizes(self) -> dict[str, int]:
-        """Return the length of every axis of the table; `ValueError` if two fields disagree."""
+        """Return the length of every axis of the table.
+
+        Raises `ValueError` if two fields disagree.
+        """
         sizes: dict[str, int] = {}
         for name, column in self.columns.items():
             _count(name, getattr(self, name), column.axes, sizes)
@@ -147,7 +150,7 @@ class Record:
         return data
 
     def select(self, rows: Any) -> Self:
-        """Return the record of the `rows`, a slice or a mask, of its first axis.
+        """Return the record with only some `rows` of its first axis, a slice or a mask.
 
         Arrays beside the table are left out.
         """
@@ -159,11 +162,11 @@ class Record:
         return type(self)(**chosen)
 
     def join_attached(self, parts: list[Any]) -> dict[str, Any]:
-        """Return the arrays beside the tables of several rounds as one."""
+        """Return the joined arrays beside the tables of several rounds, by name."""
         return {}
 
     def orders(self) -> tuple[Order, ...]:
-        """Return the fields that must be in order, above all times."""
+        """Return the requirements on the order of values, mostly of times."""
         return ()
 
     @classmethod
@@ -253,7 +256,7 @@ def _check_index(values: Array, name: str, first: int, where: str) -> None:
 
 
 def require_numbers(table: Table, where: str) -> None:
-    """Raise `InputError` for the first cell of a table that is no number. Otherwise return None.
+    """Raise `InputError` for the first cell of a table that is not a number.
 
     `where` is the name of the table for the message. Empty cells are allowed.
     """
@@ -270,7 +273,7 @@ def require_numbers(table: Table, where: str) -> None:
 
 
 def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:
-    """Add the lengths of a field's axes to `sizes`; `ValueError` if they differ."""
+    """Add the lengths of a field's axes to `sizes`. Raises `ValueError` if they contradict it."""
     if values.ndim != len(axes):
         raise ValueError(f"{name} needs the axes {axes}, but has the shape {values.shape}")
     for axis, size in zip(axes, values.shape, strict=True):

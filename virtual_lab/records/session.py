@@ -3,10 +3,10 @@
 On disk a session is a folder: ``session.json`` (tested bat, rigs, calibration constants),
 ``procedure.toml`` (the procedure as used), and for each stage a folder with one CSV file per
 channel. It contains neither truth nor seed, and suffices for the complete reduction.
-``session.json`` says where the records come from and names every other file with its SHA-256; a
-folder with another file in it, or a file that is not as it says, is refused. The digest of a
-simulated channel is that of the key ``simulation`` and of the file, so that such records cannot be
-passed off as another laboratory's by changing the origin.
+``session.json`` states the origin of the records and the SHA-256 of every other file. A folder with
+a changed or additional file is refused. The digest of a simulated channel covers the value of the
+key ``simulation`` and the file, so a changed origin cannot present simulated records as those of
+another laboratory.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 SCHEMA = 3
-PLAIN = 2  # schema whose digests of simulated channels are those of the files alone
+PLAIN = 2  # schema in which the digest of a simulated channel covers only the file
 UncertaintyMethod = Literal["first-order", "second-order", "monte-carlo"]
 SESSION, RULES = "session.json", "procedure.toml"
-SPORTS = ("bat_sport", "ball_sport")  # left out where the records do not say
+SPORTS = ("bat_sport", "ball_sport")  # keys that are left out if the sport is not known
 CHANGED = "the file was changed after session.json was written"
 RECORD_CHANGED = "the file or the origin of the records was changed after session.json was written"
 
@@ -74,7 +74,7 @@ class PackedSession:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of ``session.json``, which has those of all other files."""
+        """SHA-256 of ``session.json``, which states those of all other files."""
         return digest_of_text(self.texts[SESSION])
 
     def write(self, folder: Path) -> None:
@@ -89,9 +89,9 @@ class PackedSession:
 def pack(session: Session) -> PackedSession:
     """Return the files of a session as bytes and arrays, by their paths in its folder.
 
-    One of them, ``session.json``, holds a SHA-256 for every other file. In a simulated session, the
-    hash of a channel's file also covers the JSON text of the simulation's origin, placed before the
-    file's bytes. In texts, CR LF counts as LF. Nothing is written.
+    One of them, ``session.json``, holds the SHA-256 of every other file. In a simulated session,
+    the hash of a channel's file also covers the JSON text of the simulation's origin, placed before
+    the file's bytes. For the hash of a text, CR LF is replaced by LF. Nothing is written.
     """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)
@@ -137,7 +137,7 @@ def save_session(session: Session, folder: Path) -> None:
 
 
 def entry_of_origin(origin: Origin) -> dict[str, Any]:
-    """Return an origin as the keys and values that ``session.json`` has for it."""
+    """Return an origin as a dictionary with the keys and values of ``session.json``."""
     if isinstance(origin, Simulated):
         return {"origin": "simulated", "simulation": origin.as_json()}
     customer = {"customer": origin.customer} if origin.customer else {}
@@ -147,20 +147,23 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
 def digest_of_text(data: bytes, start: bytes = b"") -> str:
     """Return the SHA-256 of `start` and a text, 64 hexadecimal digits.
 
-    Line ends CR LF of the text count as LF, because a copy may have changed them.
+    Line ends CR LF of the text are replaced by LF, because a copy may have changed them.
     """
     return hashlib.sha256(start + data.replace(b"\r\n", b"\n")).hexdigest()
 
 
 def _start_of_digests(origin: Origin, schema: int = SCHEMA) -> bytes:
-    """Return the bytes before a file in the digest of its channel: of a simulation, its JSON."""
+    """Return the bytes that are hashed before a channel's file: the JSON text of a simulation.
+
+    They are empty for supplied records.
+    """
     if isinstance(origin, Supplied) or schema == PLAIN:
         return b""
     return json.dumps(origin.as_json(), sort_keys=True).encode()
 
 
 class _Hashed:
-    """A file that is not kept, but for its digest."""
+    """A file-like object that computes the digest of written bytes and does not store them."""
 
     def __init__(self, start: bytes) -> None:
         self.sha256 = hashlib.sha256(start)
@@ -170,7 +173,7 @@ class _Hashed:
 
 
 def _digest_of_array(values: Array, start: bytes) -> str:
-    """Return the SHA-256 of an array's file after `start`."""
+    """Return the SHA-256 of `start` followed by the file of an array."""
     file = _Hashed(start)
     np.lib.format.write_array(file, np.asanyarray(values), allow_pickle=False)
     return file.sha256.hexdigest()
@@ -187,7 +190,7 @@ class ChannelEntry(Spec):
     sha256: str
     """SHA-256 of the file; in a simulated session, of the JSON text of its origin and the file."""
     attached: Mapping[str, str] = field(default_factory=dict)
-    """SHA-256 of each array beside the file, by its name; it covers the same text."""
+    """SHA-256 of each array beside the file, by name; the same JSON text precedes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,8 +326,7 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
 def require_channel(stage: str, channel: str, where: Path) -> None:
     """Raise `InputError` for the name of a stage or channel that could lead out of the folder.
 
-    Letters, digits, - and _ are allowed. Otherwise return None. `where` is the file that contains
-    the names.
+    Letters, digits, - and _ are allowed. `where` is the file that contains the names.
     """
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
@@ -389,7 +391,7 @@ def _record(
 
 
 def _with_arrays(record: Record, entry: ChannelEntry, path: Path, start: bytes) -> Record:
-    """Return a record with the arrays beside its table, which are read when needed."""
+    """Return a record with the arrays stored beside its table, which are read when needed."""
     for name, digest in entry.attached.items():
         if name not in record.attached:
             allowed = f"allowed: {', '.join(record.attached) or 'nothing'}"

@@ -11,7 +11,7 @@ import numpy as np
 
 from virtual_lab.units import Array
 
-FORMULA_U = 22e-6  # relative u of the formula, without that of the readings
+FORMULA_U = 22e-6  # relative u of the formula, without the u of the readings
 MASS_OVER_R = 3.483740e-3  # molar mass of dry air over the gas constant [kg K/J]
 WATER_LIGHTER = 0.3780  # 1 minus the ratio of the molar masses of water and dry air
 ZERO_CELSIUS = 273.15  # [K]
@@ -22,8 +22,8 @@ def air_density(
 ) -> Array:
     """Return the density of moist air [kg/m³], in the common shape of the arguments.
 
-    `temperature` is in K, `humidity` relative from 0 to 1, `pressure` in Pa. Values outside the
-    range of the formula are not refused. The formula is applied to them.
+    `temperature` is in K, `pressure` in Pa, and `humidity` is the relative humidity from 0 to 1.
+    The formula is also applied to values outside its range; no error is raised.
     """
     kelvin, p = np.asarray(temperature, dtype=float), np.asarray(pressure, dtype=float)
     t = kelvin - ZERO_CELSIUS
@@ -52,7 +52,8 @@ def air_pressure(
 ) -> Array:
     """Return the pressure [Pa] of moist air with a `density` [kg/m³], the inverse of `air_density`.
 
-    `temperature` is in K, `humidity` relative from 0 to 1. The arguments broadcast.
+    `temperature` is in K, and `humidity` is the relative humidity from 0 to 1. The arguments
+    broadcast.
     """
     over = np.asarray(temperature) / MASS_OVER_R
     pressure = density * over

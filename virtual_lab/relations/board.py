@@ -27,7 +27,7 @@ class Board:
     rows: int = 9
     square: float = 0.04
     marker: float = 0.0  # side of a marker with its black border
-    dictionary: str = "4X4_1000"  # contains the markers of those with 50, 100 and 250
+    dictionary: str = "4X4_1000"  # it contains the markers of 4X4_50, 4X4_100 and 4X4_250
     source: str = ""  # text that describes the board
 
     @property
@@ -53,15 +53,16 @@ class Board:
 def board_of(text: str) -> Board:
     """Return the board described by a text like ``charuco:14x9:40mm:30mm``.
 
-    The parts are the numbers of squares in a row and in a column, the side of a square and that of
-    a marker. A fourth part can name the dictionary, by default ``4X4_1000``. A chessboard has no
-    marker: ``chessboard:14x9:40mm``.
+    The parts after the kind are the numbers of squares in a row and in a column, the side of a
+    square, and the side of a marker. One more part can name the dictionary, by default
+    ``4X4_1000``. A plain chessboard has no marker: ``chessboard:14x9:40mm``.
 
     Raises
     ------
     InputError
-        Another form, fewer than 4 x 3 squares, a square outside the allowed sizes, a board longer
-        than 10 m, a marker that does not fit, or more markers than the dictionary has.
+        The text has another form, there are fewer than 4 x 3 squares, the size of a square is not
+        allowed, the board is longer than 10 m, a marker does not fit, or the dictionary has too few
+        markers.
     """
     key, (kind, *parts) = "--board", text.strip().split(":")
     charuco = kind == "charuco"
@@ -100,8 +101,8 @@ def board_of(text: str) -> Board:
 def length_of(text: str, key: str, low: float, high: float) -> float:
     """Return the length [m] that a text like ``25mm`` states.
 
-    Raises `InputError`, which names `key`, for another form and for a length outside `low` to
-    `high` [m].
+    Raises `InputError`, which names `key`, for a text of another form and for a length that is not
+    between `low` and `high` [m].
     """
     match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text, re.ASCII)
     allowed = f"expected a length with its unit ({', '.join(LENGTHS)}), e.g. 25mm"

@@ -1,8 +1,7 @@
 """Flight of a ball in still air over a short straight line, with quadratic drag: dv/dx = -κ v.
 
-With κ = ρ C_d A / (2 m) the speed falls as e^(-κx), so the time over a distance is exact for every
-κ and speed. κ = 0 is flight without air. For baseballs see A. M. Nathan, Am. J. Phys. 76 (2008)
-119.
+With κ = ρ C_d A / (2 m) the speed decreases as e^(-κx), so the times are exact for every κ and
+speed. κ = 0 is flight without air. For baseballs see A. M. Nathan, Am. J. Phys. 76 (2008) 119.
 """
 
 from __future__ import annotations
@@ -23,15 +22,15 @@ def drag_rate(
 ) -> Array:
     """Return the drag rate κ = ρ C_d π R² / (2 m) [1/m], in the common shape of the arguments.
 
-    They are the density of the air [kg/m³], the drag coefficient, and radius [m] and mass [kg] of
-    the ball.
+    The arguments are the density of the air [kg/m³], the drag coefficient, and the radius [m] and
+    mass [kg] of the ball.
     """
     area = np.pi * np.square(radius)
     return np.asarray(np.asarray(air_density) * drag_coefficient * area / (2 * np.asarray(mass)))
 
 
 def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the time of flight [s] over `distance` [m] to a place passed at `speed` [m/s].
+    """Return the time of flight [s] over `distance` [m] if the ball has `speed` [m/s] at its end.
 
     The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
@@ -40,7 +39,7 @@ def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array
 
 
 def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the time of flight [s] over `distance` [m] from a place left at `speed` [m/s].
+    """Return the time of flight [s] over `distance` [m] if the ball has `speed` [m/s] at its start.
 
     The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
@@ -48,7 +47,7 @@ def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 
 
 def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the distance [m] flown in `time` [s] from a place left at `speed` [m/s].
+    """Return the distance [m] flown in `time` [s] if the ball has `speed` [m/s] at the start.
 
     The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
@@ -60,7 +59,7 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 
 
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the speed [m/s] of a ball at a `time` [s] after it had the `speed` [m/s].
+    """Return the speed [m/s] of a ball after `time` [s] of flight that began with `speed` [m/s].
 
     The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
     """
@@ -70,8 +69,8 @@ def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 def slowest_within(distance: ArrayLike, drop: float) -> Array:
     """Return the lowest speed [m/s] at which a ball falls at most `drop` [m] over `distance` [m].
 
-    The ball starts horizontally and flies without air, so the speed is x √(g / 2h) with the
-    standard g. The result has the shape of `distance`.
+    The ball starts horizontally and flies without air, so this speed is x √(g / 2h) with `distance`
+    x, `drop` h and the standard g. The result has the shape of `distance`.
     """
     return np.asarray(np.asarray(distance) * np.sqrt(STANDARD_GRAVITY / (2 * drop)))
 

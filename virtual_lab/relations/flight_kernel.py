@@ -13,17 +13,17 @@ from virtual_lab.relations.flight import SERIES, SERIES_BELOW
 from virtual_lab.units import Array
 
 BLOCK = 256
-# NaN stays NaN. Contraction is not allowed, because the last bits of a ball would then depend on
-# its position in a block.
+# The only flag is nsz, so NaN stays NaN. Contraction is not allowed, because the last bits of a
+# result would then depend on its position in a block.
 FAST = {"nsz"}
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
-    """Fill `out` with the time [s] over the distance `way` [m] from a point of known pace, (shot,).
+    """Fill `out` with the time of flight [s] over a distance that begins or ends at a given point.
 
-    All arrays are (shot,). `pace` is 1/speed at the point [s/m]. `way` is positive. `drag` is κ
-    [1/m] if the ball flies the distance after the point, and -κ if it flies it before the point.
+    All arrays are (shot,). `way` is the distance [m], always positive, and `pace` is 1/speed at the
+    point [s/m]. `drag` is κ [1/m] if the distance begins at the point, and -κ if it ends there.
     """
     long = 0
     for i in range(out.size):

@@ -24,8 +24,8 @@ def peak(places: Array, values: Array) -> Peak:
     Parameters
     ----------
     places, values
-        Shape (n,), with increasing places and n of at least 4. With a step h the error is of order
-        h⁴ in the value and h³ in the position.
+        Positions in increasing order, and the values of the curve there, shape (n,) with n ≥ 4. For
+        a step h between positions, the error is of order h⁴ in the value and h³ in the position.
     """
     from scipy.interpolate import CubicSpline
 

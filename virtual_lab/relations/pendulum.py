@@ -43,9 +43,9 @@ def amplitude_factor(amplitude: ArrayLike) -> Array:
 def mean_amplitude_factor(first: ArrayLike, last: ArrayLike, swings: int) -> Array:
     """Return the mean of `amplitude_factor` over swings with a geometric decay of the amplitude.
 
-    `first` and `last` are the amplitudes [rad], both above 0, at the two ends of `swings` whole
-    periods. Each swing counts with the amplitude at its middle. The result has no unit and the
-    common shape of the amplitudes.
+    `first` and `last` are the amplitudes [rad], both above 0, at the beginning and the end of
+    `swings` whole periods. For each swing the amplitude at its middle is used. The result has no
+    unit and the common shape of the amplitudes.
     """
     square, decay = np.square(first), np.log(np.asarray(last) / np.asarray(first)) / swings
     return np.asarray(

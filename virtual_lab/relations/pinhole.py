@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from virtual_lab.units import Array
 
-DOWN = np.diag([1.0, -1.0, -1.0])  # axes of a camera that looks straight down, with X to the right
+DOWN = np.diag([1.0, -1.0, -1.0])  # rotation from rig axes to a camera that looks straight down
 
 
 def distort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
-    """Return the distorted positions of points in the plane z = 1, (…, 2).
+    """Return the positions of points in the plane z = 1 after distortion by the lens, (…, 2).
 
     Parameters
     ----------

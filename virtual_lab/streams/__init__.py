@@ -55,8 +55,8 @@ LABORATORIES = 2**32  # largest number of laboratories in one study
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
     """Return the value of each shot's laboratory, (shot, ...), from values (laboratory, ...).
 
-    `owner` is the index of the laboratory of each shot, (shot,). With `...` as the owner the values
-    are those of a single laboratory and are returned unchanged; a number remains a number.
+    `owner` is the index of the laboratory of each shot, (shot,). If `owner` is `...`, there is a
+    single laboratory, and its values are returned unchanged; a number remains a number.
     """
     return np.asarray(values)[owner][()]
 
@@ -75,10 +75,10 @@ def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
 class Draws(Protocol):
     """Standardised random numbers, independent by name, laboratory, slot and index in the slot.
 
-    For one laboratory and `slots` (n,), whole numbers from 0, the numbers have the shape
-    (n, *shape), and each row depends only on its slot. Without `slots` they are those of slot 0,
-    with `shape`. For n laboratories the numbers have a leading axis (n,), one row per laboratory,
-    and `slots` has the shape (n,).
+    For one laboratory and n `slots`, whole numbers from 0, the result has the shape (n, *shape),
+    and each row depends only on its slot. Without `slots` the numbers of slot 0 are returned with
+    the shape `shape`. For n laboratories the result has a leading axis (n,) with one row per
+    laboratory, and `slots`, if stated, has the shape (n,).
     """
 
     def normal(
@@ -169,7 +169,7 @@ class Quiet:
 
 @dataclass(frozen=True, slots=True)
 class Selected:
-    """Draws of which only those with certain names are random, for one source of variation alone.
+    """Draws in which only numbers with certain names are random, to study one source of variation.
 
     Every other number is the mean of its distribution.
     """
@@ -213,9 +213,9 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
 def salt_of(seed: int | None) -> bytes:
     """Return the salt for the commitment to a seed, 16 bytes.
 
-    It is random if the seed is None, that is if the program draws the seed and seals it. A seed
-    that the user chose is not secret, so its salt is computed from it, and a test is repeated to
-    the byte.
+    It is random if the seed is None, that is, if the program draws the seed and seals it. A seed
+    chosen by the user is not secret. Its salt is computed from it, so that a repeated test has
+    identical files.
     """
     if seed is None:
         return secrets.token_bytes(16)
@@ -223,15 +223,15 @@ def salt_of(seed: int | None) -> bytes:
 
 
 def require_seed(seed: int) -> None:
-    """Raise `InputError` for a seed outside 0 to 2^128 - 1. Otherwise return None."""
+    """Raise `InputError` for a seed that is not between 0 and 2^128 - 1."""
     if not 0 <= seed <= LARGEST_SEED:
         raise InputError("", "seed", seed, f"allowed: whole numbers from 0 to 2^{SEED_BITS} - 1")
 
 
 def commitment(salt: bytes, seed: int) -> str:
-    """Return SHA-256(salt‖seed), 64 hexadecimal digits: it commits to a seed without showing it.
+    """Return SHA-256(salt‖seed), 64 hexadecimal digits, which commits to a seed without showing it.
 
-    The seed enters as the text of its decimal number.
+    The seed is hashed as the text of its decimal digits.
     """
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
 
@@ -239,9 +239,9 @@ def commitment(salt: bytes, seed: int) -> str:
 def generator(seed: int, name: str, block: int) -> np.random.Generator:
     """Return a numpy generator for the random numbers of one block, addressed by seed and name.
 
-    It serves distributions that numpy samples by rejection. The same arguments give the same
-    numbers, and generators with another seed, name or block are independent. Raises `InputError`
-    for a seed outside 0 to 2^128 - 1.
+    It is used for distributions that numpy samples by rejection. The same arguments give the same
+    numbers. Generators that differ in seed, name or block are independent. Raises `InputError` for
+    a seed that is not between 0 and 2^128 - 1.
     """
     require_seed(seed)
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()

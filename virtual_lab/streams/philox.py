@@ -140,7 +140,7 @@ def _uniform(words: Words, out: Floats) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _normal(numbers: Floats, values: Floats, tails: Floats, at: Whole) -> None:
-    """Convert uniform numbers about 0 to the normal numbers of the same quantiles."""
+    """Convert uniform numbers between -1/2 and 1/2 to normal numbers with the same quantiles."""
     for i in range(numbers.size):
         q = numbers[i]
         values[i] = q * _middle(0.180625 - q * q)

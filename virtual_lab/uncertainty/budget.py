@@ -1,14 +1,13 @@
 """First-order uncertainty by the GUM: each constant is shifted by its standard uncertainty.
 
-The model is called once with a column of variants of every constant: the estimates, then each
-constant shifted up, then each one shifted down. So the sensitivities come from the reduction
-itself, and a constant shared by all hits shifts them together and does not average out. The
-scatter between hits is one type A component of the mean, after subtraction of the scatter that
-comes from constants with different effects on different hits.
+The model is called once with several values of every constant: first its estimates, then one set in
+which each constant is shifted up, then one in which each is shifted down. The sensitivities
+therefore come from the reduction itself, and a constant shared by all hits shifts them together and
+does not average out. The scatter between hits is one type A component of the mean. The scatter that
+constants cause because their effect differs from hit to hit is subtracted from it.
 
-All is written for a block of laboratories side by side, `Components` and `Budgets`, arrays with a
-leading laboratory axis; one laboratory is a block of one. `Component` and `Budget` are the rows of
-one laboratory, to be printed.
+`Components` and `Budgets` hold a block of laboratories as arrays with a leading laboratory axis;
+one laboratory is a block of one. `Component` and `Budget` are the printable rows of one laboratory.
 """
 
 from __future__ import annotations
@@ -79,7 +78,7 @@ class Components(AlignedArrays):
         return np.where(uncertain, self.effect / np.where(uncertain, self.u, 1.0), 0.0)
 
     def row(self, laboratory: int) -> list[Component]:
-        """Return the components of one laboratory, without certain ones except the hits."""
+        """Return the components of one laboratory that have an uncertainty, and always the hits."""
         sensitivity, uncertain = self.sensitivity, self.u[laboratory] > 0
         return [
             Component(
@@ -106,8 +105,8 @@ class Components(AlignedArrays):
     def lines(self) -> tuple[Array, Array]:
         """Return variance and degrees of freedom of each line of a budget, (laboratory, line).
 
-        The sources of a pool are one line; the others follow `line_names`. The variance is in the
-        squared unit of the result.
+        The sources of a pool share one line. The lines are in the order of `line_names`. The
+        variance is in the squared unit of the result.
         """
         from virtual_lab.uncertainty.budget_kernel import add_lines
 
@@ -167,9 +166,9 @@ class Budgets(AlignedArrays):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variants(AlignedArrays):
-    """First order: each uncertain constant shifted up by its u, then each shifted down.
+    """Sets of constants for the first order: each uncertain constant is shifted by + u and by - u.
 
-    The outputs of the model for these columns give the effect of each constant.
+    The outputs of the model for these sets give the effect of each constant.
     """
 
     constants: Mapping[str, Estimates]
@@ -205,7 +204,10 @@ class Variants(AlignedArrays):
 
     @property
     def columns(self) -> dict[str, Array]:
-        """Columns of the constants, (laboratory, k, 1), the estimates first; new at each call."""
+        """Values of each constant in the k sets, (laboratory, k, 1), the estimates first.
+
+        Each access returns new arrays.
+        """
         columns = {}
         for name, constant in self.constants.items():
             best = np.asarray(constant.value, float)[:, None, None]
@@ -273,7 +275,7 @@ def means_of_hits(
 ) -> Budgets:
     """Return the budgets of weighted sums of hits, one per laboratory, in the unit of the hits.
 
-    The components are those of the constants, and then the remaining scatter of the hits.
+    The components are the constants, followed by the remaining scatter of the hits.
 
     Parameters
     ----------
@@ -283,8 +285,8 @@ def means_of_hits(
         Weight of each hit in the result, its impact position, and the derivative of the result with
         respect to the hit, (laboratory, hit). Weight and effect are 0 for a missing hit.
     earlier
-        Variance of a hit in the laboratories' earlier tests, which is pooled with today's.
-        `Budgets.scatter` is that of today's hits alone.
+        Variance of a hit in earlier tests of each laboratory, which is pooled with that of this
+        test. `Budgets.scatter` contains the scatter of this test alone.
     """
     value = weighted_sums(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighted_sums(hits, effects))
@@ -308,9 +310,10 @@ def weighted_sums(hits: Array, weights: Array) -> Array:
 
 
 def _pool_lines(components: Sequence[Component]) -> list[Component]:
-    """Return the components, each pool as one line: root sum of squares, dof of the pool.
+    """Return the components with those of a pool combined in one line.
 
-    The u of the line is the root mean square of the parts' u; its sensitivity is positive.
+    Contribution of this line: root sum of squares of its parts. Its u: root mean square of the u of
+    its parts. Its degrees of freedom are those of the pool, and its sensitivity is positive.
     """
     lines = [part for part in components if not part.pool]
     pools: dict[str, list[Component]] = {}

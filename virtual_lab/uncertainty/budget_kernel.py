@@ -1,7 +1,7 @@
 """Compiled weighted sums of hits, their scatter, and sums of budgets, for each laboratory.
 
-A sum covers the hits of one laboratory in order, so its bits do not depend on other laboratories. A
-hit of weight 0 is left out, whatever its value.
+Each sum adds the hits of one laboratory in order, so its last bits do not depend on the other
+laboratories. A hit of weight 0 is left out, whatever its value.
 """
 
 from __future__ import annotations
@@ -35,12 +35,17 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: Array) -> None:
-    """Fill `out` with the scatter of weighted sums of hits, (6, laboratory), as in `scatter`.
+    """Fill `out`, (6, laboratory), with the scatter of weighted sums of hits.
 
-    The rows are: u and its degrees of freedom; the sum of squared weights; the mean variance of a
-    hit with these weights; that variance minus the part explained by constants, which can be
-    negative; the degrees of freedom of the variance. A hit of weight 0 is left out, and a
-    laboratory without hits has variances of NaN.
+    The rows are:
+
+    * u of the sum, and its degrees of freedom;
+    * sum of the squared weights;
+    * mean variance of a hit, with these weights;
+    * this variance minus the part explained by constants, which can be negative;
+    * degrees of freedom of the variance.
+
+    A hit of weight 0 is left out. The variances of a laboratory without hits are NaN.
 
     Parameters
     ----------
@@ -78,7 +83,7 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
             weighing += square
             all_variance += square * observed[at]
             unexplained += square * (observed[at] - explained[at])
-            # subtraction of a known part does not change the uncertainty of a variance
+            # The subtraction of a known part does not change the uncertainty of a variance.
             freedom = begin[at + 1] - begin[at] - 1
             hits_free += freedom
             if freedom > 0:
@@ -116,9 +121,9 @@ def _group_hits(weight: Array, places: Array, order: Whole, begin: Whole) -> int
 
 @njit(cache=True, error_model="numpy")
 def _add_variance(values: Array, order: Whole, begin: Whole, squares: Array, out: Array) -> None:
-    """Add the variance of the values within each position, or the pooled one for a single hit.
+    """Add the variance of the values within each position to `out`.
 
-    `squares` is overwritten.
+    A position with a single hit gets the pooled variance of the others. `squares` is overwritten.
     """
     pooled, freedom = 0.0, 0
     for at in range(begin.size - 1):
@@ -139,12 +144,18 @@ def _add_variance(values: Array, order: Whole, begin: Whole, squares: Array, out
 
 @njit(cache=True, error_model="numpy")
 def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Array) -> None:
-    """Add the variances of the lines of a budget to `square`, and fill `freedom`.
+    """Add the variance of each line of a budget to `square`, and fill `freedom`.
 
-    Both are (laboratory, line). The variance is the sum of the squared effects of the sources in a
-    line; `freedom` receives the degrees of freedom of its first source. `effect` and `dof` are
-    those of the sources, (laboratory, source); `line` is the index of the line of each source,
-    (source,). `square` is not reset to 0.
+    Parameters
+    ----------
+    effect, dof
+        Effect and degrees of freedom of each source, (laboratory, source).
+    line
+        Index of the line to which each source belongs, (source,).
+    square
+        Variances, (laboratory, line), to which the squared effects are added. It is not reset to 0.
+    freedom
+        Degrees of freedom of the first source in each line, (laboratory, line).
     """
     for laboratory in range(len(effect)):
         for source in range(line.size - 1, -1, -1):

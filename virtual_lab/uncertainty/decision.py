@@ -1,8 +1,8 @@
 """Decisions on conformity and their risks (JCGM 106), each number with its definition.
 
-Y is the true value, conforming within its limits; a measured value y with standard uncertainty u
-is accepted within the acceptance limits, which a guard band w moves inward (w < 0: outward). One
-limit may be missing.
+An item conforms if its true value Y is within the tolerance limits. It is accepted if its measured
+value y, with standard uncertainty u, is within the acceptance limits. A guard band w moves the
+acceptance limits inward from the tolerance limits, or outward if w < 0. One limit may be missing.
 """
 
 from __future__ import annotations
@@ -220,11 +220,15 @@ def guard_band(
 def _risk_with(
     limits: Tolerance, u: float, dof: float, prior: InputSource | None, w: float
 ) -> float:
-    """Return the customer's risk with a guard band: of all items, or of the worst accepted."""
+    """Return the customer's risk with the guard band `w`.
+
+    With a prior this is the joint risk of all items, without one the specific risk of the worst
+    accepted item.
+    """
     accepted = limits.guard(w)
     if prior:
         return _risks(prior, limits, accepted, u, dof).consumer
-    # the same at both ends, by symmetry
+    # The risk is the same at both ends, by symmetry.
     end = accepted.upper if isfinite(accepted.upper) else accepted.lower
     return float(1 - limits.chance(np.array(end), u, dof))
 
@@ -234,7 +238,8 @@ def _risks(
 ) -> Risks:
     """Return the risks by integrals over the quantiles of the prior.
 
-    Gauss–Legendre in panels: between the limits, finer where acceptance turns and in the tails.
+    The rule is Gauss–Legendre in panels, which are finer near the acceptance limits and in the
+    tails.
     """
     from scipy.optimize import bisect
 

@@ -17,8 +17,8 @@ from virtual_lab.units import Array, Mask
 class Estimate:
     """Value, standard uncertainty `u` (both SI), degrees of freedom, evaluation type (GUM).
 
-    Independent estimates of one `pool` share one scatter, from which their u comes; a budget shows
-    them as one line with the name of the pool.
+    Independent estimates with the same `pool` have a u that comes from one common scatter. A budget
+    shows them as one line with the name of the pool.
     """
 
     value: float
@@ -41,7 +41,7 @@ class Estimate:
 class Estimates(AlignedArrays):
     """The estimates of one quantity in a block of laboratories, arrays (laboratory,).
 
-    Value and `u` are in SI; evaluation, source and pool are those of every laboratory.
+    Value and `u` are in SI. Evaluation, source and pool are the same for every laboratory.
     """
 
     value: Array
@@ -92,8 +92,8 @@ def means_of_readings(
     used
         Mask of the readings to use, of the same shape; None: all.
     least_u
-        Lower bound of the standard uncertainty of a mean, because the instrument's resolution
-        hides a smaller scatter (GUM F.2.2.1: step/√12). [unit of the readings]
+        Lower bound of the standard uncertainty of a mean, in the unit of the readings. It is
+        step/√12 (GUM F.2.2.1) for an instrument whose resolution hides a smaller scatter.
     """
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)

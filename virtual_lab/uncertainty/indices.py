@@ -43,8 +43,8 @@ def sobol_indices(
 
     `first` is the share of the variance that an input explains alone, `total` the share with all
     its interactions (Saltelli 2010, by scipy.stats.sobol_indices). `first_u` and `total_u` are
-    their Monte Carlo standard errors, computed as for independent points; the errors with Sobol's
-    sequence are mostly smaller. A total can be below its first within these errors.
+    their Monte Carlo standard errors, computed as for independent points. The errors with Sobol's
+    sequence are mostly smaller. Within these errors, `total` can be below `first`.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def sobol_indices(
     Raises
     ------
     InputError
-        Correlated inputs, fewer than two uncertain inputs, a number of points that is no power of 2
-        or too large, a model whose outputs do not vary; else as `propagate`.
+        Inputs are correlated, fewer than two inputs are uncertain, the number of points is too
+        large or not a power of 2, or no output varies; also in the cases of `propagate`.
     """
     import pandas as pd
     from scipy.stats import sobol_indices as by_scipy
@@ -109,17 +109,18 @@ def sobol_indices(
 def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:
     """Return Sobol's first and total indices, and their standard errors, each (2, input, output).
 
-    Row 0 holds the first indices and row 1 the total ones, as shares of the variance, from 0 to 1
-    but for errors of sampling. Saltelli 2010, table 2 (b) and (f): means over the points, over the
-    variance of the output. The errors are of first order in both, from the scatter over the points.
-    Raises `InputError` for an output that does not vary.
+    Row 0 of each array holds the first indices and row 1 the total indices. They are shares of the
+    variance, from 0 to 1 except for errors of sampling. The estimators are those of Saltelli 2010,
+    table 2 (b) and (f): a mean over the points, divided by the variance of the output. The standard
+    errors follow from the scatter over the points by first-order propagation. Raises `InputError`
+    for an output that does not vary.
 
     Parameters
     ----------
     f_A, f_B
-        Outputs at two independent samples, about their mean, (output, point).
+        Outputs minus their mean at two independent samples, (output, point).
     f_AB
-        Outputs at the first sample with one input of the second, (input, output, point).
+        Outputs at the first sample with one input taken from the second, (input, output, point).
     """
     squares = (f_A**2 + f_B**2) / 2
     variance = squares.mean(axis=-1)

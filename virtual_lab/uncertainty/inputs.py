@@ -1,8 +1,8 @@
-"""Inputs of a model as a user states them, and as every method to propagate them reads them.
+"""Inputs of a model: the form in which a user states them, and the sources behind them.
 
-An input is a number with its standard uncertainty and distribution. It may be shared by groups:
-then it is a row of numbers, one an observation, whose errors are equal within a group. Correlated
-inputs form a block, which is a linear map of independent ones.
+An input is a number with its standard uncertainty and distribution. An input `by` groups is an
+array with one number per observation, and observations of the same group have the same error.
+Correlated inputs form a block, which is a linear map of independent sources.
 """
 
 from __future__ import annotations
@@ -36,22 +36,23 @@ class Input:
         Best estimate and its standard uncertainty. The value may be an array (n,) of an input
         `by` groups.
     dof
-        Degrees of freedom of u. A normal input with a finite number is a t; limits with one are
-        inexact, by half their distance over √(2 ν).
+        Degrees of freedom ν of u. If they are finite, a normal distribution becomes a t, and limits
+        become inexact by half their distance over √(2 ν).
     distribution
-        ``normal``, ``t``, ``uniform``, ``triangular``, ``arcsine`` or ``trapezoid``: limits that
-        are themselves known within ± `inexact` (JCGM 101, 6.4.3). Without: normal or t by value
-        and u, uniform by limits, trapezoid by inexact ones.
+        ``normal``, ``t``, ``uniform``, ``triangular``, ``arcsine`` or ``trapezoid``. A trapezoid is
+        uniform between limits that are only known within ± `inexact` (JCGM 101, 6.4.3). By default
+        the distribution is normal or t for a value and u, uniform for limits, and a trapezoid for
+        inexact limits.
     low, high
-        Limits, in the place of value and u.
+        Limits, instead of value and u.
     inexact
         Half width of either limit, at most half their distance.
     by
         Labels (n,) of n observations: all observations with the same label have the same error.
-        Several rows of labels nest: ``by=(days, balls)`` gives each ball of each day an error of
-        its own. Groups that cross are two inputs.
+        Several rows of labels are nested: with ``by=(days, balls)`` each ball has a separate error
+        on each day. State crossed groups as two inputs.
     evaluation
-        ``A`` if u comes from the scatter of readings, else ``B``: what a budget shows.
+        ``A`` if u comes from the scatter of readings, otherwise ``B``. It is shown in the budget.
     """
 
     value: ArrayLike | None = None
@@ -67,7 +68,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True)
 class InputSource:
-    """An independent or correlated number behind an input, with its law."""
+    """A source of uncertainty behind an input: a number with its distribution."""
 
     estimate: Estimate
     law: Law
@@ -81,10 +82,10 @@ class InputSource:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Correlated sources: errors are `factor` times independent ones of u = 1.
+    """Correlated sources, whose errors are `factor` times independent errors of u = 1.
 
-    The factor of draws differs from that of the law of propagation where readings were taken
-    together: their joint t has fewer degrees of freedom (JCGM 102, 5.3.2).
+    For readings that were taken together, draws need another factor than the law of propagation,
+    because their joint t distribution has fewer degrees of freedom (JCGM 102, 5.3.2).
     """
 
     names: tuple[str, ...]
@@ -92,12 +93,12 @@ class Joint:
     dof: float
     draw_factor: Array
     draw_dof: float
-    drawn: str = ""  # names of the inputs if no draws of them are possible, otherwise empty
+    drawn: str = ""  # names of these inputs if they cannot be drawn, otherwise empty
 
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """All sources of a model by name, and the arguments that are made from them."""
+    """All sources of a model by name, and the map from sources to the arguments of the model."""
 
     sources: Mapping[str, InputSource]
     joints: tuple[Joint, ...]
@@ -116,7 +117,7 @@ class Inputs:
 
     @property
     def joined(self) -> set[str]:
-        """The names of correlated sources."""
+        """Names of the correlated sources."""
         return {name for joint in self.joints for name in joint.names}
 
 
@@ -125,8 +126,9 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
 
     A value of `entries` is an `Input`, an `Estimate`, a number without uncertainty, or readings
     (n,). For readings, the mean and its scatter are used (type A). Readings (n, m) taken together
-    have a tuple of m names as their key. `correlations` are the coefficients of pairs of inputs,
-    others being 0. Raises `InputError`, which names the input that cannot be used.
+    have a tuple of m names as their key. `correlations` are the correlation coefficients of pairs
+    of inputs; the coefficients of all other pairs are 0. Raises `InputError`, which names the input
+    that cannot be used.
     """
     if not isinstance(entries, Mapping) or not entries:
         raise InputError("", "inputs", entries, "allowed: names and inputs, {'d': vl.Input(…)}")
@@ -199,7 +201,7 @@ def source_of(name: str, entry: Input) -> InputSource:
 
 
 def _source(name: str, entry: Input) -> InputSource | float:
-    """Return the source of an input of one number; a number that has no uncertainty."""
+    """Return the source of an input, or its value if it has no uncertainty."""
 
     def refuse(key: str, value: object, allowed: str) -> InputError:
         return InputError(name, key, value, f"allowed: {allowed}")
@@ -250,7 +252,7 @@ def _source(name: str, entry: Input) -> InputSource | float:
 
 
 def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) -> InputSource:
-    """Return a source by its law and scale; limits of a u that is not well known are inexact."""
+    """Return a source with a distribution of given scale; finite `dof` make its limits inexact."""
     dof, shape = entry.dof, nan
     if kind == "trapezoid":
         if not 0 < entry.inexact <= half * (1 + 1e-12):
@@ -270,7 +272,11 @@ def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) 
 def _group_observations(
     name: str, entry: Input
 ) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
-    """Return base, sources and which of them each observation has, and the sources by name."""
+    """Return the values of an input by groups, and its sources by name.
+
+    The values are a tuple: number of each observation, names of the sources, and index of the
+    source of each observation.
+    """
     nested = isinstance(next(iter(entry.by)), list | tuple | np.ndarray)
     rows = entry.by if nested else (entry.by,)
     lengths = {len(row) for row in rows}
@@ -285,7 +291,7 @@ def _group_observations(
         except (TypeError, ValueError) as fault:
             allowed = f"allowed: a number, or {len(labels)} numbers, one per label"
             raise InputError(name, "value", entry.value, allowed) from fault
-    # the base holds the values, the sources hold the errors about them
+    # The base holds the values, and the sources hold their errors.
     source = source_of(name, replace(entry, value=None if entry.low is not None else 0.0))
     parts = tuple(f"{name}[{'/'.join(map(str, label))}]" for label in order)
     pooled = replace(source, estimate=replace(source.estimate, pool=name))
@@ -300,7 +306,7 @@ def _require_once(names: Sequence[str]) -> None:
 
 
 def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource], Joint]:
-    """Return sources and block of readings taken together, (n, m)."""
+    """Return the sources and the correlated block of readings (n, m) that were taken together."""
     where = ", ".join(names)
     readings = _numbers(where, entry)
     if readings.ndim != 2 or readings.shape[1] != len(names) or len(names) < 2:
@@ -322,7 +328,7 @@ def _together(names: tuple[str, ...], entry: Any) -> tuple[dict[str, InputSource
 def _correlate(
     sources: Mapping[str, InputSource], correlations: Correlations, joint_names: set[str]
 ) -> list[Joint]:
-    """Return blocks of the inputs that correlations bind together."""
+    """Return one block per set of inputs that are connected by correlations."""
     blocks: list[set[str]] = []
     if not isinstance(correlations, Mapping):
         raise InputError("", "correlations", correlations, "allowed: {('a', 'b'): 0.5}")
@@ -365,7 +371,10 @@ def _joint(
 
 
 def _factor(names: tuple[str, ...], covariance: Array) -> Array:
-    """Return F with F Fᵀ the covariance; `InputError` where no errors can have it."""
+    """Return a matrix F with F Fᵀ equal to the covariance.
+
+    Raises `InputError` if the covariance is impossible, that is, not positive semidefinite.
+    """
     u = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(u, u))
     if values[0] < -1e-12:

@@ -1,8 +1,8 @@
 """Laboratories compared: nested analysis of variance, and tests of consistency.
 
-Every laboratory measures the same item with several lots, and repeats the test with each lot. The
-variances and the tests are those of ISO 5725-2 and ISO 5725-3, the statistics h and k those of ASTM
-E691. All results have a leading axis per data set.
+Every laboratory measures the same item with several lots, and repeats the test with each lot.
+Variances and tests follow ISO 5725-2 and ISO 5725-3; the statistics h and k follow ASTM E691.
+Leading axes of all results are data sets.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ class NestedStudy:
     repeats: int  # repeats per lot
     mean: Array
     repeat_variance: Array
-    lot_variance: Array  # NaN with one lot per laboratory, whose variance is in the next one
+    lot_variance: Array  # NaN with one lot per laboratory; laboratory_variance then includes it
     laboratory_variance: Array
     repeat_mean_square: Array
     lot_mean_square: Array  # mean square of the repeats if there is only one lot
     laboratory_mean_square: Array
     h: Array  # deviation of each laboratory's mean, in standard deviations, (..., laboratory)
     k: Array  # scatter of each laboratory's repeats, in units of s_r, (..., laboratory)
-    cochran: Array  # largest share of a laboratory in the sum of the variances of repeats
+    cochran: Array  # largest variance of repeats of a laboratory over the sum of these variances
 
     @property
     def repeatability(self) -> Array:
@@ -184,10 +184,10 @@ def grubbs_limit(groups: int, level: float) -> float:
 
 
 def h_limit(groups: int, level: float) -> float:
-    """Return the critical value of |h|, with the statistic h of ASTM E691; it has no unit.
+    """Return the critical value of |h| (ASTM E691), without unit.
 
-    The test is of one mean out of `groups`. The statistic h is the deviation of this mean from the
-    mean of all, in standard deviations of the means. Its absolute value exceeds the limit by chance
+    The test examines one mean out of `groups`. The statistic h is the deviation of this mean from
+    the mean of all groups, in standard deviations of the means. By chance, |h| exceeds the limit
     with a probability of `level`. The limit is NaN for fewer than three groups.
     """
     from scipy.stats import t
@@ -199,11 +199,11 @@ def h_limit(groups: int, level: float) -> float:
 
 
 def k_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical value of the statistic k of ASTM E691; it has no unit.
+    """Return the critical value of k (ASTM E691), without unit.
 
-    The test is of one group out of `groups`. The statistic k is the standard deviation within this
-    group, with `dof` degrees of freedom, over the pooled one of all groups. It exceeds the limit by
-    chance with a probability of `level`.
+    The test examines one group out of `groups`. The statistic k is the standard deviation within
+    this group, with `dof` degrees of freedom, divided by the pooled standard deviation of all
+    groups. By chance, k exceeds the limit with a probability of `level`.
     """
     from scipy.stats import f
 

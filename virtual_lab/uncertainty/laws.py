@@ -60,7 +60,10 @@ def _inexact_quantile(q: Array, inexact: float) -> Array:
 
 @lru_cache(16)
 def _inexact_distribution(inexact: float) -> tuple[Array, Array]:
-    """Return a grid and the probabilities below it of uniform numbers with uniform limits."""
+    """Return a grid of values and the distribution function there, for inexact uniform limits.
+
+    The numbers are uniform between limits, and each limit is itself uniform within ± `inexact`.
+    """
     x = np.linspace(-1 - inexact, 1 + inexact, 4001)
     nodes, weights = np.polynomial.legendre.leggauss(201)
     return x, np.clip((x[:, None] / (1 + inexact * nodes) + 1) / 2, 0, 1) @ weights / 2
@@ -74,7 +77,8 @@ LAWS = {
     "normal": Law(
         lambda _: 1.0, lambda _: 3.0, lambda r, n, _: r.standard_normal(n), _normal, limited=False
     ),
-    # its u is that of the GUM: draws have u √(ν/(ν - 2)), and the second order takes it as normal
+    # The u of a t is that of the GUM. Draws have u √(ν/(ν - 2)), and the second order takes it as
+    # normal.
     "t": Law(
         lambda _: 1.0, lambda _: 3.0, lambda r, n, v: r.standard_t(v, n), _student, limited=False
     ),

@@ -1,6 +1,7 @@
-"""A user's function as a model: called with rows of inputs at once, or row by row.
+"""A user's function as a model, called with many rows of inputs at once or row by row.
 
-Every answer is a mapping of names to columns (k,); a model with one output has the name `RESULT`.
+The result of a call is a mapping of names to columns (k,). The output of a model with only one
+output is named `RESULT`.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ class Model:
     def try_out(cls, function: Callable[..., Any], inputs: Inputs) -> Model:
         """Return the model, called row by row if the function does not accept several rows.
 
-        Three rows about the estimates are tried together and then one by one, which reveals a
-        function that mixes rows or accepts only numbers. They are tried twice, as by
-        `require_same`.
+        The function is called with three rows of inputs near the estimates, first together and then
+        one by one. This reveals a function that mixes rows or accepts only numbers. Both calls are
+        repeated, as in `require_same`.
         """
         columns = {
             name: source.estimate.value + source.estimate.u * np.array([0.0, 0.3, -0.2])
@@ -73,8 +74,8 @@ class Model:
     def require_same(self) -> None:
         """Raise `InputError` if the function gives other results for the rows that were tried.
 
-        It is asked before and after a propagation: a function may draw random numbers, count its
-        calls, or depend on something that changes.
+        This check is made before and after a propagation, because a function may draw random
+        numbers, count its calls, or depend on something that changes.
         """
         again = self(self.trial)
         for name, values in self.trial_outputs.items():
@@ -86,7 +87,10 @@ class Model:
                 raise InputError("model", REPEATED, name, f"{allowed}inputs alone")
 
     def __call__(self, columns: Mapping[str, Array]) -> Outputs:
-        """Return the outputs for columns (k,) of the sources; `InputError` for a wrong answer."""
+        """Return the outputs for columns (k,) of the sources.
+
+        Raises `InputError` if the function returns something else than allowed.
+        """
         arguments = self.inputs.arguments(columns)
         k = next(iter(arguments.values())).shape[0]
         for values in arguments.values():

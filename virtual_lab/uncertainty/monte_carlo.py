@@ -1,8 +1,8 @@
 """Propagation of distributions (JCGM 101 and 102): counted draws, adaptive stopping, intervals.
 
-A draw belongs to (seed, input, block of 65 536), so it does not depend on the other inputs, their
-order or the end of the run, and it can be repeated. The memory does not grow with the number of
-draws.
+Draws are made in blocks of 65 536, and each block depends only on the seed, the input and the
+number of the block. A draw can therefore be repeated, whatever the other inputs, their order, and
+the length of the run. The memory does not grow with the number of draws.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MOST_DRAWS = 2**36  # draws
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """Number of draws: a fixed one, or until `digits` of u and of the interval are right."""
+    """Number of draws: fixed, or as many as are needed for `digits` correct digits of u."""
 
     probability: float
     digits: int = 2
@@ -53,8 +53,8 @@ class Drawing:
 def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
     """Return block number `block` of the draws of every source, by name, each (65 536,).
 
-    The draws are in the unit of the source, about its value. The same seed, source and block always
-    give the same draws.
+    The draws are values of the source, in its unit. The same seed, source and block always give the
+    same draws.
     """
     draws = {}
     for name, source in inputs.sources.items():
@@ -133,7 +133,7 @@ class Batches:
         return np.asarray(np.sqrt(np.diagonal(self.covariance())))
 
     def covariance(self) -> Array:
-        """Return the covariance of the outputs, (n, n): the mean of those of the batches."""
+        """Return the covariance of the outputs, (n, n), averaged over the batches."""
         if self.covariances:
             return np.asarray(np.mean(self.covariances, axis=0))
         return np.diag(np.mean(np.array(self.statistics)[:, :, 1] ** 2, axis=0))
@@ -165,7 +165,7 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
-    """Draw in two stages, the second as large as the scatter of the first requires.
+    """Draw in two stages; the scatter of the first determines the size of the second.
 
     Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
     output. This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia
@@ -210,9 +210,9 @@ RULES: dict[str, Callable[[Batches, bool], Array]] = {"stein": stein, "7.9": sta
 def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagated:
     """Return value, u and intervals of the outputs of a model by draws (JCGM 101).
 
-    `linear` is the first-order result, which each outcome judges in `verdict`. If an input has at
-    most 2 degrees of freedom u is inf and the value is the median. Raises `InputError` for
-    correlated inputs of which no draws are possible, and if too many draws are needed.
+    `linear` is the first-order result; `verdict` of each outcome states whether it is valid. If an
+    input has at most 2 degrees of freedom, u is inf and the value is the median. Raises
+    `InputError` if correlated inputs cannot be drawn, or if too many draws are needed.
     """
     _require_drawable(model.inputs)
     few = min(_draw_dof(model.inputs), default=inf)
@@ -300,7 +300,7 @@ def _parts(answers: Outputs) -> list[Outputs]:
 def _verdict(
     linear: Outcome, ends: tuple[float, float], u: float, errors: Array, drawing: Drawing
 ) -> str:
-    """Return the judgement of clause 8: whether the linear ends agree with those of the draws."""
+    """Return a sentence on whether the first-order interval agrees with the draws (clause 8)."""
     if not 0 < u < inf:
         return "first order not validated, because u is 0 or infinite"
     limit = tolerance(u, drawing.digits)
@@ -319,7 +319,7 @@ def _verdict(
 
 
 def _region(model: Model, batches: Batches) -> Region:
-    """Return coverage regions of all outputs (JCGM 102, 7.7), with the draws repeated."""
+    """Repeat the draws, and return the coverage regions of all outputs (JCGM 102, 7.7)."""
     drawing, mean, covariance = batches.drawing, batches.mean, batches.covariance()
     inverse = np.linalg.pinv(covariance, hermitian=True)
     u = np.where(batches.u > 0, batches.u, inf)

@@ -1,6 +1,6 @@
 """Precision studies by analysis of variance: groups of readings (ISO 5725-2), gauges (AIAG).
 
-Standard deviations of components are 0 where their variance comes out below 0.
+The standard deviation of a component is 0 if the estimate of its variance is negative.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.units import Array
 
-POOLED_ABOVE = 0.25  # significance of an interaction that counts as repeatability (AIAG MSA)
+POOLED_ABOVE = 0.25  # p-value above which an interaction is pooled with repeatability (AIAG MSA)
 DISTINCT = 1.41  # factor of the number of distinct categories (AIAG MSA)
 
 
@@ -34,7 +34,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupStudy:
-    """Readings in groups, such as laboratories: scatter within a group, between groups, of both."""
+    """Scatter of readings in groups, such as laboratories: within groups, between groups, total."""
 
     mean: float
     between: Line
@@ -56,11 +56,11 @@ class GaugeStudy:
     operators: Line
     interaction: Line
     trials: Line
-    pooled: bool  # whether the interaction counts as repeatability
+    pooled: bool  # whether the interaction is part of the repeatability
     repeatability: float  # EV
     operator_sd: float  # AV without interaction
     interaction_sd: float
-    gauge: float  # GRR: all but parts
+    gauge: float  # GRR: repeatability, operators and interaction
     part_sd: float  # PV
     total: float  # TV
 
@@ -97,7 +97,7 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
     if counts.size < 2 or readings.size <= counts.size:
         allowed = "allowed: at least 2 groups, and one of them with 2 readings"
         raise InputError("", "groups", counts.tolist(), allowed)
-    # about one reading: the squares of a large offset would hide the scatter
+    # The offset is subtracted because the squares of a large offset would hide the scatter.
     offset, readings = readings[0], readings - readings[0]
     means = np.bincount(which, readings) / counts
     grand = float(readings.mean())
@@ -174,7 +174,7 @@ def gauge_study(values: ArrayLike, parts: Sequence[Any], operators: Sequence[Any
 def _read(
     values: ArrayLike, labels: Sequence[Sequence[Any]]
 ) -> tuple[Array, list[NDArray[np.int_]]]:
-    """Return readings and the number of each reading's label, row by row of labels."""
+    """Return the readings and, for each row of labels, the index of each reading's label."""
     readings = np.asarray(values, float)
     if readings.ndim != 1 or not np.isfinite(readings).all() or readings.size == 0:
         raise InputError("", "values", f"shape {readings.shape}", "allowed: finite numbers (n,)")

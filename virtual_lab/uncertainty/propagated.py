@@ -26,7 +26,7 @@ class Convergence:
 
     draws: int
     standard_errors: tuple[float, ...]  # standard errors of value, u, and ends of the interval
-    tolerance: float | None  # tolerance met with 95 %; None for a fixed number of draws
+    tolerance: float | None  # tolerance met with 95 % probability; None for a fixed number of draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class Outcome:
     components: tuple[Component, ...]
     shortest: tuple[float, float] | None = None  # shortest interval, by draws
     convergence: Convergence | None = None
-    verdict: str = ""  # judgement of the first order by JCGM 101, clause 8
+    verdict: str = ""  # whether the first-order result is valid (JCGM 101, clause 8)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -1,4 +1,4 @@
-"""Uncertainty of any model: a function of a user's own, its inputs, and a method."""
+"""Uncertainty of any model: a user's function, its inputs, and a method of propagation."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ def propagate_inputs(
         is called row by row, and a note says so. An input with groups of n observations is
         passed as an array (k, n), or as (n,) if the function is called row by row.
     inputs
-        For each name an `Input`, a number without uncertainty, or readings (n,), whose mean
-        and standard uncertainty of the mean are used. A tuple of m names has readings (n, m)
-        that were taken together.
+        The value for a name is an `Input`, a number without uncertainty, or readings (n,), whose
+        mean and standard uncertainty of the mean are used. For a tuple of m names, the value is
+        readings (n, m) that were taken together.
     correlations
         Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method
@@ -87,8 +87,8 @@ def propagate_inputs(
     Raises
     ------
     InputError
-        An input, correlation or answer of the model that cannot be used; a model that gives
-        two results for the same inputs.
+        An input, a correlation or an output of the model cannot be used, or the model gives
+        different results for the same inputs.
     """
     named_method(method, "method")
     if not 0 < probability < 1:
@@ -120,9 +120,9 @@ def propagate_inputs(
 def first_order(model: Model, probability: float) -> Propagated:
     """Return value, u, interval and components of each output by first order (GUM 5.1).
 
-    The correlation of the outputs is that caused by the inputs. `probability` is that of the
-    interval. An output with u = 0 has a note with the reason. Raises `InputError` for an answer of
-    the model that cannot be used.
+    The correlation of the outputs is that caused by the inputs. `probability` is the coverage
+    probability of the interval. A note states the reason if an output has u = 0. Raises
+    `InputError` for an output that cannot be used.
     """
     inputs = model.inputs
     variants = Variants.of(
@@ -195,9 +195,10 @@ def named_method(method: str, key: str = "uncertainty") -> Any:
 
 
 def _independent(components: Components, inputs: Inputs) -> Components:
-    """Return the components with those of each block of correlated inputs turned independent.
+    """Return the components with each block of correlated inputs transformed to independent ones.
 
-    Their squares then add up to cᵀ V c, and a block is one term of the degrees of freedom.
+    The squares of their effects then add up to cᵀ V c, and each block is one term in the formula
+    for the degrees of freedom.
     """
     effect, dof, pools = components.effect.copy(), components.dof.copy(), list(components.pools)
     for number, joint in enumerate(inputs.joints):

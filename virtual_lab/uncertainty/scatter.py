@@ -1,8 +1,9 @@
 """Scatter of the hits of a test, combined with that of the laboratory's earlier tests.
 
-Six hits estimate their scatter poorly: a test whose hits agree by chance states too small a u. The
-variance of a hit, minus the part that the constants of the budget explain, is the same in earlier
-tests by the same procedure, so the variances are pooled by their degrees of freedom.
+Six hits give a poor estimate of their scatter, and a test whose hits agree by chance states too
+small a u. The variance of a hit, minus the part that the constants of the budget explain, should be
+the same in all tests by one procedure. The variances of earlier tests and of this test are
+therefore averaged with their degrees of freedom as weights.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array, Mask
 
 LARGER_BY_CHANCE = 0.01  # significance of the one-sided F test against earlier tests
-LEAST_UNEXPLAINED = 1e-3  # smallest unexplained part; keeps ν above 0 [total variance]
+LEAST_UNEXPLAINED = 1e-3  # smallest unexplained share of the total variance; keeps ν above 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +34,7 @@ class HitVariance(AlignedArrays):
 
     @classmethod
     def of(cls, estimates: Estimates) -> Self:
-        """Return the variance from a value with its u, which is √(2/ν) times the variance."""
+        """Return the variance from estimates with value s² and u = √(2/ν) s²."""
         total = estimates.u * np.sqrt(estimates.dof / 2)
         return cls(unexplained=estimates.value, total=total, dof=estimates.dof)
 
@@ -44,7 +45,7 @@ class HitVariance(AlignedArrays):
 
     @classmethod
     def pool(cls, tests: Sequence[HitVariance]) -> Self:
-        """Return the mean of several tests by degrees of freedom."""
+        """Return the mean of several tests, weighted by their degrees of freedom."""
         dof = np.array([each.dof for each in tests])
 
         def mean(values: Sequence[Array]) -> Array:
@@ -80,10 +81,11 @@ class Scatter(AlignedArrays):
 
     @classmethod
     def of_hits(cls, hits: Array, weights: Array, groups: Array, effects: Array) -> Self:
-        """Return the scatter of weighted sums of hits, by their scatter at each impact position.
+        """Return the scatter of weighted sums of hits, from the scatter at each impact position.
 
-        Each position has its own variance, because stray aim matters more where the bat's response
-        changes quickly. A position with a single hit has the pooled variance of the others.
+        The variance is estimated at each position separately, because an error of aim has a larger
+        effect where the response of the bat changes quickly. A position with a single hit gets the
+        pooled variance of the others.
 
         Parameters
         ----------

@@ -21,14 +21,14 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True)
 class SecondOrder:
-    """Points of a model for its second order: independent errors of one and two u, and of pairs."""
+    """Points at which the second order evaluates a model: single errors and pairs of errors."""
 
     columns: dict[str, Array]  # values of each source, (1 + 4 n + 2 n (n - 1),), estimates first
     kurtosis: Array
 
     @classmethod
     def of(cls, inputs: Inputs) -> Self:
-        """Return the points; correlated inputs move together along independent directions."""
+        """Return the points. Correlated inputs shift together, along independent directions."""
         names = list(inputs.sources)
         n = len(names)
         one = np.eye(n)

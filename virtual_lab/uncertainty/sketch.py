@@ -1,8 +1,9 @@
-"""Quantiles of any number of draws in constant memory: counts in bins that can be added.
+"""Quantiles of any number of draws in constant memory, from counts in bins.
 
-The bins have equal widths in asinh((x - middle) / width). They are fine near the ends of an
-interval and coarse far outside, and the last ones are unlimited. If `width` is half an interval, a
-bin at its end is 1.3e-4 of it wide. Quantiles are interpolated within bins.
+The bins have equal widths in asinh((x - middle) / width). They are narrow near the ends of an
+interval and wide far outside; the two outermost bins are unlimited. If `width` is half the
+interval, the width of a bin at its end is 1.3e-4 of the interval. Quantiles are interpolated within
+bins.
 """
 
 from __future__ import annotations

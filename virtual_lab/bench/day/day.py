@@ -149,8 +149,8 @@ def decide(day: Day, action: Action) -> float:
 def is_offered(day: Day, action: str) -> bool:
     """Return whether the page of a day offers an action.
 
-    Before the hand-in it offers those that the rig and the day have, afterwards the dispute of a
-    score only, and in an exam nothing.
+    Before the hand-in, the page offers the actions that this rig and this day allow. After the
+    hand-in, it offers only the dispute of a score; in an exam it then offers nothing.
     """
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam
@@ -170,15 +170,18 @@ def ready_steps(day: Day) -> tuple[str, ...]:
 def has_instrument(day: Day, action: str) -> bool:
     """Return whether the rig has the instrument that an action needs.
 
-    An action that needs none gives True, and so does every action while the laboratory is being set
-    up.
+    The result is True for an action that needs no instrument. While the laboratory is being set
+    up, the instruments are not known yet, and the result is True for every action.
     """
     needs, calibration = action_table().actions[action].needs, day.morning.calibration
     return not calibration or any(key.startswith(needs) for key in calibration)
 
 
 def _at_hand(day: Day, action: str) -> bool:
-    """Return whether an action is possible: no machine is needed, or the machines are here."""
+    """Return whether the machines that an action needs are present.
+
+    On a day that began with the records of another laboratory there are no machines.
+    """
     at_machines = len(day.events) < day.supplied_events or not day.supplied_events
     paperwork = {DISPUTE, "accept", "reject", "strike-out", "enter-result", "reduce"}
     return at_machines or action in paperwork | AFTER_REDUCTION | CHECKLISTS
@@ -214,7 +217,7 @@ def _require_reading(day: Day, entry: int) -> None:
 def evolve(day: Day, event: DayEvent) -> Day:
     """Return the state of the day after one more event; `day` is unchanged.
 
-    Whether the action is allowed is not checked; `decide` does that.
+    This function does not check whether the action is allowed; `decide` does.
     """
     day = replace(
         day,

@@ -30,8 +30,8 @@ def fault_titles() -> dict[str, str]:
 def fault_of_text(words: str, action: str, key: str) -> str:
     """Return the name of the fault that a trainee typed by its title or name.
 
-    Text that begins with “other:” is a trainee's own description and is returned as it is, and so
-    are “none” and “no result”. `action` and `key` are for the message only.
+    The texts “none” and “no result”, and any text that begins with “other:” (a description in the
+    trainee's words), are returned unchanged. `action` and `key` are only used in the error message.
 
     Raises
     ------

@@ -42,7 +42,7 @@ class Habits:
     hurries: float = 0.0  # probability of timing by hand or with few swings
     waves_through: float = 0.0  # probability of accepting a hit that the rules reject
     checks: bool = False  # whether the operator makes all checks and repairs the faults
-    listed: bool = False  # whether only checks for the faults that the scenario lists
+    listed: bool = False  # whether these checks are only those for the scenario's listed faults
     wants: bool = False  # whether the operator rejects high hits to get a low result
 
     def looks_for(self, listed: Mapping[str, float]) -> set[str]:
@@ -226,7 +226,7 @@ HABITS = {
 def operator_of(name: str, seed: int = 0) -> Operator:
     """Return a simulated operator by name: a function that yields the actions of a day.
 
-    `seed` determines the slips of the operator. Raises `InputError` for an unknown name.
+    `seed` determines which mistakes the operator makes. Raises `InputError` for an unknown name.
     """
     if name not in HABITS:
         allowed = f"{nearest(name, HABITS)}allowed: {', '.join(HABITS)}"

@@ -22,7 +22,8 @@ class StepDue:
 def steps_due(day: Day) -> Iterator[StepDue]:
     """Yield each step that was due so far, in order, whether it was done or not.
 
-    A step before each shot is due at every shot, except that the first shot has no scrap to clear.
+    The steps that prepare a shot are due once per shot. The removal of sabot scrap is not due
+    before the first shot, because there is no scrap yet.
     """
     since: set[str] = set()
     actions: set[str] = set()
@@ -59,11 +60,11 @@ def excuses_of(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Display:
-    """Return one row to display per skipped step that had to precede the last event.
+    """Return one row to display for each step that the last event required and that was skipped.
 
-    Steps skipped before earlier events are not repeated. A row has the text "skipped: " with the
-    step's title, the effect of the omission, and an empty unit. The result is empty if the last
-    event required no step that was skipped.
+    A row holds the text "skipped: " with the title of the step, the effect of the omission, and an
+    empty unit. The result is empty if no required step was skipped. Steps that were skipped before
+    earlier events are not listed again.
     """
     last = len(day.events) - 1
     sheets = action_table().actions

@@ -106,9 +106,10 @@ class PrintedRow(NamedTuple):
 
 
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
-    """Yield the first reading beyond its limit for each suspected fault; nothing if all are within.
+    """Yield one row per suspected fault: the first reading that is beyond the limit for this fault.
 
-    A fault is left out if a suspected fault of its list ``unless`` explains the same readings.
+    Nothing is yielded if all readings are within their limits. A fault is left out if one of the
+    faults in its list ``unless`` is suspected too, because that fault explains the same readings.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):
@@ -120,7 +121,10 @@ def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
 
 
 def rows_of(desk: Desk) -> Iterator[CheckRow]:
-    """Yield one row per reading that has a limit, within it or beyond; at first there is none."""
+    """Yield one row per reading that has a limit, whether or not the reading is within it.
+
+    Nothing is yielded before the first such reading of the day.
+    """
     for look in LOOKS:
         yield from look(desk)
 
@@ -368,7 +372,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
 def shots_before_repair(desk: Desk) -> int:
     """Return the number of shots that were fired before the last repair; 0 without a repair.
 
-    A repair counts even if nothing was broken.
+    A repair that removed no fault is a repair too.
     """
     fired = 0
     before = 0
@@ -401,11 +405,12 @@ def beam_passages(record: Record) -> Array:
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
-    """Yield rows on the ratio of the blocking times of first and last gate, for a range of shots.
+    """Yield the largest and the smallest ratio of blocking times of a range of shots, one row each.
 
-    The ratio is 1 for a round ball. The two rows are those of its largest and its smallest value;
-    boards have a third one, the number of balls that blocked the first gate too early. Shots are
-    numbered from 0. Nothing more is yielded if no ball has both times.
+    The ratio is the time for which the incoming ball blocks the first gate, divided by the time
+    for which it blocks the last gate; it is 1 for a round ball. For light boards, a row with the
+    number of balls that blocked the first gate too early comes first. If no ball has both times,
+    the two rows of the ratio are left out. Shots are numbered from 0.
     """
     passages = beam_passages(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]
@@ -431,7 +436,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
 
 
 def _chart_values(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, float, float, float]]:
-    """Yield name, entry, value of today, value of the chart, and u for each charted quantity."""
+    """Yield name, entry, value today, chart mean and u of each quantity with a control chart."""
     event = desk.last(action)
     if event is None:
         return
@@ -440,7 +445,7 @@ def _chart_values(desk: Desk, action: str) -> Iterator[tuple[str, DayEvent, floa
         today, chart, sd = (
             values[f"{name}, {word}"] for word in ("today", "chart", "standard deviation of a day")
         )
-        # relative u of the chart, from a dozen mornings, is at least 0.2 %
+        # The chart has only a dozen mornings, so its relative u is taken to be at least 0.2 %.
         u = sd if action == "compare-clock" else hypot(sd, 0.002 * chart)
         yield name, event, today, chart, u
 

@@ -106,16 +106,18 @@ def rehearse(
         receives a function returning the current desk and yields actions.
     script
         Path of a .json file with actions, instead of an operator.
-    seed, operator_seed
-        Seeds of the laboratory (None draws one) and of the operator's slips.
+    seed
+        Seed of the laboratory; None draws a random one.
+    operator_seed
+        Seed that determines which mistakes the operator makes.
     instruments
         Sheets of instruments and rigs with changed values, as for `certify`.
 
     Raises
     ------
     InputError
-        An unknown scenario, operator or action, an action that is impossible at its place, or a day
-        that was not handed in.
+        The scenario, the operator or an action does not exist, an action is impossible when its
+        turn comes, or the operator did not hand in the day.
     """
     if script is not None:
         taker = by_script(read_json(Path(script)), str(script))

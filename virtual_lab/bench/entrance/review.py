@@ -49,7 +49,7 @@ class ClassDay:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurvePoint:
-    """A point of a learning curve: a score, or 1 or 0 for a fault that was named or missed."""
+    """A point of a learning curve: a score, or for a fault 1 if it was named and 0 if missed."""
 
     trainee: str = column("trainee")
     day: int = column("day")
@@ -167,9 +167,9 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
-    """Return one row per day on which the operators `book` and `expert` tried a scenario.
+    """Try a scenario with the operators `book` and `expert`; return one row per day.
 
-    Each tries three days.
+    Each operator carries out three days, with the seeds 1, 2 and 3, so there are six rows.
 
     Raises `InputError` with file, key and allowed values if the scenario is not valid.
     """
@@ -220,7 +220,7 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
 
 
 def replay(path: str | Path) -> Rows[PlayedEntry]:
-    """Return one row per entry of a day that is repeated from its log, and compared with the log.
+    """Repeat a day from its log; return one row per entry, compared with the entry in the log.
 
     Parameters
     ----------

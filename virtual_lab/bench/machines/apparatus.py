@@ -168,7 +168,7 @@ class Apparatus:
         }
 
     def _repair(self, day: Day, action: Action) -> Reading:
-        """Return the finding of a repair and the readings to repeat, for the display."""
+        """Return the rows to display after a repair: its outcome, and the readings to repeat."""
         sheets = action_table().actions
         faults = set(self.laboratory.setup.faults.names) - day.repaired_faults
         finding = "repaired" if faults & set(sheets[action.name].mends) else "nothing was broken"
@@ -189,7 +189,7 @@ class Apparatus:
     def _measure(self, day: Day, action: Action) -> Reading:
         """Read one channel of the bench, with as many repeats as its data sheet states.
 
-        Each use continues the series of random numbers of the earlier ones.
+        A repeated measurement gets new random errors.
         """
         channel, arguments = channels()[action.name], action.arguments
         earlier = day.times(action.name)

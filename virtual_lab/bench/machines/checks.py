@@ -90,7 +90,10 @@ class CheckStandards:
     def _against_chart(
         self, hit: Callable[[Laboratory, int, int], Mapping[str, Array]], earlier: int
     ) -> Display:
-        """Return the mean of the hits of today beside the chart; "not seen" without a reading."""
+        """Return, for each quantity of `hit`, the mean of today and the values of the chart.
+
+        The mean is "not seen" if no hit of today has a reading.
+        """
         hits = action_table().consequences.check_hits
         today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
         chart = hit(self._sound, FIRST_SLOT, hits * DAYS)
@@ -105,9 +108,9 @@ class CheckStandards:
 
 
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
-    """Return a laboratory with the given faults.
+    """Return the same laboratory with other faults.
 
-    Calibration certificates, salt and date stay the same.
+    Calibration certificates, date, and the salt of its sealed random numbers stay the same.
     """
     setup = replace(
         laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision

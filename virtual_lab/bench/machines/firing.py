@@ -62,7 +62,10 @@ class Firing:
         return _fire_at_wall(laboratory, rules.balls, hits * earlier)
 
     def wall_again(self, day: Day, balls: int, earlier: int) -> RigOutput:
-        """Fire the first `balls` of the lot at the wall again, after `earlier` such repeats."""
+        """Fire the first `balls` balls of the lot at the wall again. Return records and truth.
+
+        `earlier` is the number of such repeats before this one.
+        """
         laboratory = self._age_balls(day.times("hit-wall"))
         specimen = replace(laboratory.specimen, balls=specimen_at(Stage.IMPACT, laboratory).balls)
         laboratory = replace(laboratory, specimen=specimen)
@@ -130,7 +133,11 @@ class Firing:
         return plan, self.shots[shot]
 
     def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
-        """Return laboratory and true plan of a shot: warm ball, scrap, moved aim, low pressure."""
+        """Return the laboratory and the plan with which a shot really takes place.
+
+        The ball may be warm, scrap may trip a gate, the aim may have moved, and a low pressure
+        lowers the speed.
+        """
         table, speed = action_table().consequences, self.laboratory.rules.spec.ball_speed
         laboratory = self._age_balls(shot.wall)
         balls = laboratory.specimen.balls
@@ -181,7 +188,11 @@ class Firing:
     def _add_rotation(
         self, record: EncoderRecord, encoder: Any, shot: ShotConditions, plan: ShotPlan
     ) -> EncoderRecord:
-        """Return the record with an initial count and rotation, if these steps were omitted."""
+        """Return the encoder record with the effects of omitted steps.
+
+        It begins at a random count if the encoder was not set to zero, and the bat rotates before
+        the hit if the trainee did not wait until it was at rest.
+        """
         draws, turn = self.laboratory.draws, encoder.spec.counts_per_turn
         counts = record.counts
         if "wait-rest" not in shot.ready:
@@ -222,5 +233,5 @@ def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
 
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
-    """Return a station with other true constants [SI], by name, of its instrument `part`."""
+    """Return a station whose instrument `part` has the true constants `true` [SI], by name."""
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))

@@ -235,12 +235,12 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def hall_page(hall: Hall) -> str:
-    """Return the HTML page of the trainer in an exam: the progress of each trainee, no truth."""
+    """Return the HTML page of the trainer in an exam. It shows the progress of each trainee."""
     return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
 
 
 def refusal_sentence(fault: InputError) -> str:
-    """Return an error as one sentence in which buttons and fields have the titles of the page."""
+    """Return an error as one sentence that names buttons and fields by their titles on the page."""
     titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
     key = titles.get(fault.key, fault.key)
     value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value

@@ -43,7 +43,7 @@ class PrintedConstant(NamedTuple):
     value: str
     u: str
     unit: str
-    today: str  # value that was measured on the day and replaces it; or empty
+    today: str  # value measured on the day, which replaces that of the certificate; or empty
 
 
 class PrintedInstrument(NamedTuple):
@@ -69,7 +69,7 @@ def rules_of(desk: Desk) -> list[PrintedRule]:
 
 
 def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
-    """Yield each instrument with its calibration constants, as printed, in their order."""
+    """Yield each instrument with its printed calibration constants, in the order of the session."""
     morning, session = desk.day.morning, desk.session
     groups: dict[tuple[str, str], list[PrintedConstant]] = {}
     for key, stated in morning.calibration.items():

@@ -74,9 +74,9 @@ class SlowMotion:
 
 
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
-    """Return the motion of the sketch of a shot at impact position `place` [m from the tip].
+    """Return the motion that the sketch of a shot shows; `place` is its impact position [m].
 
-    If no ball reached the bat, its x is NaN.
+    The position is measured from the tip. If no ball reached the bat, the x of the ball is NaN.
     """
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3
@@ -123,7 +123,7 @@ def contact_words(struck: Sequence[str], direction: str = "", side: str = "strai
     struck
         Contacts in order: "bat", "bat again", "stop" or "frame".
     direction
-        "back" for a rebound, "on" for none; an empty text says nothing about it.
+        "back" if the ball flies back, "on" if it flies on; if empty, the sentence leaves it out.
     side
         Direction of the rebound: "straight", "up" or "down".
     """
@@ -140,7 +140,7 @@ def contact_words(struck: Sequence[str], direction: str = "", side: str = "strai
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
-    """Return the data of the drawing of a motion; `shot` is its number, from 1."""
+    """Return the data to draw the motion of a shot; `shot` is the shot number, from 1."""
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
     upper = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]

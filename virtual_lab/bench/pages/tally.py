@@ -110,10 +110,10 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
 
 
 def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
-    """Return three columns of `tally`: gates that missed the ball, and blocking times.
+    """Return three columns of `tally`, each with one value per shot.
 
-    They are a text per shot for the incoming ball, one for the rebound, and the ratio of the times
-    for which the incoming ball blocked the first and the last gate, shape (shot,).
+    The first two are texts that name the gates that missed the incoming ball and the rebound. The
+    third is the ratio of the times for which the incoming ball blocked the first and the last gate.
     """
     if not isinstance(record, GateRecord | BoardRecord):
         return ["–"] * shots, ["–"] * shots, np.full(shots, np.nan)
@@ -134,9 +134,9 @@ def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
 def run_chart(desk: Desk, units: Units) -> str:
     """Return an SVG chart of the speed and e_A of each shot.
 
-    It shows the acceptance window of the speed, and the mean of e_A ± 3 standard deviations (not
-    for a scan along the barrel). It is empty with fewer than two shots, or while they cannot be
-    reduced.
+    The chart shows the acceptance window of the speed and, except for a scan along the barrel, the
+    mean of e_A ± 3 standard deviations. The text is empty if there are fewer than two shots, or if
+    the shots cannot be reduced yet.
     """
     if len(desk.day.fired) < 2 or desk.missing:
         return ""

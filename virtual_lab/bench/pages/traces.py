@@ -40,9 +40,15 @@ class Traces:
 
 
 def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
-    """Return drawing and tables of the records of one shot, numbered from 1.
+    """Return the drawing and the tables of the records of one shot.
 
-    `records` are those of its entry by channel. Without an encoder the tables of samples are empty.
+    Parameters
+    ----------
+    shot
+        Number of the shot, from 1.
+    records
+        Records of the shot as JSON objects, by channel. Without an encoder record the tables of
+        samples are empty.
     """
     edges = _edges(records["gates"])
     encoder = records.get("encoder") or records.get("swing")

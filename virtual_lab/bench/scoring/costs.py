@@ -48,8 +48,8 @@ def costly_decisions(
 ) -> tuple[CostlyDecision, ...]:
     """Return up to three decisions with the largest effect on the error of the result.
 
-    Each decision is corrected alone, and the day is replayed. Without a decision that changed the
-    error the result is empty.
+    For each decision, the day is replayed with only this decision corrected. The tuple is empty if
+    no decision changed the error.
 
     Parameters
     ----------
@@ -125,10 +125,10 @@ def _scatter(day: Desk, corrected: Desk) -> float:
 
 
 def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Return the desk of a day with other actions, before its result.
+    """Play a day with the given actions up to its reduction; return the desk.
 
-    The shots in `by_windows`, from 0, are accepted or rejected by the acceptance windows instead of
-    by the trainee. Raises `InputError` if an action is impossible.
+    The shots in `by_windows`, numbered from 0, are accepted or rejected by the acceptance windows
+    instead of by the trainee. Raises `InputError` if an action is impossible.
     """
     result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
     actions_before_result = [a for a in actions if a.name not in result]
@@ -143,10 +143,10 @@ def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]
 def _corrected_days(
     desk: Desk, justified: set[int]
 ) -> Iterator[tuple[int, str, list[Action], set[int]]]:
-    """Yield each wrong decision with the actions of the day in which it is corrected.
+    """Yield one tuple per wrong decision, with the actions of a day in which it is corrected.
 
-    The tuple holds the entry of the decision (0 for an omitted step), its description, all actions,
-    and the shots to decide by the acceptance windows.
+    A tuple holds the entry number of the decision (0 for an omitted step), its description, all
+    actions of the corrected day, and the shots to be judged by the acceptance windows.
     """
     day = desk.day
     actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]

@@ -111,7 +111,7 @@ class ExpertDay:
     shots: int
     doubts: tuple[str, ...]
     checks: tuple[str, ...]  # titles of checks that the trainee did not make
-    apart: str  # reason why its verdict is not the correct one of the trainee's day; or empty
+    apart: str  # reason why the verdict differs from the trainee's correct verdict; or empty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +185,7 @@ def debrief(
     apparatus
         The machines of the day, which hold the truth.
     taken_day
-        The day, or its desk, whose reductions are then not repeated.
+        The day or its desk. With a desk, reductions that it has cached are not repeated.
     scenario
         The scenario with the faults of the day.
     seal
@@ -402,7 +402,7 @@ def _effect_of_fault(
 
 
 def _advice(scores: tuple[DayScore, ...]) -> tuple[str, str]:
-    """Return the explanation of the best score, and that of the score with the largest loss."""
+    """Return two sentences: on the best score, and on the score that cost the most points."""
     best = max(scores, key=lambda score: (score.value, score.weight))
     worst = max(scores, key=lambda score: (1 - score.value) * score.weight)
     loss = (1 - worst.value) * worst.weight

@@ -44,10 +44,10 @@ class Deviation:
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield one judgement per deviation, in the order of the entries; nothing without a deviation.
+    """Yield one judgement per deviation from the procedure, in the order of the entries.
 
-    Deviations are noted omissions, rejections of hits within the windows, and additional checks
-    that a reading called for.
+    Deviations are omissions that the trainee noted, rejections of hits that were within the
+    acceptance windows, and additional checks after a reading beyond its limit.
     """
     before = Desk(desk.day.until(0))
     for event in desk.day.events:

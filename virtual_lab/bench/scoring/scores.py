@@ -66,11 +66,15 @@ def right_verdict(
 def result_score(day: ScoredResult) -> tuple[float, str]:
     """Return the score of a result, 0 to 1, and its explanation.
 
-    PASS instead of FAIL, or FAIL instead of PASS, scores 0. The verdict INVALID scores 0 if the
-    records do not support it, `MENDABLE` if they do but the fault could have been repaired, and
-    otherwise 1. Any other verdict scores 0.2 if INVALID was correct, and 0 if the day has no
-    result. In all other cases the score is 1 if the error is at most U = 2 u, otherwise
-    U / |error|, and half of that if the verdict is not the correct one.
+    The first case that applies determines the score:
+
+    * PASS instead of FAIL, or FAIL instead of PASS: 0.
+    * INVALID: 0 if the records do not support it, `MENDABLE` if they do but the fault could have
+      been repaired, otherwise 1.
+    * INVALID would have been correct: 0.2.
+    * The day has no result: 0.
+    * Otherwise 1 if the error is at most U = 2 u, else U / |error|; half of this if the verdict
+      is not the correct one.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
@@ -133,9 +137,10 @@ def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float])
 
 
 def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
-    """Return the share of due steps done in time or skipped for a good reason, and a sentence.
+    """Return the protocol score, 0 to 1, and its explanation.
 
-    A noted reason is good unless the records contradict it; only the last note on a step counts.
+    The score is the share of the due steps that were done in time or skipped for a good reason. A
+    noted reason is good unless the records contradict it; only the last note on a step is used.
     The score is 0 if no step was due.
     """
     due = len(list(steps_due(day)))
@@ -165,10 +170,11 @@ def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
 def record_score(
     desk: Desk, results: tuple[EnteredResult, ...], justified: set[int]
 ) -> tuple[float, str]:
-    """Return the share of correct decisions and of correct entered results, and its explanation.
+    """Return the record score, 0 to 1, and its explanation.
 
-    A decision is correct if it follows the acceptance windows. A hit in `justified`, numbered from
-    0, may also be rejected although it is within them. Without a hit the score is 0.
+    The score is the share of correct items among the decisions on hits and the entered results. A
+    decision is correct if it follows the acceptance windows; hits in `justified`, numbered from 0,
+    may also be rejected although they are within the windows. Without a hit the score is 0.
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:

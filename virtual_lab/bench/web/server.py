@@ -112,7 +112,7 @@ class TraineeDay(Protocol):
 
 @dataclass(kw_only=True)
 class Seat:
-    """A browser of a trainee: the day, a lock for one action at a time, and times of requests."""
+    """A signed-in browser: its day, a lock for one action at a time, and its request times."""
 
     day: TraineeDay | None  # None for a trainer
     lock: threading.Lock = field(default_factory=threading.Lock)
@@ -162,7 +162,7 @@ def application(
     def switch_day(
         to: Callable[[TraineeDay, dict[str, str]], TraineeDay],
     ) -> Callable[[Request], Any]:
-        """Return the handler that moves a trainee to another day, which `to` returns."""
+        """Return the request handler that moves a trainee to the day that `to` returns."""
 
         def switch_in_thread(seat: Seat, fields: dict[str, str]) -> Response:
             with seat.lock:

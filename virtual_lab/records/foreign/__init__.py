@@ -1,5 +1,6 @@
-"""Records of another laboratory: a filled-in form, with tables and units of its choice.
+"""Records of another laboratory: a form that it fills in, and tables in the units it uses.
 
-``laboratory.toml`` describes the files and their columns; the result is a `Session` like any
-other, in SI and with indices from 0. ``virtual_lab/docs/forms.md`` has the form.
+The form ``laboratory.toml`` describes the files and their columns; an empty form is in
+``virtual_lab/docs/forms.md``. The result is a `Session` like any other, in SI and with indices from
+0.
 """

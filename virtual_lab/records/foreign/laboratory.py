@@ -48,8 +48,8 @@ def load_laboratory(folder: Path) -> Session:
     Raises
     ------
     InputError
-        An incomplete form, keys, units or columns that do not fit, an unreadable table, or times
-        that run backwards; names file, key, value and what is allowed.
+        The form is incomplete, keys, units or columns do not fit, a table cannot be read, or times
+        decrease. The message names file, key, value and what is allowed.
     """
     path = folder / FORM
     form = _read_form(path)
@@ -89,10 +89,10 @@ def _read_form(path: Path) -> LaboratoryForm:
 
 
 def procedure_name(folder: Path) -> str:
-    """Return the procedure that a laboratory's form names: a catalog name, or a file's path.
+    """Return the procedure that the form in `folder` names: a catalog name, or the path of a file.
 
-    A path includes `folder`. Raises `InputError` for an incomplete form, and for a file outside the
-    folder.
+    The path begins with `folder`. Raises `InputError` for an incomplete form, and for a file
+    outside the folder.
     """
     return _procedure(_read_form(folder / FORM).procedure, folder)
 
@@ -111,7 +111,7 @@ def _procedure_text(name: str, folder: Path, where: Path) -> str:
 
 
 def _blank(entry: Any, key: str) -> Iterator[str]:
-    """Yield the keys still to be filled in; a table with several gaps counts as one."""
+    """Yield the keys that are not filled in yet; a table only once, even with several gaps."""
     if entry == BLANK or (isinstance(entry, Mapping) and BLANK in entry.values()):
         yield key
     elif isinstance(entry, Mapping):

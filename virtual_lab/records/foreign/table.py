@@ -24,12 +24,13 @@ FirstIndex = Literal[0, 1]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelForm(Spec):
-    """The form's description of one channel's file.
+    """Description of one channel's file by another laboratory.
 
-    `columns` maps our column name, with the laboratory's unit, to the header in the file. `fixed`
-    gives missing index columns that have one value in all rows; `rows` is a missing index column
-    equal to the row number; `wide` maps a value column to the headers of several columns in the
-    file, each with its indices.
+    * `columns` maps our column name, ending in the laboratory's unit, to the header in the file.
+    * `fixed` maps an index column that the file does not have to its value in all rows.
+    * `rows` names an index column that the file does not have and that equals the row number.
+    * `wide` maps a value column that is spread over several columns of the file to their headers,
+      each with its indices.
     """
 
     record: str
@@ -55,8 +56,8 @@ class _Meaning:
 def column_names(column: str) -> dict[str, float]:
     """Return the allowed names of a column, one per unit, and the factor of each to SI.
 
-    ``mass_kg`` gives ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. A column of counts or indices has
-    only its own name, with the factor 1.
+    For ``mass_kg`` the result is ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. For a column of
+    counts or indices it contains only the column itself, with the factor 1.
     """
     fitting = [
         (dimension, ending)
@@ -64,7 +65,7 @@ def column_names(column: str) -> dict[str, float]:
         for unit, factor in units.items()
         if factor == 1
         and column.endswith(ending := f"_{suffix(unit)}")
-        # the ending of a rate is not that of a time
+        # "_per_s" ends a rate, not a time
         and not column.removesuffix(ending).endswith("_per")
     ]
     if not fitting:
@@ -91,7 +92,8 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
     Raises
     ------
     InputError
-        The form does not fit the record or the file, or the file is no such record.
+        The form does not fit the record or the file, or the file does not contain this kind of
+        record.
     """
     kinds = record_types()
     if form.record not in kinds:
@@ -112,7 +114,7 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
         raise InputError(str(path), ", ".join(values), None, "contain no numbers yet")
     record = table[list(names.values())].set_axis(list(names), axis="columns")
     for column in kind.columns.values():
-        # values that are constant along an axis need to be entered only once
+        # A value that is constant along an axis needs to be entered only once.
         if column.axes != tuple(kind.axes()):
             once = record.groupby(list(column.axes))[column.name].transform("first")
             record = record.assign(**{column.name: record[column.name].fillna(once)})
@@ -175,7 +177,7 @@ def _spread(
     path: str,
     where: str,
 ) -> pd.DataFrame:
-    """Return the table with its missing index columns, one value per row."""
+    """Return the table with the missing index columns added, and one value per row."""
     import pandas as pd
 
     for key, axes_given in (("fixed", form.fixed), ("rows", [form.rows] if form.rows else [])):
