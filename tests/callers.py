@@ -13,7 +13,7 @@ import numpy as np
 import virtual_lab as vl
 
 
-def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> None:
+def sound(folder: Path) -> None:
     """Call with names, paths and sheets, one or several, wherever they are allowed."""
     bat, rules = vl.bat("r161"), vl.procedure(Path("mine.toml")).with_(valid_hits=9)
     gates = vl.instrument("pivot-gates").with_(tick="2 us")
@@ -23,16 +23,23 @@ def sound(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]])
     vl.certify("r161", reality="ideal", collision="modal", motion="pymunk")
     vl.certify("r161", faults=["aim-along", "gate-misses"], uncertainty="monte-carlo")
     vl.certify("r161", history=[folder, "earlier"], laboratory=folder / "laboratory.toml")
-    certificate.save(folder / "test", pdf=True, paper="letter")
+    certificate.save(folder / "test", pdf=True, paper="letter", overwrite=True)
+    vl.certify("r161", laboratory={"customer": {"name": "Oak Bats"}})
     vl.load("out/r161").plot(folder / "hits.png")
     vl.reduce(folder / "records", replaces="old", reason="a wrong ball")
     vl.score(folder).save("score")
     vl.verify(folder, key="public.pem")
     vl.report([folder, "other"], pdf=True)
+
+
+def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> None:
+    """Call the studies and the camera likewise."""
+    bat, rules, gates = vl.bat("r161"), vl.procedure("bbcor"), vl.instrument("pivot-gates")
     table = vl.sweep(["r161", bat], procedures=[rules, "bbcor"], laboratories=3, workers=2)
     table["u"].mean()
     vl.sweep(bat, certificates=folder, traces=True, instruments=(gates,))
-    vl.profile("r161", swings=0.3)
+    vl.profile("r161", swings=0.3).save(folder, overwrite=True)
+    vl.profile("r161", bat, "ea70")
     vl.profile(["r161", bat], swings=[0, 0.5], reference_inertia="17000 oz in^2", ball="game-2003")
     vl.critique(("r161", bat), procedures="bbcor", swing_law="energy")
     vl.coverage(bat, procedure=rules, summed=True, instruments=[gates]).plot("coverage.png")
@@ -78,6 +85,7 @@ def wrong() -> None:
     vl.certify("r161", instruments=["pivot-gates"])  # type: ignore[list-item]
     vl.certify("r161", ball=0.073)  # type: ignore[arg-type]
     vl.sweep("r161", procedure="bbcor")  # type: ignore[call-arg]
+    vl.profile("r161", 0.3)  # type: ignore[arg-type]
     vl.coverage("r161", laboratories=2.5)  # type: ignore[arg-type]
     vl.coverage("r161", instrument="pivot-gates")  # type: ignore[call-arg]
     vl.track("clip.mp4", tripot=True)  # type: ignore[call-arg]

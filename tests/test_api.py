@@ -9,6 +9,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -440,7 +441,14 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
     "vl.Sheet.of('bat', 'r161')": "did you mean bats",
     "vl.bat(None)": "a name, or a path",
     "vl.critique('r161')": "bats = 'r161'; allowed: at least two",
-    "vl.critique('r161', 'ea70')": r"several bats are one list, \[A, B\]; or write it by name",
+    "vl.slope('r161', 'ea70')": r"several bats are one list, \[A, B\]; or write it by name",
+    "vl.profile('r161', 3)": "bats = .*allowed: a bat",
+    "vl.profile('r161', more='ea70')": "more; unknown argument",
+    "vl.certify('r161', laboratory={'customr': {}})": "laboratory: customr; unknown key, did you",
+    "vl.certify('r161', laboratory={'bat': {'received': 'x'}})": "bat.received = 'x'; must be a",
+    "vl.certify('r161', laboratory={3: {}})": "laboratory: 3; Keys must be strings",
+    "vl.certify('r161', laboratory={'customer': 3}, customer='Oak')": "customer = 3; must be",
+    "vl.certify('r161', laboratory=3)": "a file of particulars, or its keys and values",
     "vl.critique(['r161', 'ea70'], procedures=[])": "at least one",
     "vl.critique(['r161', 'ea70'], procedures=['bbcor', 'bbcor'])": "'bbcor'; is given twice",
     "vl.faults(procedures=[vl.procedure('bbcor').with_(valid_hits=9)])": (
@@ -482,6 +490,43 @@ def test_arguments_may_have_equivalent_forms(tested: vl.Certificate) -> None:
     assert table["laboratory"].tolist() == [0, 1]
 
 
+def test_several_bats_may_be_written_one_by_one(tmp_path: Path) -> None:
+    """The result, and its file of settings, are those of a list."""
+    listed, bat = vl.profile(["r161", "ea70"]), vl.bat("ea70")
+    for result in (vl.profile("r161", "ea70"), vl.profile(["r161"], bat), vl.profile("r161", bat)):
+        assert result.text == listed.text
+        assert 'bats = ["r161", "ea70"]' in result.settings
+    pair = {"procedures": ["bbcor"], "laboratories": 2}
+    assert vl.critique("r161", "ea70", **pair).text == vl.critique(["r161", "ea70"], **pair).text
+    table = vl.sweep("r161", "ea70", laboratories=1, progress=quiet)
+    assert table["bat"].tolist() == ["r161", "ea70"]
+
+
+def test_particulars_may_be_keys_and_values(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They give the certificate of a file with the same keys; a logo is a path."""
+    logo = "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'><path d='M0 0H9'/></svg>"
+    (tmp_path / "logo.svg").write_text(logo)
+    monkeypatch.chdir(tmp_path)
+    keys = {
+        "laboratory": {"name": "Bat Laboratory", "logo": "logo.svg"},
+        "bat": {"received": date(2026, 11, 20)},
+        "instruments": {"gates": {"identity": "G-12"}},
+    }
+    Path("lab.toml").write_text(
+        "[laboratory]\nname = 'Bat Laboratory'\nlogo = 'logo.svg'\n[bat]\nreceived = 2026-11-20\n"
+        "[instruments.gates]\nidentity = 'G-12'\n"
+    )
+    stated, filed = (
+        vl.certify("r161", seed=7, laboratory=each, customer="Oak").document["particulars"]
+        for each in (keys, "lab.toml")
+    )
+    assert stated == filed
+    assert stated["customer"]["name"] == "Oak"
+    assert stated["laboratory"]["logo"].startswith("data:image/svg")
+
+
 def test_every_public_function_reads_its_arguments() -> None:
     for name in vl.__all__:
         function = getattr(vl, name)
@@ -514,6 +559,10 @@ def test_results_of_studies_have_one_shape(tmp_path: Path) -> None:
     assert result.table["bat"].tolist()[-2:] == ["mean", "deviation"]
     assert json.dumps(result.document)
     result.save(tmp_path / "slope")
+    with pytest.raises(vl.InputError, match="is not empty"):
+        result.save(tmp_path / "slope")
+    (tmp_path / "slope/old.txt").write_text("old")
+    result.save(tmp_path / "slope", overwrite=True)
     files = {path.name for path in (tmp_path / "slope").iterdir()}
     assert files == {"settings.toml", "slope.csv", "slope.png"}
     with pytest.raises(vl.InputError, match="no picture"):

@@ -109,6 +109,56 @@ def test_files_appear_together_and_replace_none(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=why), new_files(tmp_path) as draft:
         (draft / "a.toml").write_text("another")
     assert (tmp_path / "a.toml").read_text() == "a"
+    with new_files(tmp_path, overwrite=True) as draft:
+        (draft / "a.toml").write_text("another")
+    assert (tmp_path / "a.toml").read_text() == "another"
+    assert hidden(tmp_path) == set()
+
+
+def test_a_result_folder_is_overwritten_as_a_whole(tmp_path: Path) -> None:
+    """After an error the earlier result is unchanged; a folder without settings.toml stays."""
+    target = tmp_path / "result"
+    with new_folder(target, "# first") as draft:
+        (draft / "old.csv").write_text("1")
+    with pytest.raises(ZeroDivisionError), new_folder(target, "# second", overwrite=True) as draft:
+        raise ZeroDivisionError
+    assert {path.name for path in target.iterdir()} == {"old.csv", "settings.toml"}
+    with new_folder(target, "# second", overwrite=True) as draft:
+        write(draft / "inner")
+    assert {path.name for path in target.iterdir()} == {"inner", "settings.toml"}
+    assert (target / "settings.toml").read_text() == "# second"
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.txt").write_text("years")
+    for other in (mine, tmp_path):
+        why = r"is no result folder \(it has no settings.toml\), so it is not overwritten"
+        with pytest.raises(InputError, match=why), new_folder(other, "# third", overwrite=True):
+            pass
+    (tmp_path / "link").symlink_to(target)
+    with pytest.raises(InputError), new_folder(tmp_path / "link", "# third", overwrite=True):
+        pass
+    assert (mine / "thesis.txt").read_text() == "years"
+    assert {path.name for path in tmp_path.iterdir()} == {"result", "mine", "link"}
+
+
+def test_an_earlier_result_is_back_if_the_new_one_cannot_take_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "result"
+    with new_folder(target, "# first"):
+        pass
+    rename = Path.rename
+
+    def refuse(path: Path, to: Path) -> Path:
+        if to == target and (path / "new.csv").exists():
+            raise PermissionError(13, "Permission denied")
+        return rename(path, to)
+
+    monkeypatch.setattr(Path, "rename", refuse)
+    why = "cannot be written"
+    with pytest.raises(InputError, match=why), new_folder(target, "#", overwrite=True) as draft:
+        (draft / "new.csv").write_text("1")
+    assert (target / "settings.toml").read_text() == "# first"
     assert hidden(tmp_path) == set()
 
 

@@ -216,6 +216,14 @@ Address = Annotated[
 ]
 File = Annotated[str | Path, FILE]
 PicturePaths = Annotated[str | Path | Sequence[str | Path], several(FILE, "paths of pictures")]
+AnyParticulars = Annotated[
+    str | Path | Mapping[str, Any],
+    ParameterRule(
+        read=lambda value: dict(value) if isinstance(value, Mapping) else read_path(value),
+        allowed="a file of particulars, or its keys and values",
+        metavar="FILE",
+    ),
+]
 Folder = Annotated[str | Path, FOLDER]
 Folders = Annotated[str | Path | Sequence[str | Path], several(FOLDER)]
 Kind = Literal["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]

@@ -98,12 +98,32 @@ class Track:
 
         return _table(course_rows(course_of(self.clip)))
 
-    def save(self, folder: str | Path) -> Path:
-        """Write track, result, plot, contact sheet, and a film on request into a new folder."""
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
+        """Write track, result, plot, contact sheet, and a film on request into a new folder.
+
+        Parameters
+        ----------
+        folder
+            The new folder.
+        overwrite
+            Replace a result folder of this name, as a whole.
+
+        Raises
+        ------
+        InputError
+            The folder is not empty, is no result folder if it is to be overwritten, or cannot be
+            written.
+        """
         from virtual_lab.video.show.tracked_clip import save_track
 
-        progress = self.progress
-        save_track(self.clip, Path(folder), progress, film=self.film, settings=self.settings)
+        save_track(
+            self.clip,
+            Path(folder),
+            self.progress,
+            film=self.film,
+            settings=self.settings,
+            overwrite=overwrite,
+        )
         return Path(folder)
 
     def _repr_html_(self) -> str:
@@ -273,13 +293,26 @@ class Calibration:
 
         return calibration_text(self.camera)
 
-    def save(self, path: str | Path) -> Path:
-        """Write the .toml file that `track` reads, and a picture of the residuals beside it."""
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the .toml file that `track` reads, and a picture of the residuals beside it.
+
+        Parameters
+        ----------
+        path
+            The .toml file.
+        overwrite
+            Replace existing files of these names.
+
+        Raises
+        ------
+        InputError
+            A file exists already, or the folder cannot be written.
+        """
         from virtual_lab.files import new_files
         from virtual_lab.video.show.calibration import calibration_toml, draw_calibration
 
         target = Path(path)
-        with new_files(target.parent) as draft:
+        with new_files(target.parent, overwrite=overwrite) as draft:
             draw_calibration(self.camera, draft / target.with_suffix(".png").name)
             (draft / target.name).write_text(calibration_toml(self.camera), encoding="utf-8")
         return target

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
+    AnyParticulars,
     CollisionName,
     Correction,
     File,
@@ -195,6 +196,7 @@ class Certificate:
         pdf: bool | None = None,
         paper: Paper | None = None,
         sign: File | None = None,
+        overwrite: bool = False,
     ) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
@@ -218,12 +220,14 @@ class Certificate:
         sign
             Sign ``SHA256SUMS``, the list of all files, with the private key in this file (Ed25519,
             PEM; needs the extra ``sign``).
+        overwrite
+            Replace a result folder of this name, as a whole.
 
         Raises
         ------
         InputError
-            A folder that is not empty or cannot be written, another paper, a file that is no key,
-            an extra that is missing.
+            A folder that is not empty, that is no result folder if it is to be overwritten, or that
+            cannot be written; another paper, a file that is no key, an extra that is missing.
         IncompleteError
             A form that cannot be made (page, PDF, film, signature); all else is saved.
         """
@@ -248,7 +252,7 @@ class Certificate:
         if sign:
             require_key(Path(sign), private=True)
         missing: list[str] = []
-        with new_folder(target, self.settings) as draft:
+        with new_folder(target, self.settings, overwrite=overwrite) as draft:
             (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
             write_csv(self._shot_columns, draft / "readings.csv")
             (draft / "records").mkdir()
@@ -339,7 +343,7 @@ def certify(
     control_bat: AnyBat | None = None,
     correction: Correction | None = None,
     film: bool = False,
-    laboratory: File | None = None,
+    laboratory: AnyParticulars | None = None,
     customer: str = "",
     bat_serial: str = "",
     bat_condition: str = "",
@@ -410,6 +414,9 @@ def certify(
         File of particulars for the certificate: laboratory, customer, bat, instruments. The command
         ``virtual-lab template laboratory FILE`` writes an empty one; the next six parameters
         override it.
+
+        Or its keys and values, ``{"customer": {"name": "Oak Bats"}}``; the logo is then a file in
+        the current folder.
     customer
         Name of the customer.
     bat_serial
@@ -481,7 +488,7 @@ def certify(
         control_bat=None if control_bat is None else entry_name(control_bat),
         correction=correction,
         particulars=read_particulars(
-            None if laboratory is None else Path(laboratory),
+            Path(laboratory) if isinstance(laboratory, str) else laboratory,
             {
                 "customer.name": customer,
                 "bat.serial": bat_serial,
@@ -598,7 +605,7 @@ def reduce(
 
 def sweep(
     bats: AnyBats,
-    *,
+    *more: AnyBat,
     procedures: AnyProcedures = ("astm-f1881",),
     laboratories: int = 100,
     seed: Seed = 1,
@@ -621,6 +628,8 @@ def sweep(
         Bat: a name in the catalog or a .toml file.
 
         Or a sheet, or a list of several.
+    more
+        Further bats, in place of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file.
 
@@ -673,7 +682,7 @@ def sweep(
         raise InputError("", "traces", traces, "allowed only with certificates=FOLDER")
     keep = None if certificates is None else partial(_keep, Path(certificates), seed, truth)
     return sweep_tests(
-        entry_names(bats),
+        entry_names(bats) + entry_names(more),
         entry_names(procedures),
         laboratories,
         seed,

@@ -75,11 +75,21 @@ class Description:
 
     doc: str
     parameters: Mapping[str, ParameterDescription]
+    # parameter that takes further values of the last positional one, *more; empty: none
+    more: str = ""
 
     @cached_property
     def signature(self) -> inspect.Signature:
         """The signature of the function."""
-        return inspect.Signature([each.signed for each in self.parameters.values()])
+        signed = [each.signed for each in self.parameters.values()]
+        if self.more:
+            place = sum(not each.keyword for each in self.parameters.values())
+            annotation = signed[place - 1].annotation
+            more = inspect.Parameter(
+                self.more, inspect.Parameter.VAR_POSITIONAL, annotation=annotation
+            )
+            signed.insert(place, more)
+        return inspect.Signature(signed)
 
     @property
     def words(self) -> str:
@@ -121,6 +131,7 @@ def describe(module: str, name: str) -> Description:
             )
             for each, default, keyword in every
         },
+        more=arguments.vararg.arg if arguments.vararg else "",
     )
 
 

@@ -88,6 +88,10 @@ def _bound(
             )
             raise InputError(f"vl.{name}", key, None, allowed)
     by_place = [key for key, each in parameters.items() if not each.keyword]
+    if description.more and len(positional) > len(by_place):
+        *first, last = positional[: len(by_place)]
+        last = list(last) if isinstance(last, list | tuple) else [last]
+        positional = [*first, [*last, *positional[len(by_place) :]]]
     if len(positional) > len(by_place):
         others = [f"{key}=…" for key in parameters if key not in by_place]
         allowed = (

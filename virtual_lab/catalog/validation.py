@@ -12,6 +12,7 @@ from virtual_lab.errors import InputError, nearest
 T = TypeVar("T")
 WORDS = {  # plain English for the validator's messages
     "Input should": "must",
+    "Keys should": "Keys must",
     "Tuple should": "must",
     "a valid dictionary": "a table { key, value }",
     "a valid tuple": "a list",
@@ -46,7 +47,7 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
             keys = _keys(spec, tuple(above))
             missing = [str(each["loc"][-1]) for each in errors if each["type"] == "missing"]
             hint = nearest(name, missing) or nearest(name, keys)
-            value, message = None, f"unknown key, {hint}allowed here: {', '.join(keys)}"
+            value, message = None, f"unknown key, {hint}allowed: {', '.join(keys)}"
         raise InputError(where, key or "file", value, message) from fault
 
 

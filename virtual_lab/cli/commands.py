@@ -35,6 +35,7 @@ from virtual_lab.parameters import ANYTHING, FLAG, SETTINGS, ParameterRule
 
 GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
 OUTPUT = ("as_json", "out", "csv", "plot")
+UNSAVED = ("self", "folder", "overwrite")  # parameters of a result's `save` that are no options
 HIDDEN = ("progress",)  # parameters that the shell provides itself
 GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # words for values of several parameters
 TYPED = "bool, int, float, str, Path, Literal of texts, Sequence of one, or virtual_lab.parameters"
@@ -191,7 +192,7 @@ class FunctionCommand(click.Command):
             return {}
         module, _ = api.PLACES[self.saving.split(".")[0]]
         every = describe(module, self.saving).parameters
-        return {key: each for key, each in every.items() if key not in ("self", "folder")}
+        return {key: each for key, each in every.items() if key not in UNSAVED}
 
     @cached_property
     def _flags(self) -> dict[str, str]:

@@ -288,8 +288,11 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
     return head
 
 
-def check_new_folder(target: Path) -> None:
-    """Raise `InputError` unless `target` can become a new folder: absent or empty, and writable."""
+def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
+    """Raise `InputError` unless `target` can become a new folder: absent or empty, and writable.
+
+    With `overwrite` it may also be a result folder, which is known by its ``settings.toml``.
+    """
     try:
         linked = stat.S_ISLNK(target.lstat().st_mode)
     except (FileNotFoundError, NotADirectoryError):
@@ -305,11 +308,17 @@ def check_new_folder(target: Path) -> None:
         )
     if target.exists() and not target.is_dir():
         raise InputError("", "output folder", str(target), "is a file; name another folder")
-    if target.is_dir() and any(target.iterdir()):
-        raise InputError(
-            "", "output folder", str(target), "is not empty; name another folder, or empty this one"
-        )
+    if target.is_dir() and any(target.iterdir()) and not (overwrite and _is_result(target)):
+        allowed = f"is no result folder (it has no {SETTINGS}), so it is not overwritten"
+        if not overwrite:
+            allowed = "is not empty; name another folder, or empty this one"
+        raise InputError("", "output folder", str(target), allowed)
     check_writable(target, "output folder")
+
+
+def _is_result(folder: Path) -> bool:
+    """Return whether a folder holds a result of this program, and nothing that a link leads to."""
+    return not folder.is_symlink() and (folder / SETTINGS).is_file()
 
 
 def check_writable(target: Path, key: str) -> None:
@@ -337,42 +346,59 @@ def first_free(target: Path) -> Path:
 
 
 @contextmanager
-def new_folder(target: Path, settings: str = "") -> Iterator[Path]:
+def new_folder(target: Path, settings: str = "", *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a temporary folder to fill, which is renamed to `target` if no error occurs.
 
     `settings` is the text of the file ``settings.toml``, the arguments of the call that made the
-    result; no file is written if it is empty. Raises `InputError` if `target` exists and is not an
-    empty folder, or if it cannot be written. After an error no file is left.
+    result; no file is written if it is empty. With `overwrite` the new folder replaces an earlier
+    result folder as a whole. Raises `InputError` if `target` exists and is neither an empty folder
+    nor, with `overwrite`, a result folder, or if it cannot be written. After an error no new file
+    is left, and the earlier folder is unchanged.
     """
-    check_new_folder(target)
+    check_new_folder(target, overwrite=overwrite)
     try:
         with draft_in(target.parent) as draft:
             if settings:
                 (draft / SETTINGS).write_text(settings, encoding="utf-8")
             yield draft
-            if target.is_dir():
-                target.rmdir()
-            draft.rename(target)
+            if overwrite and target.is_dir():
+                _exchange(draft, target)
+            else:
+                if target.is_dir():
+                    target.rmdir()
+                draft.rename(target)
     except OSError as fault:
         raise InputError(
             "", "output folder", str(target), f"cannot be written ({fault.strerror})"
         ) from fault
 
 
+def _exchange(draft: Path, target: Path) -> None:
+    """Put a draft in the place of a folder, which is deleted; after an error it is back."""
+    with draft_in(target.parent) as aside:
+        earlier = target.rename(aside / target.name)
+        try:
+            draft.rename(target)
+        except OSError:
+            earlier.rename(target)
+            raise
+
+
 @contextmanager
-def new_files(folder: Path) -> Iterator[Path]:
+def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a folder to fill, whose files are moved into `folder` if no error occurs.
 
-    Raises `InputError` if `folder` cannot be written or already contains one of the files.
+    Raises `InputError` if `folder` cannot be written or already contains one of the files. With
+    `overwrite` the files in `folder` are replaced.
     """
     try:
         with draft_in(folder) as draft:
             yield draft
             for file in draft.iterdir():
-                if (folder / file.name).exists():
+                if (folder / file.name).exists() and not overwrite:
                     path = str(folder / file.name)
                     raise InputError(path, "file", None, "exists already; name another file")
-                file.rename(folder / file.name)
+                file.replace(folder / file.name)
     except OSError as fault:
         raise InputError("", "out", str(folder), f"cannot be written ({fault.strerror})") from fault
 

@@ -101,13 +101,23 @@ class StudyResult(ABC):
             picture.savefig(path)
         return picture
 
-    def save(self, folder: str | Path) -> Path:
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write the tables as CSV and the picture as PNG into a new folder.
 
-        Raises `InputError` if the folder is not empty or cannot be written; no partial files are
-        left.
+        Parameters
+        ----------
+        folder
+            The new folder.
+        overwrite
+            Replace a result folder of this name, as a whole.
+
+        Raises
+        ------
+        InputError
+            The folder is not empty, is no result folder if it is to be overwritten, or cannot be
+            written. No partial files are left.
         """
-        with new_folder(Path(folder), self.settings) as draft:
+        with new_folder(Path(folder), self.settings, overwrite=overwrite) as draft:
             self.fill(draft)
         return Path(folder)
 

@@ -246,12 +246,15 @@ IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in
 
 
 def read_particulars(
-    path: Path | None, changes: Mapping[str, str], replaces: ReplacedReport | None = None
+    file: Path | Mapping[str, Any] | None,
+    changes: Mapping[str, str],
+    replaces: ReplacedReport | None = None,
 ) -> Particulars:
     """Return the particulars in a file, after replacing those that `changes` states.
 
-    Keys of `changes` have the form ``laboratory.name``; empty values are ignored. Without a file,
-    the particulars are only those of `changes`. `replaces` is the earlier report that the new
+    `file` is a path, or the keys and values of such a file; the logo is then a file in the current
+    folder. Keys of `changes` have the form ``laboratory.name``; empty values are ignored. Without a
+    file, the particulars are only those of `changes`. `replaces` is the earlier report that the new
     report replaces.
 
     Raises
@@ -260,13 +263,16 @@ def read_particulars(
         The file cannot be read, a key is unknown, a value cannot be printed, a day is not a date,
         or days are in the wrong order. The message names file, key, value and what is allowed.
     """
-    document = read_toml(path) if path else {}
+    if isinstance(file, Path):
+        document, where, folder = read_toml(file), str(file), file.parent
+    else:
+        document, where, folder = dict(file or {}), "laboratory" if file else "", Path()
     for key, value in changes.items():
         table, name = key.split(".")
-        if not value:
-            continue
-        document = {**document, table: {**document.get(table, {}), name: value}}
-    particulars = particulars_of(document, str(path or ""), folder=path and path.parent)
+        stated = document.get(table, {})
+        if value and isinstance(stated, Mapping):  # anything else is refused below
+            document = {**document, table: {**stated, name: value}}
+    particulars = particulars_of(document, where, folder=folder)
     return replace(particulars, replaces=replaces or particulars.replaces)
 
 

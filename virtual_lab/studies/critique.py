@@ -32,6 +32,7 @@ from virtual_lab.output.tables import inline, number, record, table_text
 from virtual_lab.parameters import Numbers, Seed, SwingLawName, values_of
 from virtual_lab.sheets import (
     AnyBall,
+    AnyBat,
     AnyBats,
     AnyInertia,
     AnyProcedures,
@@ -210,7 +211,7 @@ class Critique(StudyResult):
 
 def critique(
     bats: AnyBats,
-    *,
+    *more: AnyBat,
     procedures: AnyProcedures = (),
     swings: Numbers = (),
     swing_law: SwingLawName = "power",
@@ -229,6 +230,8 @@ def critique(
         At least two bats: names in the catalog or .toml files.
 
         Or sheets.
+    more
+        Further bats, in place of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
         sport of the field's balls. The tests use the balls of the procedures.
@@ -264,7 +267,8 @@ def critique(
         There are fewer than 2 laboratories, two procedures have the same name, or a name, number
         or file cannot be used.
     """
-    bats, procedures, swings = entry_names(bats), entry_names(procedures), values_of(swings)
+    bats, procedures = entry_names(bats) + entry_names(more), entry_names(procedures)
+    swings = values_of(swings)
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     if laboratories < 2:

@@ -18,6 +18,7 @@ from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json
+from virtual_lab.output.result import preformatted
 from virtual_lab.parameters import File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
 from virtual_lab.sheets import AnyName, Instruments
@@ -51,11 +52,18 @@ class RehearsedDay:
             lines.append(f"  {each.word}{cost}: {each.what}")
         return "\n".join(lines)
 
-    def save(self, folder: str | Path) -> Path:
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write log, sealed file, debrief, records and certificate into a new folder.
 
         The records contain all shots, which `virtual-lab reduce` judges by the rules. The
         certificate uses only the hits that the operator accepted.
+
+        Parameters
+        ----------
+        folder
+            The new folder.
+        overwrite
+            Replace a result folder of this name, as a whole.
 
         Returns
         -------
@@ -65,10 +73,10 @@ class RehearsedDay:
         Raises
         ------
         InputError
-            The folder exists already.
+            The folder is not empty, or is no result folder if it is to be overwritten.
         """
         target = Path(folder)
-        with new_folder(target, self.settings) as draft:
+        with new_folder(target, self.settings, overwrite=overwrite) as draft:
             for name, content in self.files.items():
                 (draft / name).write_bytes(content)
             (draft / SECRET).chmod(0o600)
@@ -81,6 +89,9 @@ class RehearsedDay:
                 (draft / "certificate.json").write_text(printed.text, encoding="utf-8")
                 (draft / "certificate.html").write_text(certificate_page(printed), "utf-8")
         return target
+
+    def _repr_html_(self) -> str:
+        return preformatted(self.text)
 
     def __repr__(self) -> str:
         return f"<Day of {self.text.splitlines()[0]}>"

@@ -15,7 +15,15 @@ from virtual_lab.errors import InputError
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
 from virtual_lab.parameters import Numbers, SwingLawName, values_of
-from virtual_lab.sheets import AnyBall, AnyBats, AnyInertia, Instruments, entry_name, entry_names
+from virtual_lab.sheets import (
+    AnyBall,
+    AnyBat,
+    AnyBats,
+    AnyInertia,
+    Instruments,
+    entry_name,
+    entry_names,
+)
 from virtual_lab.studies.bats.curves import draw_comparison
 from virtual_lab.studies.bats.profile import BatProfile, profiles, swing_exponents
 from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, peak_entries
@@ -134,7 +142,7 @@ class BatComparison(StudyResult):
 
 def profile(
     bats: AnyBats,
-    *,
+    *more: AnyBat,
     swings: Numbers = (),
     swing_law: SwingLawName = "power",
     reference_inertia: AnyInertia | None = None,
@@ -152,6 +160,8 @@ def profile(
         Bat: a name in the catalog or a .toml file.
 
         Or a sheet, or a list of several.
+    more
+        Further bats, in place of a list.
     swings
         Exponent n of the power law, 0 to 0.5. One bat takes a single exponent, by default 0;
         several bats take several, by default 0 and 0.5.
@@ -175,7 +185,7 @@ def profile(
     InputError
         One bat has several exponents, or `compare` raises an error.
     """
-    several, exponents = entry_names(bats), values_of(swings)
+    several, exponents = entry_names(bats) + entry_names(more), values_of(swings)
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     alone = len(several) == 1

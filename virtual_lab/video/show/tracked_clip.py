@@ -148,17 +148,19 @@ def save_track(
     *,
     film: bool = False,
     settings: str = "",
+    overwrite: bool = False,
 ) -> None:
     """Write track.csv, speeds.csv, result.json, track.png and sheet.png into a folder.
 
-    With `film` also track.webp, with `settings` also settings.toml. Raises `InputError` if the
-    folder is not empty or cannot be written.
+    With `film` also track.webp, with `settings` also settings.toml. With `overwrite` the folder
+    replaces an earlier result folder. Raises `InputError` if the folder is not empty or cannot be
+    written.
     """
     from virtual_lab.video.show.pictures import Pictures
 
     progress("drawing")
     pictures = Pictures(track, film=film)
-    with new_folder(folder, settings) as draft:
+    with new_folder(folder, settings, overwrite=overwrite) as draft:
         write_table(course_rows(pictures.places), draft / "track.csv")
         write_table(flight_rows(track), draft / "speeds.csv")
         text = json.dumps(track_document(track), indent=2, allow_nan=False)
