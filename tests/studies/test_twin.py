@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,18 +11,23 @@ import pytest
 import virtual_lab as vl
 from tests.laboratories import certified
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.certification import Certification, certify_session
+from virtual_lab.measurement.certification import Certification, Certifications, certify_session
 from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, Stage
-from virtual_lab.studies.twin import noticing
+from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays, scattered_as_stated
 from virtual_lab.studies.twin.improving import improvements, promising_changes
 from virtual_lab.studies.twin.noticing import blend, sized
-from virtual_lab.studies.twin.readings import READINGS, holm, largest_deviation, unlike_readings
+from virtual_lab.studies.twin.readings import (
+    TWIN_READINGS,
+    holm,
+    largest_deviation,
+    unlike_readings,
+)
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.studies.twin.twin import Twin, certify_records, summed_days
 
@@ -127,6 +134,8 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
         vl.twin(tmp_path, progress=quiet)
     with pytest.raises(InputError, match="days = 10; allowed: at least 100"):
         vl.twin(FOREIGN, days=10, progress=quiet)
+    with pytest.raises(InputError, match="full_days = 200; allowed: 0, or at least 250"):
+        vl.twin(FOREIGN, full_days=200, progress=quiet)
     with pytest.raises(InputError, match=r"session.json"):
         vl.twin(tmp_path / "nothing", progress=quiet)
     with pytest.raises(InputError, match=r"impact rig = 'filmed-cannon'; has no twin"):
@@ -172,6 +181,50 @@ def test_the_largest_deviation_is_that_of_grubbs() -> None:
     assert largest_deviation(values, np.zeros(4)) == pytest.approx(6 / np.sqrt(0.75 * 50 / 3))
     assert np.isnan(largest_deviation(values, np.arange(4)))
     assert np.isnan(largest_deviation(np.ones(4), np.zeros(4)))
+
+
+def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
+    certification, days, monkeypatch
+) -> None:
+    """Made-up days: a row per reading, its value in the records, and what each day has.
+
+    A day as extreme as the records settles a one-sided reading, because 5 x 2/251 > .02. A
+    two-sided reading needs one day on each side: the median of all days may be on either one.
+    """
+    own = {"hits": 2.0, "wall hits": 2.0, "fit": 2.0, "chords": 0.5, "rebound and recoil": 0.5}
+    extreme = {"hits": 3, "wall hits": 7, "fit": 11, "chords": (5, 130), "rebound and recoil": (9,)}
+    played: list[int] = []
+
+    def readings_of_day(day: int) -> dict[str, float]:
+        one_sided = {name: 3.0 if day == extreme[name] else 1.0 for name in list(own)[:3]}
+        below, above = (day == at for at in extreme["chords"])
+        return one_sided | {
+            "chords": 0.4 if below else 0.6 if above else 0.45,
+            "rebound and recoil": day % 2,
+        }
+
+    answers = iter([own])
+
+    def read(day: int | Certifications) -> dict[str, float]:
+        return readings_of_day(day) if isinstance(day, int) else next(answers)
+
+    def play(self: TwinDays, day: int, detail: RecordDetail) -> Any:
+        played.append(day - readings.FIRST)
+        return SimpleNamespace(sound=np.array([day % 50 != 0]), certified=played[-1])
+
+    monkeypatch.setattr(readings, "readings_of", read)
+    monkeypatch.setattr(TwinDays, "play", play)
+    rows, number = unlike_readings(certification, days, 250)
+    assert len(played) == 150  # the second of the chords' days is in the sixth round
+    assert number == sum(day % 50 != 0 for day in np.add(played, readings.FIRST))
+    assert [row.finding for row in rows] == [""] * 5
+    extreme["hits"] = -1
+    played.clear()
+    answers = iter([own])
+    rows, number = unlike_readings(certification, days, 250)
+    assert number == 250  # days without a result are replaced
+    assert [row.finding for row in rows] == ["unlike its twins"] + [""] * 4
+    assert rows[0].tail == pytest.approx(1 / 251)
 
 
 def test_altered_records_look_unlike_their_twins(certification, days) -> None:
@@ -236,7 +289,7 @@ def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monk
 def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
     quantities, invalid = summed_days(certification, days, DAYS)
     rows, played = unlike_readings(certification, days, 3)
-    assert [row.reading for row in rows] == list(READINGS)
+    assert [row.reading for row in rows] == list(TWIN_READINGS)
     result = Twin(
         bat="r161",
         procedure="astm-f1881",

@@ -1,48 +1,134 @@
-"""Sound laboratories beside their twins: readings pointed at, and u over errors.
+"""Laboratories beside their twins: readings pointed at, and u over the errors of the days.
 
-    python -m tests.studies.twin PROCEDURE LABORATORIES DAYS OUT.CSV
+    python -m tests.studies.twin sound PROCEDURE LABORATORIES OUT.CSV
+    python -m tests.studies.twin faulty PROCEDURE LABORATORIES OUT.CSV
 
-One row per laboratory and reading, with its tail probability among DAYS full days; rows of the
-metric have the stated u over the standard deviation of 1 000 summed days. The bat is an individual
-r161, or softball-34 for asa. The twin sees the records only.
+One row per laboratory: tail probability of each reading, number of full days, the readings unlike
+their twins, and the stated u of the metric over the standard deviation of 1 000 summed days. In the
+laboratories of `faulty` each fault of the catalogue that the rigs can have takes its turn, in the
+smallest of the sizes `SIZES` with which it moves the metric by at least 3 u against the same day
+without it; faults that never do so have no row. The bat is an individual r161, or softball-34 for
+asa. A study that was cut goes on behind the rows that its file has. The twin sees records only.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
+from typing import Any
 
-from tests.laboratories import certify
+import numpy as np
+
+from tests.laboratories import certify, setup_of
+from virtual_lab.errors import InputError
+from virtual_lab.lab import certify_bat
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.studies.twin.days import scattered_as_stated
-from virtual_lab.studies.twin.readings import unlike_readings
+from virtual_lab.studies.twin.noticing import sized
+from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.studies.twin.twin import summed_days
 
 SEED = 8_200_000
-FIELDS = ("procedure", "laboratory", "reading", "tail", "adjusted", "ratio", "days")
+SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)  # sizes of a fault [its size in the catalogue]
+MOVED = 3.0  # smallest shift of the metric by a fault [u]
+DAYS = 250  # largest number of full days
+FIELDS = (
+    *("procedure", "laboratory", "fault", "size", "shift", "verdict"),
+    *("ratio", "days", *TWIN_READINGS, "unlike"),
+)
 
 
-def main(procedure: str, laboratories: int, days: int, out: Path) -> None:
+def main(kind: str, procedure: str, laboratories: int, out: Path) -> None:
+    done = list(csv.DictReader(out.open())) if out.exists() else []
     bat = "softball-34" if procedure == "asa" else "r161"
-    with out.open("w", newline="") as file:
-        table = csv.DictWriter(file, FIELDS)
-        table.writeheader()
-        for number in range(laboratories):
-            tested = certify(bat, procedure=procedure, seed=SEED, number=number)
-            certification = tested.certification
-            playing = scattered_as_stated(stated_by(certification), seed=number)
-            about = {"procedure": procedure, "laboratory": number}
-            (metric, *_), played = summed_days(certification, playing, 1000)
-            table.writerow(
-                about | {"reading": "metric", "ratio": f"{metric.ratio:.3f}", "days": 1000 - played}
-            )
-            rows, played = unlike_readings(certification, playing, days)
-            for row in rows:
-                tails = {"tail": f"{row.tail:.4f}", "adjusted": f"{row.adjusted:.4f}"}
-                table.writerow(about | {"reading": row.reading, "days": played} | tails)
+    with out.open("a", newline="") as file:
+        table = csv.DictWriter(file, FIELDS, lineterminator="\n")
+        if not done:
+            table.writeheader()
+        tests = sound(bat, procedure, laboratories, len(done))
+        if kind == "faulty":
+            tests = faulty(bat, procedure, laboratories, done)
+        for about, certification in tests:
+            about |= {"procedure": procedure}
+            table.writerow(about | beside_its_twin(certification, about["laboratory"]))
             file.flush()
 
 
+def sound(
+    bat: str, procedure: str, laboratories: int, first: int
+) -> Iterator[tuple[dict[str, Any], Certification]]:
+    """Yield sound laboratories with their columns."""
+    for number in range(first, laboratories):
+        tested = certify(bat, procedure=procedure, seed=SEED, number=number)
+        yield {"laboratory": number}, tested.certification
+
+
+def faulty(
+    bat: str, procedure: str, laboratories: int, done: list[dict[str, str]]
+) -> Iterator[tuple[dict[str, Any], Certification]]:
+    """Yield laboratories with a fault that moves their metric far enough, with their columns."""
+    setup = setup_of(bat, procedure=procedure, seed=SEED)
+    names = [name for name in CATALOGUE if can_occur(name, setup.rig)]
+    last = int(done[-1]["laboratory"]) if done else -1
+    found = len(done)
+    for number, name in enumerate(cycle(names)):
+        if found == laboratories or number > 20 * laboratories:
+            return
+        if number <= last:
+            continue
+        about = {"procedure": procedure, "seed": SEED, "number": number}
+        plain = certify(bat, **about).certification.metric
+        for size in SIZES:
+            faults = FaultSet(faults=(sized(CATALOGUE[name], size),))
+            try:
+                tested = certify_bat(replace(setup_of(bat, **about), faults=faults)).certification
+            except InputError:  # records that the reduction refuses
+                continue
+            if plain is None or tested.metric is None:
+                continue
+            shift = (tested.metric.value - plain.value) / plain.u
+            if abs(shift) >= MOVED:
+                found += 1
+                columns = {"fault": name, "size": size, "shift": f"{shift:+.1f}"}
+                yield columns | {"laboratory": number}, tested
+                break
+
+
+def can_occur(name: str, rig: str) -> bool:
+    """Return whether a rig can have a fault."""
+    try:
+        FaultSet.of([name], rig=rig)
+    except InputError:
+        return False
+    return True
+
+
+def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
+    """Return the columns of a laboratory that compare it with its twin."""
+    shown = f"{certification.verdict.value}{' and flags' if certification.flags else ''}"
+    try:
+        playing = scattered_as_stated(stated_by(certification), seed)
+        (metric, *_), _ = summed_days(certification, playing, 1000)
+        with np.errstate(all="ignore"):
+            rows, days = unlike_readings(certification, playing, DAYS)
+    except InputError as refusal:
+        return {"verdict": shown, "unlike": f"refused: {refusal}"}
+    tails = {row.reading: f"{row.tail:.4f}" for row in rows}
+    unlike = "; ".join(row.reading for row in rows if row.finding)
+    return {
+        "verdict": shown,
+        "ratio": f"{metric.ratio:.3f}",
+        "days": days,
+        "unlike": unlike,
+    } | tails
+
+
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), Path(sys.argv[4]))
+    main(sys.argv[1], sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))

@@ -23,9 +23,10 @@ from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.units import Array
 
 LEVEL = 0.02  # adjusted tail probability below which a reading is pointed at
+ROUND = 25  # number of days after which the study looks whether more of them can matter
 FIRST = 2**20  # number of the first full day, above those whose instruments write sums
 TWO_SIDED = {"chords", "rebound and recoil"}
-READINGS = {
+TWIN_READINGS = {
     "hits": "largest deviation of a hit from the others at its position, in their scatter",
     "wall hits": "largest deviation of a wall hit from the others of its ball, in their scatter",
     "fit": "largest misfit of an encoder's or a board's record, over the median of the shots",
@@ -52,9 +53,12 @@ class TwinReading:
 def unlike_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
-    """Return one row per reading, and the number of days that gave a result.
+    """Return one row per reading, and the number of days compared.
 
-    A reading that is NaN in the records or on all days has no row.
+    A reading that is NaN in the records or on all days has no row. Days without a result are
+    replaced by others, up to as many again. The days end early if none of the readings could be
+    unlike its twins even if all days were compared (Besag and Clifford 1991), so that the finding
+    is that of all days.
 
     Parameters
     ----------
@@ -63,29 +67,55 @@ def unlike_readings(
     playing
         Days of its twin.
     days
-        Number of days to play, each with every edge and count.
+        Largest number of days to compare, each with every edge and count.
     progress
         Function that is called with a text, the number of days done, and the total.
     """
     block = certification.block
-    own = readings_of(evaluate(block, *reduce_block(block)))
+    ours = readings_of(evaluate(block, *reduce_block(block)))
     twins: list[Mapping[str, float]] = []
-    for day in range(days):
+    rows: dict[str, tuple[float, Array]] = {}
+    for day in range(2 * days):
         played = playing.play(FIRST + day, RecordDetail.FULL)
         if played.sound.all():
             twins.append(readings_of(played.certified))
-        progress("full days", day + 1, days)
-    rows: dict[str, tuple[float, Array]] = {}
-    for name, value in own.items():
-        of_days = np.array([each.get(name, np.nan) for each in twins])
-        of_days = of_days[np.isfinite(of_days)]
-        if np.isfinite(value) and of_days.size:
-            rows[name] = value, of_days
+        progress("full days", len(twins), days)
+        rows = _beside(ours, twins)
+        if len(twins) == days or ((day + 1) % ROUND == 0 and not _open(rows, days)):
+            break
     tails = {name: _tail(name, *row) for name, row in rows.items()}
     adjusted = dict(zip(tails, holm(np.array(list(tails.values()))), strict=True))
     return [
         _row(name, *row, tails[name], float(adjusted[name])) for name, row in rows.items()
     ], len(twins)
+
+
+def _beside(
+    ours: Mapping[str, float], twins: list[Mapping[str, float]]
+) -> dict[str, tuple[float, Array]]:
+    """Return the value of each reading and those of the days, (day,), by name."""
+    rows = {}
+    for name, value in ours.items():
+        of_days = np.array([each.get(name, np.nan) for each in twins])
+        of_days = of_days[np.isfinite(of_days)]
+        if np.isfinite(value) and of_days.size:
+            rows[name] = value, of_days
+    return rows
+
+
+def _open(rows: Mapping[str, tuple[float, Array]], days: int) -> bool:
+    """Return whether a reading can be unlike its twins after all `days` days.
+
+    The days that are as extreme as the records can only become more. In a two-sided reading those
+    on the side with fewer days count, whichever side of the final median the records are on.
+    """
+    for name, (value, of_days) in rows.items():
+        extreme = int(np.sum(of_days >= value))
+        if name in TWO_SIDED:
+            extreme = min(extreme, int(np.sum(of_days <= value)))
+        if len(rows) * (1 + extreme) / (1 + days) < LEVEL:
+            return True
+    return False
 
 
 def _row(name: str, value: float, days: Array, tail: float, adjusted: float) -> TwinReading:
@@ -99,7 +129,7 @@ def _row(name: str, value: float, days: Array, tail: float, adjusted: float) -> 
         tail=tail,
         adjusted=adjusted,
         finding="unlike its twins" if adjusted < LEVEL else "",
-        meaning=READINGS[name],
+        meaning=TWIN_READINGS[name],
     )
 
 
@@ -121,7 +151,7 @@ def holm(tails: Array) -> Array:
 
 
 def readings_of(certified: Certifications) -> dict[str, float]:
-    """Return the `READINGS` of a block of one test, by name.
+    """Return the `TWIN_READINGS` of a block of one test, by name.
 
     A reading that the records do not hold is left out. A deviation is NaN if no group has two
     values, or if all are equal.

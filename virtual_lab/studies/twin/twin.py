@@ -27,7 +27,7 @@ from virtual_lab.studies.foreign import certify_folder
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays, scattered_as_stated
 from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
-from virtual_lab.studies.twin.readings import LEVEL, TwinReading, unlike_readings
+from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, unlike_readings
 from virtual_lab.studies.twin.statement import stated_by
 from virtual_lab.units import Array
 
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 RECORDS = "records"  # folder of the records in a result folder
 TOLERANCE = 0.1  # largest harmless error of a stated u: that of its coverage is then below 2 %
 FEWEST = 100  # smallest number of days; their standard deviation then has an error of 7 %
+# smallest number of full days with which a reading can be unlike its twins, whatever their number
+FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
 WORDS = (
     "Twin: the day played again with the bat, balls and instruments that the records state.\n"
     "Error: result of such a day minus the stated value. SI: unit of the quantity, 1 or m/s."
@@ -57,7 +59,8 @@ FAULT_WORDS = (
 )
 READING_WORDS = (
     "Tail probability: share of the days with an equally extreme reading; adjusted for the number\n"
-    f"of readings (Holm). Below {LEVEL:g} a reading is unlike its twins."
+    f"of readings (Holm). Below {LEVEL:g} a reading is unlike its twins. The days end early if\n"
+    "more of them could show no such reading."
 )
 
 
@@ -226,9 +229,10 @@ def twin(
     days
         Number of days whose instruments write sums; at least 100.
     full_days
-        Number of days whose instruments record every gate edge and encoder count, to compare the
-        readings; 0 or at least 100. With 250 days an unusual reading can be significant. For
-        records of sums there are no such days.
+        Largest number of days whose instruments record every gate edge and encoder count, to
+        compare the readings; 0 or at least 250, so that an unusual reading can be significant.
+        Fewer days are played if no reading can become so. For records of sums there are no such
+        days.
     faults
         Folder for the days of each fault of the catalogue that the rigs can have, in four sizes; if
         it has some of these days, the others are played. This takes some minutes. By default no
@@ -246,8 +250,8 @@ def twin(
     """
     if days < FEWEST:
         raise InputError("", "days", days, f"allowed: at least {FEWEST}")
-    if full_days and full_days < FEWEST:
-        raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST}")
+    if full_days and full_days < FEWEST_FULL:
+        raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST_FULL}")
     certification = certify_records(Path(folder))
     statement = stated_by(certification)
     playing = scattered_as_stated(statement, seed, min(days, SIDE_BY_SIDE))
