@@ -1,7 +1,7 @@
 """The Python interface: test bats, and get certificates, tables and studies.
 
-The imports below are the list of public names. They run for readers of types only. A program loads
-a module when one of its functions is called, so that the import is fast.
+The imports below are the list of public names. Only type checkers execute them. A program loads a
+module when one of its functions is called, so that the import of the package is fast.
 """
 
 from __future__ import annotations

@@ -224,7 +224,7 @@ def track(
     Raises
     ------
     InputError
-        A clip that cannot be read, an unknown option, or a value of another form.
+        The clip cannot be read, an option is unknown, or a value has another form.
     """
     import numpy as np
 
@@ -357,7 +357,7 @@ def calibrate(
     Raises
     ------
     InputError
-        Pictures that cannot be read or do not show the board, lengths without a unit.
+        Pictures cannot be read or do not show the board, or a length has no unit.
     """
     from virtual_lab.relations.board import board_of, length_of
     from virtual_lab.video.calibration.calibrating import Plan
@@ -404,7 +404,7 @@ def board(
     Raises
     ------
     InputError
-        No such camera, a folder that is not empty, too few pictures or too many.
+        The camera is unknown, the folder is not empty, or there are too few or too many pictures.
     """
     from virtual_lab.lab.boards import film_board
     from virtual_lab.relations.board import board_of

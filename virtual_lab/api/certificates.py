@@ -200,8 +200,8 @@ class Certificate:
     ) -> Path:
         """Write certificate, readings, raw records and truth into a new folder, and seal it.
 
-        Beside them stand ``datapackage.json`` (Frictionless) with meaning and unit of every column,
-        ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
+        The folder also contains ``datapackage.json`` (Frictionless) with meaning and unit of every
+        column, ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
 
         A film is lossless with time stamps, and comes with a preview and the calibration file for
         ``virtual-lab track``. If an `InputError` is raised, no partial files are left.
@@ -226,10 +226,11 @@ class Certificate:
         Raises
         ------
         InputError
-            A folder that is not empty, that is no result folder if it is to be overwritten, or that
-            cannot be written; another paper, a file that is no key, an extra that is missing.
+            The folder is not empty, is to be overwritten but is not a result folder, or cannot be
+            written; the paper size is unknown, the key file is not a key, or a required extra is
+            not installed.
         IncompleteError
-            A form that cannot be made (page, PDF, film, signature); all else is saved.
+            Page, PDF, film or signature could not be made; everything else is saved.
         """
         from virtual_lab.certificate.html import certificate_page
         from virtual_lab.certificate.packages import descriptors, text_of_descriptor

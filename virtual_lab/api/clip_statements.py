@@ -16,9 +16,10 @@ from virtual_lab.parameters import ParameterRule, between, read_word
 from virtual_lab.sheets import AnyEntry, Sheet, entry_name, entry_rule
 
 Value = TypeVar("Value")
-LARGEST_BALL, LARGEST_SCALE = 1.0, 1000.0  # largest lengths that are stated [m]
+LARGEST_BALL, LARGEST_SCALE = 1.0, 1000.0  # largest allowed diameter and distance [m]
 CLICK_U = 1.0  # u of a point that a person gives [pixels]
-# relative u of a diameter without its u: a baseball's may vary by 1.4 %, a tennis ball's by 2.4 %
+# relative u of a diameter that is stated without u; the rules allow a baseball to vary by 1.4 %,
+# and a tennis ball by 2.4 %
 UNSTATED_U = 0.01
 
 
@@ -79,9 +80,9 @@ def read_frames(text: str) -> tuple[int, int]:
 def read_region(text: str) -> tuple[float, float, float, float]:
     """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
 
-    x and y are those of its upper left corner, from that of the picture. The result is None if
-    `text` is None. Raises `ValueError` for a text of another form, and for a part that is narrower
-    or lower than 1 px.
+    x and y are the distances of its upper left corner from the upper left corner of the picture.
+    The result is None if `text` is None. Raises `ValueError` for a text of another form, and for a
+    part narrower or lower than 1 px.
     """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
@@ -118,11 +119,11 @@ def scale_keys(text: str | None) -> dict[str, float]:
 
 
 def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
-    """Return the calibration keys that a statement about the ball gives: diameter [m] and its u.
+    """Return the calibration keys for a statement about the ball: diameter [m] and its u.
 
-    The statement is a length, or a kind of ball, which also gives the mass [kg]. The key
-    ``assumed`` is true if no u of the diameter was stated, so that a usual one was taken. The
-    result is empty for None.
+    The statement is a length, or a kind of ball; then the result also has the mass [kg]. The key
+    ``assumed`` is true if no u of the diameter was stated, so that a usual u is assumed. The result
+    is empty for None.
     """
     if ball is None:
         return {}
@@ -138,7 +139,7 @@ def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
 def _ball_spec(text: str) -> Any:
     """Return the values of a ball's sheet, or None for a text that states a length.
 
-    The text is a file, or the beginning of a name in the catalog that no other name has.
+    The text is the path of a file, or the first letters of exactly one name in the catalog.
     """
     from virtual_lab.catalog import load, names, texts_in_place
     from virtual_lab.catalog.specs import BallSpec
@@ -152,7 +153,7 @@ def _ball_spec(text: str) -> Any:
 
 
 def _length_and_u(text: str, key: str, most: float) -> tuple[float, float | None]:
-    """Return a length of 1 mm to `most` and its u [m] from `73mm±0.5mm`; None: no u."""
+    """Return a length (1 mm to `most`) and its u [m] from `73mm±0.5mm`; u is None if not stated."""
     from virtual_lab.relations.board import length_of
 
     size, sign, more = re.sub(r"\+/-|\+-", "±", text).partition("±")
@@ -174,7 +175,7 @@ def _within(value: float, least: float, most: float) -> float:
 
 
 def _text(convert: Callable[[str], object], allowed: str, metavar: str) -> ParameterRule:
-    """Return the rule of a text that `convert` reads. The value stays a text."""
+    """Return the rule of a text that `convert` can read. The value remains the text."""
 
     def read(value: Any) -> str:
         try:

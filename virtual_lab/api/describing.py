@@ -34,7 +34,7 @@ BY_NAME = {kind.__name__: rule for kind, rule in PLAIN.items()} | {"Progress": C
 
 
 class Unread:
-    """A default value that is no literal; its text is shown."""
+    """A default value that is not a literal, represented by its source text."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -153,10 +153,13 @@ def first_line(module: str, name: str) -> str:
 
 
 def _header(module: str, name: str) -> str:
-    """Return the text of a function without its body; `ValueError` if it has no docstring."""
+    """Return the source text of a function up to the end of its docstring.
+
+    Raises `ValueError` if it has no docstring.
+    """
     text = _source(module).read_text(encoding="utf-8")
     start = rf"^ *def {name.rsplit('.', maxsplit=1)[-1]}\("
-    # a function without a docstring must not take that of the next one
+    # A function without a docstring must not get the docstring of the next function.
     header = re.search(rf'{start}(?:(?!^ *def ).)*?""".*?"""', text, flags=re.DOTALL | re.MULTILINE)
     if header is None:
         raise ValueError(f"{module} has no function {name} with a docstring")
@@ -164,7 +167,7 @@ def _header(module: str, name: str) -> str:
 
 
 def _source(module: str) -> Path:
-    """Return the file of a module, of which no package is imported."""
+    """Return the file of a module, without importing any of its packages."""
     top, *parts = module.split(".")
     spec = find_spec(top)
     assert spec is not None, module
@@ -176,7 +179,7 @@ def _source(module: str) -> Path:
 
 
 def _rule(annotation: ast.expr | None) -> ParameterRule:
-    """Return the rule of an annotation, None aside; `ANYTHING` for a type that has none."""
+    """Return the rule of an annotation, ignoring None; `ANYTHING` for a type without a rule."""
     match annotation:
         case ast.BinOp(left=left, right=right):
             parts = [part for part in (left, right) if ast.unparse(part) != "None"]
@@ -202,7 +205,7 @@ def _value(default: ast.expr) -> Any:
 
 
 def _sentences(doc: str) -> Iterator[tuple[str, str]]:
-    """Yield the description of each parameter of a numpydoc docstring."""
+    """Yield name and description of each parameter of a numpydoc docstring."""
     section = re.search(
         r"^Parameters\n-+\n(.*?)(?=\n\n\S+\n-+\n|\Z)", doc, re.DOTALL | re.MULTILINE
     )

@@ -1,7 +1,7 @@
-"""The door of every public function: its arguments are read by the rules of their types.
+"""Calls of public functions: arguments are checked and converted by the rules of their types.
 
-A sheet takes the place of a name: its text is put in the place of the catalog's file as long as
-the function runs.
+An argument may be a sheet instead of a name. The text of the sheet then replaces the file of the
+catalog while the function runs.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, seale
 def _bound(
     name: str, description: Description, positional: Sequence[Any], named: Mapping[str, Any]
 ) -> inspect.BoundArguments:
-    """Return the arguments of a call by name; `InputError` for those that do not fit."""
+    """Return the arguments of a call by name. Raises `InputError` for missing or unknown ones."""
     parameters = description.parameters
     for key in named:
         if key not in parameters:
@@ -130,7 +130,7 @@ def _read(name: str, description: Description, key: str, value: Any) -> Any:
 
 
 def _store_sheets(value: Any, store: Store) -> Any:
-    """Return a value with names in the place of sheets, whose texts are put into the store."""
+    """Return a value with each sheet replaced by its name; add the text of the sheet to `store`."""
     if isinstance(value, tuple):
         return tuple(_store_sheets(each, store) for each in value)
     if isinstance(value, dict):  # a study by its keys

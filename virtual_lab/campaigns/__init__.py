@@ -1,4 +1,4 @@
 """Campaigns: studies of many laboratories, stored on disk in parts that workers compute.
 
-Nothing is imported here, so that a worker process listens to its parent before slow imports.
+Nothing is imported here, so that a worker process can answer its parent before slow imports.
 """

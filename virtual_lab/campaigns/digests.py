@@ -1,9 +1,9 @@
 """Two digests in the footer of a Parquet file: of the data before it, and of the footer itself.
 
 A Parquet file ends with a footer (the columns and the positions of their data), the length of the
-footer in four bytes, and a mark. The digest of the footer is computed with zeros in its place. The
-footer alone therefore shows whether it was changed, and footer and data together show a change of
-any byte of the file.
+footer in four bytes, and a mark. The digest of the footer is stored in the footer itself and is
+computed with zeros at its position. A changed footer is therefore detected from the footer alone,
+and a change of any other byte from data and footer together.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ChangedPartError(Exception):
 def with_digests(file: bytes) -> bytes:
     """Return a Parquet file with the digests of data and footer in place of zeros in the footer.
 
-    Raises `ChangedPartError` if the file is no Parquet file or its footer has no place for the
+    Raises `ChangedPartError` if the file is not a Parquet file or its footer has no space for the
     digests.
     """
     data, footer, tail = _split_file(file)

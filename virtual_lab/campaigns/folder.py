@@ -59,7 +59,7 @@ class Campaign:
         Raises
         ------
         InputError
-            There is no campaign, it was changed, or it is of another version of this program.
+            There is no campaign, it was changed, or another version of this program made it.
         """
         path, study = Path(folder) / STAMP, read_study(Path(folder) / STUDY)
         stamp = read_json(path)
@@ -97,7 +97,7 @@ class Campaign:
         return campaign
 
     def sheets_today(self) -> dict[str, str]:
-        """Return the present texts of its sheets in the catalog, by ``kind/name``.
+        """Return the present catalog texts of the sheets of this campaign, by ``kind/name``.
 
         Raises `InputError` if a sheet is missing.
         """
@@ -105,7 +105,7 @@ class Campaign:
 
     @cached_property
     def digest(self) -> str:
-        """Hash of study, sheets, columns, version and schema."""
+        """SHA-256 of study, sheets, columns, program version and schema."""
         return _hash([PROGRAM, asdict(self.study), self.sheets, self.layouts])
 
     @cached_property
@@ -184,7 +184,7 @@ class Campaign:
         return sorted(numbers)
 
     def part(self, number: int, *, whole: bool = False) -> Part:
-        """Return a part whose file exists; only its footer is read, or all of it if `whole`."""
+        """Return a part whose file exists; read its footer only, or the whole file if `whole`."""
         block = self.block(number)
         return read_part(block, self.layout(block), self.parts / block.name, whole=whole)
 
@@ -205,7 +205,7 @@ class Campaign:
     def account(
         self, numbers: range, faults: Mapping[int, str], progress: Progress, *, whole: bool
     ) -> Account:
-        """Return the account of a range of blocks; `faults` are reasons for missing parts."""
+        """Return the account of a range of blocks; `faults` holds the reasons for missing parts."""
         missing, processors = {}, set()
         for finished, part in enumerate(self.states(numbers, whole=whole)):
             processors.add(part.processor)

@@ -90,8 +90,8 @@ def parquet() -> Any:
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
     """Return the tests of a block as a table: one row per test, the columns of `layout`.
 
-    The metadata of a column are its unit and its meaning. Values are blank in a test without a
-    result, and in a column that only other procedures have. `seed` is that of the study.
+    The metadata of a column state its unit and its meaning. Values are blank for a test without a
+    result, and in a column that only other procedures have. `seed` is the seed of the study.
 
     Raises
     ------
@@ -132,13 +132,13 @@ def meaning_of(column: str) -> str:
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
-    """Return type and unit of each column of the parts of a study, by procedure and name.
+    """Return type and unit of each column of the parts of a study, by procedure and column name.
 
-    Names and order are the same for all procedures. The columns are those of tests of the first
-    laboratories. Among cases that differ only in the numbers of changed keys, only the first one is
-    tested. The number 0 is a separate case, because an uncertainty of 0 contributes nothing and has
-    no column. A column that a procedure does not have gets the unit of the first procedure that has
-    it.
+    Names and order are the same for all procedures. They are found by testing the first
+    laboratories of some cases. Of cases that differ only in the numbers of changed keys, only the
+    first case is tested. The number 0 is an exception and tested separately, because an uncertainty
+    of 0 contributes nothing and has no column. A column that a procedure does not have gets the
+    unit of the first procedure that has it.
     """
     alike = {
         (case.bat, case.procedure, *map(_kind, case.change.values())): case
@@ -161,7 +161,7 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
 
 def _kind(value: Value) -> Any:
-    """Return the property of a value that decides its columns: its text, or whether it is 0."""
+    """Return the text of a value, or for a number whether it is 0, which determines the columns."""
     if isinstance(value, tuple):
         return tuple(map(_kind, value))
     number = str(value).split(" ", maxsplit=1)[0]  # number in a text such as "0.1 mm"
@@ -261,8 +261,8 @@ class Part:
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
     """Return the part in a file after a check of its footer, or of all of it if `whole`.
 
-    A file that is missing, changed, unreadable or of other tests gives a part with a fault; nothing
-    is raised. The part has the content of the file only if `whole`.
+    If the file is missing, changed, unreadable or of other tests, the part has a fault; no error is
+    raised. The part contains the content of the file only if `whole`.
     """
     import pyarrow as pa
 

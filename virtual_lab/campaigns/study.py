@@ -59,7 +59,7 @@ class Study(Spec):
         )
 
     def sheets(self, progress: Progress = quiet) -> dict[str, str]:
-        """Return the texts of all data sheets that its tests read, by ``kind/name``.
+        """Return the texts of all data sheets that the tests of the study read, by ``kind/name``.
 
         Raises `InputError` if the tests cannot use a value of the study.
         """

@@ -35,9 +35,10 @@ SUMMARY_COLUMNS |= {
 
 
 def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
-    """Return the row of one case: counts of tests, verdicts and flags, and statistics in SI units.
+    """Return the row of one case: numbers of tests, verdicts and flags, and statistics in SI units.
 
-    The tests of a faulty part count as missing. A statistic is None if too few tests have a result.
+    The tests of a faulty part are counted as missing. A statistic is None if too few tests have a
+    result.
 
     Parameters
     ----------

@@ -27,10 +27,10 @@ Outcomes = Iterator[tuple[int, Fault]]  # number and fault of each block
 
 
 def make_part(folder: str, number: int) -> Fault:
-    """Compute and write the part of block `number`; return its fault, an empty text without one.
+    """Compute and write the part of block `number`; return its fault, or "" if there is none.
 
-    The fault is a sentence if the tests failed, and an `InputError` if the folder cannot be used or
-    the part cannot be written. Nothing is raised.
+    The fault is a sentence if the tests failed. It is an `InputError` if the folder cannot be used
+    or the part cannot be written; the error is returned, not raised.
     """
     try:
         stamp = Path(folder) / STAMP
@@ -57,9 +57,9 @@ def make_part(folder: str, number: int) -> Fault:
 def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
     """Yield the number of each block and its fault, as soon as its part is made, in any order.
 
-    The fault is "" for a part without one, otherwise a sentence or an `InputError`.
-    `workers_or_address` is a number of processes, or the address of a Dask scheduler. Raises
-    `InputError` if the scheduler does not answer or has no worker.
+    The fault is a sentence or an `InputError`, or "" if there is none. `workers_or_address` is a
+    number of processes, or the address of a Dask scheduler. Raises `InputError` if the scheduler
+    does not answer or has no worker.
     """
     if isinstance(workers_or_address, str):
         return _by_dask(folder, numbers, workers_or_address)
@@ -135,7 +135,7 @@ def _in_turn(
 ) -> Outcomes:
     """Yield the number and the fault of each block when it ends, at most `most` at a time.
 
-    `check` is called each time that no block has ended for `PATIENCE`.
+    `check` is called whenever no block has ended for `PATIENCE` seconds.
     """
     remaining = iter(numbers)
     pending: dict[Future[Fault], int] = {}

@@ -33,7 +33,7 @@ def main() -> None:
     The code is 0 without an error, 1 for a bug, 2 for bad input, 4 for an incomplete result, or the
     code of the result.
     """
-    # no messages of OpenCV among ours
+    # OpenCV prints no messages of FFmpeg
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     for stream in (sys.stdout, sys.stderr):  # terminals may lack ² and ±
@@ -100,23 +100,23 @@ def _beside_the_clip(values: Mapping[str, Any]) -> Path:
 
 
 def _answer_fit(bat: Any) -> Answer:
-    """Return the printed and written forms of a fitted bat."""
+    """Return the answer for a fitted bat: text, JSON and files."""
     return Answer(document=bat.document, text=bat.text, save=bat.write, table=bat.table)
 
 
 def _board(folder: Path) -> Answer:
-    """Return the printed form of a board's pictures."""
+    """Return the answer for the folder of a board's pictures."""
     document = {"pictures": str(folder / "pictures"), "truth": str(folder / "truth")}
     return Answer(document=document, text="", files=[folder / "pictures"])
 
 
 def _form(path: Path) -> Answer:
-    """Return the printed form of an empty form's path."""
+    """Return the answer for the path of an empty form."""
     return Answer(document={"folder" if path.is_dir() else "file": str(path)}, text=str(path))
 
 
 def _answer_sweep(table: Any) -> Answer:
-    """Return the printed and written forms of the table of a sweep."""
+    """Return the answer for the table of a sweep: text, JSON and files."""
     document = json.loads(table.to_json(orient="records"))
     return Answer(document=document, text=table.to_string(index=False), table=table)
 
@@ -125,10 +125,11 @@ FOLDER = "virtual_lab.cli.campaign"
 
 
 def _of_other_packages(name: str = "") -> list[click.Command]:
-    """Return a command for each entry point of the group, or for that of a name.
+    """Return one command per entry point of other packages, or only the command called `name`.
 
-    An entry point is a function that is a study. One that cannot be a command, or whose name is
-    taken, is left out; the general help names it on stderr, and a call of it raises `InputError`.
+    An entry point is a function that carries out a study. A function that cannot be a command, or
+    whose name is already used, is left out. The general help names it on stderr, and a call of it
+    raises `InputError`.
     """
     from importlib.metadata import entry_points
 

@@ -1,8 +1,8 @@
 """Commands made from the signatures and docstrings of public functions.
 
-An option has the name, the default, the rule and the sentences of its parameter. Only options that
-a user gives are passed on, so that defaults stand in the function alone. A command's help imports
-no module of a function.
+An option has the name, the default, the rule and the description of its parameter. Only options
+that the user gives are passed on, so defaults are defined in the function alone. The help of a
+command does not import the module of its function.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
 OUTPUT = ("as_json", "out", "csv", "plot")
 UNSAVED = ("self", "folder", "overwrite")  # parameters of a result's `save` that are no options
 HIDDEN = ("progress",)  # parameters that the shell provides itself
-GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # words for values of several parameters
+GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # value names that several parameters share
 TYPED = "bool, int, float, str, Path, Literal of texts, Sequence of one, or virtual_lab.parameters"
-Place = str | tuple[str, str]  # a public name; or module and name of another function
+Place = str | tuple[str, str]  # a public name, or module and name of another function
 
 
 class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.2 on only
-    """The type of values that a rule reads."""
+    """The click type of a value that is checked by the rule of its parameter."""
 
     def __init__(self, rule: ParameterRule) -> None:
         self.rule, self.name = rule, rule.metavar
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return a word of the shell, or a value of a file, as the function takes it."""
+        """Return a word of the command line or a value of a file as the function's argument."""
         try:
             return self.rule.read(self.rule.parse(value) if isinstance(value, str) else value)
         except InputError:
@@ -58,7 +58,7 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
             self.fail(f"{value!r}; {advice(self.rule, value)}", param, ctx)
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
-        """Return the word for a value in the help, None for the name of the argument itself."""
+        """Return the placeholder of a value in the help; None for the name of the argument."""
         word = self.rule.metavar
         general = word in GENERAL or word.startswith("[")
         return None if isinstance(param, click.Argument) and general else word
@@ -75,10 +75,10 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
 
 
 class Flag(click.Option):
-    """A flag whose ``--no-`` form, for what a file says, is in the help only if it is needed."""
+    """A flag whose ``--no-`` form, which overrides a file, is shown in the help only if needed."""
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Return both forms of a flag that is on by default, the first of another."""
+        """Return the help, with the ``--no-`` form for a flag that is on by default."""
         if self.default:
             forms = f"{self.opts[0]} / {self.secondary_opts[0]}"
             return forms, f"{self.help}  [default: {self.opts[0]}]"
@@ -97,23 +97,24 @@ class FunctionCommand(click.Command):
     name
         Name of the command.
     place
-        Public name of the function, by default that of the command with underscores; or its module
-        and its name there.
+        Public name of the function, or its module and its name there. By default the public name is
+        that of the command with underscores.
     example
-        Words of a command that works, for the end of the help.
+        Arguments of an example, which is printed at the end of the help.
     fixed
         Arguments that the command decides.
     options
         Positional parameters that are options of the command.
     variants
-        Options that call another public function instead, and its name: a flag, or the value of
-        the function's parameter of this name. Its result has no picture.
+        Options that call another public function instead, and the name of that function. The option
+        is a flag, or it takes the value of the parameter with its name. The result of that function
+        has no picture.
     flags
-        A parameter each of whose values, the default aside, is also a flag.
+        Parameter for which each value except the default is also a flag.
     saving
-        Method that saves the result, as ``Class.method``; its parameters are options, too.
+        Method that saves the result, as ``Class.method``. Its parameters are options too.
     output
-        What the command does with the result.
+        Options and actions for printing and saving the result.
     """
 
     def __init__(
@@ -132,12 +133,12 @@ class FunctionCommand(click.Command):
         words = f"\b\nExample:\n  virtual-lab {example}" if example else None
         super().__init__(name, callback=self._run, epilog=words)
         self.example = example
-        del self.params, self.help  # made when they are asked for, see __getattr__
+        del self.params, self.help  # __getattr__ makes them at their first use
         self.place, self.fixed, self.options = place or name.replace("-", "_"), fixed, options
         self.variants, self.flags, self.saving, self.output = variants, flags, saving, output
 
     def __getattr__(self, name: str) -> Any:
-        """Make options or help at their first use; another command needs none of them."""
+        """Make options or help at their first use, because most runs use only one command."""
         if name == "help":
             self.help = for_shell(_description(self.place).words)
         elif name == "params":
@@ -202,7 +203,7 @@ class FunctionCommand(click.Command):
         return {v.replace("-", "_"): v for v in values if each and v != each.default}
 
     def _run(self, **values: Any) -> int:
-        """Call the function with what the user gave, and write its result."""
+        """Call the function with the user's arguments, and write its result."""
         context = click.get_current_context()
         request = {
             key: value
@@ -237,7 +238,7 @@ class FunctionCommand(click.Command):
         return self.output.written(call, request, defaults, **shared)
 
     def _config(self) -> click.Option:
-        """Return the option of a file with values for the others."""
+        """Return the option of a file that contains values for the other options."""
 
         def load(context: click.Context, _param: click.Parameter, path: Path | None) -> None:
             if path is not None:
@@ -256,7 +257,7 @@ class FunctionCommand(click.Command):
 
 
 def _words(context: click.Context) -> str:
-    """Return the words of a command behind the program's name, ``campaign summary``."""
+    """Return the full name of a command after the program's name, such as ``campaign summary``."""
     above = context.parent
     return f"{_words(above)} {context.info_name}".strip() if above else ""
 
@@ -292,7 +293,7 @@ def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Para
 
 
 def _of_variant(name: str, description: Description) -> ParameterDescription:
-    """Return the option that calls another function: a flag, or the value of its parameter."""
+    """Return the option of a variant, which calls another function."""
     parameter = description.parameters.get(name)
     if parameter is not None:
         return replace(
@@ -316,7 +317,7 @@ def _for_variant(
     request: Mapping[str, Any],
     parameters: Mapping[str, ParameterDescription],
 ) -> dict[str, Any]:
-    """Return the arguments of the function of a variant; refuse those that it does not take."""
+    """Return the arguments for the function of a variant. Refuse those that it does not have."""
     takes = _description(called).parameters
     foreign = [key for key in parameters if key not in takes and key != variant]
     if any(key in request for key in foreign):
@@ -326,13 +327,13 @@ def _for_variant(
 
 
 def _flag(name: str, value: str) -> click.Option:
-    """Return the flag that stands for a value of an option."""
+    """Return the flag that sets an option to one of its values."""
     words = f"Short for --{name.replace('_', '-')} {value}."
     return click.Option([f"--{value}", value.replace("-", "_")], is_flag=True, help=words)
 
 
 def _check_saving(how: Mapping[str, Any]) -> None:
-    """Refuse options for saving a certificate that cannot be met, before the test."""
+    """Refuse impossible options for saving a certificate, before the test begins."""
     if how.get("pdf"):
         from virtual_lab.certificate.pdf import require_pdf
 
@@ -348,9 +349,9 @@ def settings_in(
 ) -> dict[str, Any]:
     """Return the values in a file of settings, by name of the parameter.
 
-    One value of a parameter that takes several becomes a list. Raises `InputError` with file and
-    key for an unknown key or a value that is not allowed. `name` is that of the command, for the
-    message.
+    A single value of a parameter that takes several values becomes a list. Raises `InputError` with
+    file and key for an unknown key or a value that is not allowed. `name` is the name of the
+    command for the message.
     """
     from virtual_lab.files import parse_toml, read_text
 
@@ -371,7 +372,7 @@ def settings_in(
 
 
 def in_help(each: ParameterDescription) -> str:
-    """Return the help of a parameter: first paragraph of its words, choices and default."""
+    """Return the help of a parameter: first paragraph of its description, choices and default."""
     words = for_shell(each.words.split("\n\n")[0])
     if each.rule.several and each.keyword:
         words = f"{words} May be given several times."
@@ -384,5 +385,5 @@ def in_help(each: ParameterDescription) -> str:
 
 
 def for_shell(words: str) -> str:
-    """Return a sentence of a docstring as the help shows it, without backticks."""
+    """Return a sentence of a docstring in the form of the help, without backticks."""
     return re.sub(r"``(.*?)``|`~?(.*?)`", lambda match: match[1] or match[2], words)

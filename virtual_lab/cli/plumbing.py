@@ -21,7 +21,7 @@ from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import check_new_folder, check_writable, first_free, new_files
 from virtual_lab.output.progress import show_progress
 
-HELP_WIDTH = 1000  # largest length of a sentence of help [characters], so that none is cut
+HELP_WIDTH = 1000  # longest first sentence in a list of commands [characters], never exceeded
 LONGEST_NAME = 60  # largest length of a name within a folder's name [characters]
 TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
 
@@ -41,8 +41,9 @@ class Answer:
 class Sections(click.Group):
     """A group whose help lists its commands in sections by purpose.
 
-    `others` returns the commands of other packages, or that of a name. It takes as long as a short
-    command, so it is called only for the help and for a name that is not among the sections.
+    `others` returns all commands of other packages, or the one with a given name. It takes as long
+    as a short command, so it is called only for the help and for a name that is not in the
+    sections.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Sections(click.Group):
                 self.add_command(each)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command by its name, also one of another package."""
+        """Return a command by its name, including the commands of other packages."""
         return self.commands.get(cmd_name) or next(iter(self.others(cmd_name)), None)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -86,15 +87,15 @@ class Output:
     page
         File in the folder whose path is printed at the end, instead of the folder's.
     keeps
-        Whether the command has ``--out``, which it always has with a default folder.
+        Whether the command has the option ``--out``. With a default folder it always has it.
     table, picture
         Whether the command has ``--csv`` and ``--plot``.
     file
-        Words for the one file that the command writes, a .toml, instead of a folder.
+        Description of the .toml file that the command writes instead of a folder.
     into
-        Parameter of the function that is the folder: it writes its results itself.
+        Parameter of a function that writes its results itself; it gets the folder.
     answer
-        Function that returns what is printed of the result.
+        Function that converts the result to the `Answer` to print.
     """
 
     folder: str | Callable[[Mapping[str, Any]], Path] = ""
@@ -107,7 +108,7 @@ class Output:
     answer: Callable[[Any], Any] = lambda result: result
 
     def options(self) -> list[click.Option]:
-        """Return the options that belong to no parameter of the function."""
+        """Return the options that are not parameters of the function."""
         options = []
         path = click.Path(path_type=Path)
         named, required = "FOLDER", bool(self.file or (self.into and not self.folder))
@@ -144,9 +145,9 @@ class Output:
     ) -> int:
         """Call the function, write and print its result, and return the exit code.
 
-        The function takes a `Progress`, and `into` as a keyword. `request` are the values that the
-        user gave, `defaults` those of the other parameters. Files and folders are checked before
-        the function is called.
+        The function takes a `Progress`, and `into` as a keyword argument. `request` holds the
+        values that the user gave, and `defaults` the values of the other parameters. Files and
+        folders are checked before the function is called.
         """
         target = out
         if target is None and self.folder:
@@ -162,7 +163,7 @@ class Output:
         missing: list[str] = []
 
         def form(path: Path) -> AbstractContextManager[None]:
-            """Return a context in which a form is made: if it fails, the folder stays saved."""
+            """Return a context in which a further file is made; if it fails, the folder is kept."""
             return without_if_it_fails(str(path), missing) if target else nullcontext()
 
         with show_progress() as progress:
@@ -196,7 +197,7 @@ def _usual_folder(
     values: Mapping[str, Any],
     request: Mapping[str, Any],
 ) -> Path:
-    """Return the default folder; its name contains seed and number only if the user gave them."""
+    """Return the default folder, whose name contains seed and number only if the user gave them."""
     if not isinstance(folder, str):
         return folder(values)
     parts = {key: _part(value) for key, value in values.items() if isinstance(value, str)}
@@ -208,15 +209,15 @@ def _usual_folder(
 
 
 def _part(value: str) -> str:
-    """Return the part of a name or path for a folder's name."""
+    """Return the part of a name or path that is used in the name of a folder."""
     return re.sub(r"[^\w.-]+", "-", Path(value).stem)[:LONGEST_NAME]
 
 
 def check_new_file(path: Path, endings: Sequence[str]) -> None:
     """Raise `InputError` for a file that exists, cannot be written, or has another ending.
 
-    A missing folder is no error if it can be made. `endings` include the dot, and upper and lower
-    case differ.
+    It is no error if the folder is missing and can be created. `endings` include the dot, and the
+    case of letters matters.
     """
     if path.suffix not in endings:
         raise InputError(
@@ -236,7 +237,8 @@ def _print(
 ) -> None:
     """Print the result, and the paths of all written files.
 
-    With JSON on stdout, the folder is the key `folder` of the document, or a line on stderr.
+    If JSON is printed, the path of the folder is the key `folder` of the document, or a line on
+    stderr if the document is not an object.
     """
     written = [*([folder] if folder else []), *files]
     if not as_json:

@@ -118,7 +118,7 @@ def day(
 def _serve_page(
     scenario: str | None, folder: Path | None, trainees: Sequence[str], **served: Any
 ) -> Answer:
-    """Serve the page until it is stopped; without a scenario, to play a day back."""
+    """Serve the page until Ctrl-C. Without a scenario, the page replays a day."""
     from importlib.util import find_spec
 
     from virtual_lab.errors import InputError, with_extra
@@ -194,7 +194,7 @@ DAY = FunctionCommand(
 
 @click.pass_context
 def _day_or_more(context: click.Context, /, **request: object) -> object:
-    """Take a day where no command of the group was named."""
+    """Run a day if no command of the group is named."""
     assert DAY.callback is not None
     return None if context.invoked_subcommand else DAY.callback(**request)
 

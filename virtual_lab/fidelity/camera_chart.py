@@ -40,11 +40,11 @@ def camera_chart(
 ) -> SpeedChart:
     """Return the chart of all methods to locate a ball: one row per scene and method.
 
-    A row has errors [px], shares (0 to 1) and the time per frame [ms]. The limit is the smallest
-    possible error. The bias, relative to the limit, is the largest one of all phases within a
-    pixel, without noise; it is not computed for a stitched ball, whose pattern differs in each
-    picture. The shares are those of pictures without a position, with a flag, and with an error
-    above 5 u but without a flag. Values that do not apply are None.
+    A row has errors [px], the time per frame [ms], and three shares of pictures (0 to 1): those
+    without a position, those with a flag, and those with an error above 5 u but without a flag. The
+    limit is the smallest possible error. The bias is the largest mean error, without noise, at any
+    position of the ball within a pixel, divided by the limit. It is not computed for a stitched
+    ball, whose pattern differs in each picture. Values that do not apply are None.
     """
     import cv2
 

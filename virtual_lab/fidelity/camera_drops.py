@@ -24,10 +24,11 @@ ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return one row per cell, as `camera_stability.picture_cells` does, for dropped frames.
+    """Return one row per pair of a number of dropped frames and an error of the positions.
 
-    A cell is a number of dropped frames with one error of the positions, from `ERRORS` [px]. Its
-    error is the relative rms error of the speed of the incoming ball.
+    The errors of the positions are `ERRORS` [px]. The keys of a row are those of
+    `camera_stability.picture_cells`; its error is the relative rms error of the speed of the
+    incoming ball.
 
     Parameters
     ----------

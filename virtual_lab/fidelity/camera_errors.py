@@ -20,10 +20,10 @@ class PlaceScore:
     """Errors of positions in many pictures. A picture without a position counts only as lost."""
 
     rms: float  # root mean square error along an axis [px]
-    bias: float  # largest mean error at one phase within a pixel, relative to the limit
+    bias: float  # largest mean error at one position within a pixel, relative to the limit
     lost: float  # share of pictures without a position
     flagged: float  # share of pictures with a position and a flag
-    unsaid: float  # share of wrong positions (error above 5 u) without a flag
+    unsaid: float  # share of pictures with a wrong position (error above 5 u) and no flag
 
 
 def score_places(batch: Batch, located: Located) -> PlaceScore:
@@ -49,8 +49,8 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
 def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
     """Return the mask of positions with an error above 5 u and without a flag, shape (picture,).
 
-    A picture without a position is False. The limit of the batch replaces an uncertainty that the
-    method does not state.
+    The mask is False for a picture without a position. If a method states no uncertainty, the
+    smallest possible u of the batch is used.
     """
     pattern = np.nan_to_num(located.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)

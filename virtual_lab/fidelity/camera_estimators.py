@@ -1,8 +1,8 @@
 """Methods to locate a ball in a picture: those of OpenCV, each used as well as possible, and ours.
 
-The methods of OpenCV get the matte, which is the share of the ball in each pixel: the difference
-from the background, divided by that of the ball. With the plain difference they would be less
-accurate on a background with a gradient.
+The methods of OpenCV get the matte, which is the share of each pixel that the ball covers: the
+difference from the background, divided by the same difference for the ball. With the plain
+difference they would be less accurate on a background with a gradient.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Estimator = Callable[[EstimatorInput], Located]
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One region, and the start of the search in it, in pixels from the corner of the region."""
+    """One region of a picture, and the start of the search [px from the corner of the region]."""
 
     image: Image
     behind: Image
@@ -40,7 +40,7 @@ class Picture:
 
     @property
     def matte(self) -> Image:
-        """Share of the ball in each pixel, shape (row, column)."""
+        """Share of each pixel that the ball covers, shape (row, column)."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
         away = np.hypot(columns - self.x, rows - self.y)
         radius_seen = self.radius + np.hypot(*self.blur) / 2 + 3.0  # pixels that may show the ball
@@ -65,8 +65,8 @@ class Picture:
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     """Return an estimator that applies `place` to one picture at a time.
 
-    `place` returns a position [px from the corner of the region] or None. A position more than a
-    radius from the start counts as not found: it is NaN and has a flag.
+    `place` returns a position [px from the corner of the region] or None. If it is None, or more
+    than a radius from the start, the result is NaN with a flag.
     """
 
     def estimator(inputs: EstimatorInput) -> Located:
@@ -200,7 +200,7 @@ def _edge(inputs: EstimatorInput) -> Located:
 
 
 def _learnt(inputs: EstimatorInput) -> Located:
-    """Locate the balls as the tracker does, with the noise estimated from the clip."""
+    """Locate the balls with the method of the tracker, which estimates the noise from the clip."""
     return sharp_places(inputs.clip, inputs.regions, inputs.start, lens=inputs.lens)
 
 

@@ -41,9 +41,10 @@ CASE = CaseSettings()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
-    """Return the pictures of a case with their true positions: phases times repeats of them.
+    """Return the pictures of a case with their true positions.
 
-    Noise, positions and patterns depend on `seed` and `block`.
+    There are `repeats` pictures for each of `phases` positions of the ball within a pixel. Noise,
+    positions in the frame and patterns depend on `seed` and `block`.
     """
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2
@@ -150,7 +151,7 @@ def _expose(
 
 
 def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
-    """Return the corners of the regions [px], shape (picture, 2). A cut ball is at the edge."""
+    """Return the corners of the regions [px], (picture, 2); at the frame's edge for a cut ball."""
     space = np.array([CASE.frame[1] - shape[1], CASE.frame[0] - shape[0]])
     share = draws.uniform("corners", 2, slots) + 0.5
     corners: Array = np.floor(share * (space + 1))

@@ -36,8 +36,8 @@ class Case:
     exposure: float = 1.0  # exposure relative to the correct one; from 1.34 the ball saturates
     hot: int = 0  # number of pixels at full scale in each picture
     flicker: float = 0.0  # amplitude of the light from picture to picture
-    radius_off: float = 0.01  # relative error of the start radius
-    start_off: float = 0.5  # largest error of the start position in each direction [px]
+    radius_off: float = 0.01  # relative error of the assumed radius
+    start_off: float = 0.5  # largest error of the assumed position in each direction [px]
     quiet: bool = False  # no noise and no rounding, so that only the bias remains
     phases: int = 8
     repeats: int = 25
@@ -95,7 +95,7 @@ class EstimatorInput:
 class Batch:
     """Pictures of a case, true positions [px], shape (picture,), and the limit of u.
 
-    The repeats of one phase within a pixel are consecutive.
+    Pictures with the same position of the ball within a pixel are consecutive.
     """
 
     inputs: EstimatorInput

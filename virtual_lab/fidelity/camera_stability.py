@@ -50,8 +50,9 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the maps of all methods to locate a ball, one row per cell.
 
-    A row has the state, the rms error of unflagged pictures, and numbers of pictures. Errors are in
-    pixels, for dropped frames relative, and None without a position.
+    A row has the state, the rms error of unflagged pictures, and numbers of pictures. The error is
+    in pixels; in the map of dropped frames it is the relative error of a speed. It is None if no
+    ball was located.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
@@ -83,7 +84,7 @@ def picture_cells(
     axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
     balls: Mapping[str, Case] = BALLS,
 ) -> list[Row]:
-    """Return one row per value of an axis, ball and method (convex hull, edge fit).
+    """Return one row per combination of axis value, ball and method (convex hull, edge fit).
 
     A row has the keys map, value, method and ball, the state, the rms error [px] of pictures
     without a flag, and numbers of pictures.
@@ -93,9 +94,9 @@ def picture_cells(
     progress
         Function that is called with a text, the name of the axis.
     axes
-        Name of each map, the field of `Case` that varies in it, and the values.
+        For each map, by name: the field of `Case` that varies, and its values.
     balls
-        Cases by name of the ball; the field is changed in each.
+        Cases by name of the ball, in which this field is changed.
     """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():

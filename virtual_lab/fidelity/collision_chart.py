@@ -1,11 +1,11 @@
 """Chart of accuracy against run time of the collision models: error of e_A and time per shot.
 
-The chart has two panels with different references. The reference of the total error of a model
-(number of modes, mesh, interpolation and integration) has 120 modes, integrated one scene at a
-time. The reference of the error of the integration alone has the same modes as the model,
-integrated one scene at a time with steps four times smaller. Errors are the largest of random
-scenes on the barrel, and times are the shortest of repeated batches. Scenes along the whole bat
-show where a model fails.
+A scene is one collision: impact position, speeds and ball. The chart has two panels with different
+references. For the total error of a model (number of modes, mesh, interpolation and integration)
+the reference has 120 modes and is integrated one scene at a time. For the error of the integration
+alone it has the same modes as the model and is integrated one scene at a time with steps four times
+smaller. Errors are the largest of random scenes on the barrel, and times are the shortest of
+repeated batches. Scenes along the whole bat show where a model fails.
 """
 
 from __future__ import annotations
@@ -104,9 +104,9 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
     """Return the chart of the collision models: one row per model.
 
     For scenes on the barrel, 2 to 12 in from the tip, the row holds the largest and the rms error
-    of e_A, and the processor time per shot [µs]. For as many scenes along the whole bat it holds
-    two shares (0 to 1): of the scenes whose error of e_A exceeds its standard uncertainty on a
-    certificate, and of refused scenes.
+    of e_A, and the processor time per shot [µs]. For the same number of scenes along the whole bat
+    it holds two shares (0 to 1): scenes in which the error of e_A exceeds its standard uncertainty
+    on a certificate, and scenes that the model refuses.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
@@ -161,7 +161,7 @@ def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
             scenes=extent.fewest if dear else extent.scenes,
             timed=None if dear else extent.batch,
         )
-    # without residual flexibility, as the methods of scipy solve it
+    # without residual flexibility, because the methods of scipy solve the model in this form
     bare = replace(default, stiff=default.stiff.above(default.stiff.count))
     exact = _cache_exact(_of(replace(bare, stepper=OneByOne(refinement=4.0))))
     for series, setting, model in _solvers(bare):

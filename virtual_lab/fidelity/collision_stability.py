@@ -1,10 +1,10 @@
 """Maps of the conditions under which the integration of the modal model is accurate.
 
-A cell consists of a few scenes with a wooden and a hollow bat, integrated in a single pass without
-repeats. The reference of e_A has the same modes, integrated one scene at a time. The step is stated
-as a factor on the default steps of modes and ball. One more line shows the default, which repeats
-doubtful scenes. Steps that the program refuses are computed, too, to test the refusal. A column for
-which the reference has no result stays empty.
+A cell consists of a few collisions with a wooden and a hollow bat, integrated in a single pass
+without repeats. The reference of e_A has the same modes and is integrated one collision at a time.
+The step is stated as a factor on the default steps of modes and ball. One more line of each map
+shows the default integration, which repeats doubtful collisions. Steps that the program refuses are
+computed too, to test the refusal. A column without a reference result stays empty.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class ColumnOutcome:
     efficiency: Array
     leak: Array  # error of the energy balance [share of the energy]
     doubted: Mask  # scenes that the default would repeat
-    given_up: Mask  # scenes without the end of a first contact
+    given_up: Mask  # scenes in which the first contact did not end
 
     @classmethod
     def of(cls, parts: list[Collisions]) -> ColumnOutcome:
@@ -128,9 +128,9 @@ class ColumnOutcome:
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the maps of stability: one row per step and value of a parameter of the scene.
 
-    A row has the state, the largest errors of e_A and of the energy balance, and counts of scenes.
+    A row has the state, the largest errors of e_A and of the energy balance, and numbers of scenes.
     An error is None if it is not finite, or if the cell has no result. Steps that the stepper would
-    refuse are computed all the same.
+    refuse are computed too.
     """
     rows = []
     for axis, values in AXES.items():
@@ -200,7 +200,7 @@ def _column(axis: CollisionAxis, value: Any) -> Column:
 
 
 def _meeting(contacts: int) -> Column:
-    """Return scenes with this number of contacts, at most as many as in other columns."""
+    """Return the column of scenes in which ball and bat have this number of contacts."""
     column = []
     for bat in ("r161", "ea70"):
         pool, met = _pool(bat)
@@ -211,7 +211,10 @@ def _meeting(contacts: int) -> Column:
 
 @cache
 def _pool(bat: str) -> tuple[Scenes, NDArray[np.int64]]:
-    """Return scenes along a whole bat with balls up to 100 times as stiff, and their contacts."""
+    """Return scenes along a whole bat with stiff balls, and the number of contacts of each scene.
+
+    The balls are up to 100 times as stiff as usual, so that some scenes have several contacts.
+    """
     ball = usual_ball()
     draws, (slow, fast) = Streams(5), SPEEDS_MPH
     names = ("z", "speed", "harder")
@@ -253,7 +256,7 @@ def _cell(
         worst = dict.fromkeys(("worst_error", "worst_unnoticed_error", "worst_leak"))
         return {"state": State.NO_RESULT.value} | counts | worst
     error = np.abs(outcome.efficiency - true.efficiency)
-    # other values of e_A or of the leak show an instability; comparisons are False for NaN
+    # Larger values of e_A or of the leak are a sign of instability; comparisons are False for NaN.
     stable = (np.abs(outcome.efficiency) <= 2.0) & (outcome.leak <= 0.1) | outcome.given_up
     good = error <= FINE.tolerance  # tolerance of the default
     unnoticed = ~good if shipped else ~good & ~outcome.doubted

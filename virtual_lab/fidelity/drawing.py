@@ -106,8 +106,8 @@ def draw_maps(
 ) -> PageFigure:
     """Draw the maps of `rows`. Each row is a cell with the keys `value` and `state`.
 
-    The number in a cell counts scenes with too large an error (key `off`) or wrong pictures without
-    a flag (key `unsaid`). A `refused` cell is hatched.
+    The number in a cell is that of scenes with too large an error (key `off`) or of wrong pictures
+    without a flag (key `unsaid`). A `refused` cell is hatched.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def draw_maps(
     states
         Enumeration of the states.
     map_of, line_of
-        Functions that return the name of the map of a row, and its line in the map.
+        Functions that return the name of the map to which a row belongs, and its line in the map.
     down
         Label of the lines.
     abreast

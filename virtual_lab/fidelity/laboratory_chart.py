@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 LEAST = 1e-4  # smallest drawn effect [u]; smaller effects are drawn at this value
 CLOSE = 3  # ratio of times below which labels are placed on opposite sides
-EXPLAINED = {  # reason why a part does not use its fastest model with an effect below u / 10
+EXPLAINED = {  # reason why a part does not use the fastest model with an effect below u / 10
     "camera": "a single test films the windows that it tracks, because the clip is the record",
     "uncertainty": "with few hits the interval by Monte Carlo is longer; that by first order has "
     "the stated coverage",
@@ -32,7 +32,7 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
     """Return the chart of the whole test: one row per part of the test and model.
 
     A row has the effect on the metric [u], its standard error [u] and the time per certificate
-    [ms]. The rows come from a stored table, nothing is computed.
+    [ms]. The rows come from a stored table; nothing is computed.
     """
     text = (DATA / "uncertainty" / "laboratory.csv").read_text("utf-8")
     rows: list[Row] = []

@@ -1,8 +1,8 @@
 """Chart of accuracy against run time of the models of the motion, and of plain pymunk.
 
-Errors are rms errors over shots whose starts are spread evenly over one step. The reference is an
-independent calculation with vectors. The bat is rigid with one radius, and there is no air
-and no friction, so that plain pymunk could be exact.
+Errors are rms errors over shots that start at times spread evenly over one step. The reference is
+an independent calculation with vectors. The bat is rigid with one radius, and there is no air and
+no friction, so that plain pymunk could be exact.
 """
 
 from __future__ import annotations
@@ -81,9 +81,9 @@ def motion_chart(
 ) -> SpeedChart:
     """Return the chart of the models of the motion: one row per model, scene and setting.
 
-    The errors are those of e_A, of the velocity of the ball [m/s] and of the angular rate of the
-    bat [rad/s]; the shares (0 to 1) are those of missed contacts or of lost energy; the time per
-    shot is in µs. Values that do not apply are None.
+    A row has errors of e_A, of the velocity of the ball [m/s] and of the angular rate of the bat
+    [rad/s], a share (0 to 1) of missed contacts or of lost energy, and the time per shot [µs].
+    Values that do not apply are None.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
 
 
 def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -> Row:
-    """Return the row of a setting of the pymunk model: results of `work`, or its refusal."""
+    """Return the row of the pymunk model with a step: the results of `work`, or a refusal."""
     setting = f"{step:.0e} s"
     try:
         return _row(Carrier.RUNG, scene, setting, **work())
@@ -168,7 +168,7 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return the state after the contact of shot number `shot` (from 0), by vectors, without air.
+    """Return the state after the contact of shot `shot` (from 0), by vector algebra without air.
 
     Raises `ValueError` if the ball does not reach the bat.
     """

@@ -1,10 +1,10 @@
 """Maps of the steps at which pymunk is accurate, alone and as a model of the motion.
 
-A cell consists of a few shots whose contacts are spread evenly over a step. The bat is rigid with
-one radius, at rest, and hit 6 in from its tip. In the map of slop the bat is swung and the ball
-comes at an angle; in the map of iterations the impact is 20 in from the tip. The error is that of
-the velocity of the ball after the contact, relative to the speed of approach; the reference is the
-closed form. Settings that the model refuses are computed, too, to test the refusal.
+A cell consists of a few shots whose contact times are spread evenly over a step. The bat is rigid
+with one radius, at rest, and hit 6 in from its tip. In the map of slop (allowed overlap) the bat is
+swung and the ball comes at an angle. In the map of iterations the impact is 20 in from the tip. The
+error is that of the velocity of the ball after the contact, relative to the speed of approach. The
+reference is the closed form. Settings that the model refuses are computed too, to test the refusal.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
     the state (good, inaccurate or unstable), the number of shots, and ``worst_error``: the largest
     error of the ball's velocity relative to the speed of approach, or None if it is not finite.
 
-    ``refused`` tells whether our model refuses the settings of a cell in its own maps. Such cells
-    are computed all the same. In the maps of plain pymunk it is always False.
+    ``refused`` states whether our model refuses the settings of a cell. Such cells are computed
+    too. In the maps of plain pymunk it is always False.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):
@@ -86,7 +86,7 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
 def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
     """Return the row of a cell."""
     speed = (value if axis is MotionAxis.SPEED else 60.0) * MPH
-    # iterations matter near the handle, where the load on the joint is large
+    # Iterations matter near the handle, where the load on the joint is large.
     place = 20 * INCH if axis is MotionAxis.ITERATIONS else 6 * INCH
     start = STARTS[Start.SWUNG] if axis is MotionAxis.SLOP else {"z": place}
     starts: dict[MotionAxis, dict[str, float]] = {

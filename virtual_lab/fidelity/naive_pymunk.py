@@ -1,4 +1,4 @@
-"""Plain pymunk, which also computes the collision, for comparison with the models of the motion.
+"""Simulation with pymunk alone, including the collision, for comparison with our motion models.
 
 The bodies have their real centres of mass, elasticities represent the restitution, and any step and
 number of iterations are accepted. The bat is rigid with one radius, and there is no air and no
@@ -22,8 +22,8 @@ from virtual_lab.simulation.motion.scene import PivotedBat, ShotScene, ShotState
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.units import INCH, Array
 
-# shapes of the bat: top view with a straight side; top view with a semicircular tip; section of
-# the barrel as a disc, with the effective mass of the bat 6 in from its tip
+# shape of the bat: a straight side or a semicircular tip in the top view, or the section of the
+# barrel as a disc that has the effective mass of the bat 6 in from its tip
 Shape = Literal["side", "round tip", "section"]
 
 
@@ -133,9 +133,9 @@ def naive_errors(
     slop: float = 1e-5,
     shape: Shape = "side",
 ) -> Array:
-    """Return the absolute error of the ball's velocity by pymunk after the contact [m/s], (shot,).
+    """Return the error of the ball's velocity that pymunk computes after contact [m/s], (shot,).
 
-    The reference is the closed form.
+    The error is the absolute difference from the closed form.
 
     Parameters
     ----------
@@ -166,8 +166,8 @@ def naive_errors(
 def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
     """Return the share of shots in which the ball passes through the bat without a contact, 0 to 1.
 
-    Every ball should rebound; a miss is an error of the finite `step` [s]. The starts of the balls,
-    of `speed` [m/s], are spread evenly over a step. They fly at 6 in from the tip.
+    Every ball should rebound; a miss is caused by the finite `step` [s]. The balls fly with `speed`
+    [m/s] at 6 in from the tip, and their start times are spread evenly over a step.
     """
     passed = 0
     for shot in range(shots):

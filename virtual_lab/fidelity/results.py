@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 T = TypeVar("T")
-COLUMNS = {  # columns of all charts by key; the title of any other column is its key in words
+COLUMNS = {  # columns of all charts by key; any other column is titled by its key
     "series": Column("model"),
     "held_against": Column("reference"),
     "estimator": Column("method"),

@@ -27,8 +27,9 @@ TWO_DIGITS = 0.05, 0.005  # half of the second digit of a u of 1.0 and of 9.9 [u
 def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
     """Return the chart of methods to propagate uncertainty: one row per model and method.
 
-    A row has the number of draws (None without draws), the time [ms], and errors over u against
-    2^27 draws. The rows come from a stored table, nothing is computed.
+    A row has the number of draws (None for a method without draws), the time [ms], and errors
+    divided by u; the reference has 2^27 draws. The rows come from a stored table; nothing is
+    computed.
     """
     text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
     rows: list[Row] = []

@@ -1,4 +1,4 @@
-"""A chart and the table it was drawn from, as one self-contained HTML page."""
+"""A chart and the table of its numbers, as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
     figure
         Figure, inserted as SVG.
     rows
-        At least one row of the table, all with the same keys, which head the columns. Numbers are
-        rounded to three digits; None gives an empty cell.
+        Rows of the table, at least one, all with the same keys. The keys are the column heads.
+        Numbers are rounded to three digits; None gives an empty cell.
     """
     from markupsafe import Markup
     from matplotlib import rc_context

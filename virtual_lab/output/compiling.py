@@ -1,4 +1,4 @@
-"""The function that numba compiles at present, for the lines of progress of a first run."""
+"""The function that numba is compiling, which the progress line of a first run names."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numba.core import event
 
 
 class CompiledFunctions(event.Listener):
-    """Names of the functions in compilation: first the one that Python calls, then its callees."""
+    """Names of the functions being compiled: the called one, then the functions that it calls."""
 
     def __init__(self) -> None:
         self.names: list[str] = []

@@ -9,7 +9,7 @@ from virtual_lab.units import MPH
 
 @dataclass(frozen=True, slots=True)
 class MetricFormat:
-    """A metric in print; its SI value over `unit_si` is the number printed."""
+    """Form of a metric in print. The printed number is its SI value divided by `unit_si`."""
 
     words: str
     symbol: str  # letter, with an index after an underscore
@@ -19,7 +19,7 @@ class MetricFormat:
     places: int  # decimals of a printed limit
 
     def limit(self, value: float, more: int = 0) -> str:
-        """Return a limit in SI as printed, with its unit; `more` decimals for a value beside it."""
+        """Return a limit [SI] as printed, with its unit and `more` additional decimals."""
         return f"{value / self.unit_si:.{self.places + more}f} {self.unit}".rstrip()
 
 
@@ -29,7 +29,7 @@ METRICS = {
     "restitution": MetricFormat("Restitution of ball and bat", "e", "", 1.0, "", 3),
     "batted_speed": MetricFormat("Batted-ball speed", "v_f", "mph", MPH, "m/s", 1),
 }
-# rebound speed of the ball from a bat at rest; it is no procedure's metric
+# rebound speed of the ball from a bat at rest, which is not the metric of any procedure
 REBOUND_SPEED = "rebound_speed"
 QUANTITIES = METRICS | {
     REBOUND_SPEED: MetricFormat("Rebound speed", "rebound speed", "mph", MPH, "m/s", 1)

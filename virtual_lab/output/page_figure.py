@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 class PageFigure(Figure):
     """A Matplotlib figure made without pyplot, so that no window opens and nothing stays in memory.
 
-    Matplotlib makes some parts, such as ticks, only when a figure is written; so `savefig` uses the
-    style in which the figure was drawn.
+    Matplotlib makes some parts, such as ticks, only when a figure is written. `savefig` therefore
+    uses the style in which the figure was drawn.
     """
 
     def __init__(self, *args: Any, look: Mapping[str, Any] | None = None, **options: Any) -> None:

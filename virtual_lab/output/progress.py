@@ -21,7 +21,7 @@ CLEAR_LINE = "\r\x1b[K"
 
 
 class Progress(Protocol):
-    """Callback: the present task and, if counted, the number done and the total."""
+    """Callback for the present task and, if items are counted, the number done and the total."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
 

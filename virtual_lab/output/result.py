@@ -31,7 +31,7 @@ def frame(rows: Sequence[Any]) -> pd.DataFrame:
 
 
 def preformatted(text: str) -> str:
-    """Return a text as HTML with its lines and spaces, as a notebook shows it."""
+    """Return a text as HTML for a notebook, with its line breaks and spaces."""
     return f"<pre>{escape(text)}</pre>"
 
 
@@ -43,8 +43,9 @@ def _table_html(table: pd.DataFrame) -> str:
 class StudyResult(ABC):
     """Base class of every study's result.
 
-    A study states its `name` (of its files), a `title` in one line and its `rows`; the rest
-    follows from these unless the study has more to say. One with a picture has `draw`.
+    A study sets the `name` of its files, a `title` of one line and its `rows`. Table, text and
+    files are made from these, but a study can override them. A study with a picture has a method
+    `draw`.
     """
 
     # arguments of the call that made it, as ``settings.toml``
@@ -132,7 +133,7 @@ class StudyResult(ABC):
         return f"<{self.title}, {len(self.rows)} rows>"
 
     def _repr_html_(self) -> str:
-        """Return the HTML for a notebook: the rows as a table, or the text if it says more."""
+        """Return the HTML for a notebook: the rows as a table, or the text if it is overridden."""
         if type(self).text is StudyResult.text:
             return _table_html(self.table)
         return preformatted(self.text)
@@ -140,10 +141,10 @@ class StudyResult(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Rows(StudyResult, Generic[Row]):
-    """A result that consists of rows only; it is also the sequence of its rows.
+    """A result that consists only of rows, and can be used as their sequence.
 
-    A row is a frozen dataclass whose fields are columns, or a mapping where the study's input
-    decides what its keys are.
+    A row is a frozen dataclass whose fields are the columns, or a mapping if the columns depend on
+    the input of the study.
     """
 
     name: str
@@ -171,7 +172,7 @@ class Rows(StudyResult, Generic[Row]):
         return len(self.rows)
 
     def __getitem__(self, place: int) -> Row:
-        """Return a row by its number; `InputError` for a name, which the table has."""
+        """Return a row by its index. Raises `InputError` for a name, which `table` accepts."""
         try:
             return self.rows[place]
         except TypeError as fault:

@@ -1,4 +1,4 @@
-"""Rounding as certificates do: the uncertainty to two digits, the value to the same place."""
+"""Rounding as on certificates: the uncertainty to two digits, the value to the same decimal."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
 
 def decimals(u: float) -> int:
-    """Return the number of decimal places that leaves `u` two significant digits, at least 0.
+    """Return the number of decimal places, at least 0, that prints `u` with two significant digits.
 
-    The number is 6 if u is 0, rounding error only, or NaN.
+    The number is 6 if u is NaN, 0, or so small that it is only rounding error.
     """
     if not u > LEAST:
         return 6
     places = 1 - floor(log10(u))
-    # 0.0996 rounds up to 0.10, whose two digits need one decimal less
+    # 0.0996 rounds up to 0.10, which needs one decimal less for two digits
     return max(0, places - 1 if float(f"{u:.{max(0, places)}f}") >= 10 ** (2 - places) else places)
 
 
@@ -27,21 +27,23 @@ def digits(u: float) -> str:
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
 
-    Both have the decimal places that leave `u` two significant digits. `word` replaces the u. A u
-    of 0 gives six decimal places and ``(u 0)``.
+    Both are printed with as many decimals as give `u` two significant digits. `word` is printed
+    instead of ``u``. For a u of 0 the value has six decimals and the text ends in ``(u 0)``.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
-    """Return a text about a value outside its limits, with enough decimals to show that it is.
+    """Return a text about a value outside its limits, with enough decimals to show the difference.
 
     Parameters
     ----------
     text
-        Has ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` and ``{2:.{d}f}`` for the limits.
+        Format string with ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` and ``{2:.{d}f}`` for the
+        limits.
     value, low, high
-        In the unit of the text; a value within the limits is printed with `places`.
+        Value and limits in the unit of the text. A value within the limits is printed with `places`
+        decimals.
     places
         Fewest decimal places.
     """

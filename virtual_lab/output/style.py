@@ -1,4 +1,4 @@
-"""The look of every figure: black and grey, thin lines, text as text."""
+"""Style of every figure: black and grey, thin lines, text that can be searched."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def as_drawn(name: str) -> str:
 def page_figure(
     height: float, width: float = PAGE_WIDTH_IN, *, layout: LayoutName | None = "constrained"
 ) -> Iterator[PageFigure]:
-    """Yield an empty figure, and draw what follows in the program's style.
+    """Yield an empty figure; all drawing within the context has the program's style.
 
     Parameters
     ----------

@@ -41,12 +41,12 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
 
 
 def description_of(figure: str) -> str:
-    """Return the description inside a figure of `figure`, its alternative text; may be empty."""
+    """Return the alternative text of a figure that `figure` made; it may be empty."""
     return unescape(figure.partition('-description">')[2].partition("</desc>")[0])
 
 
 def symbol_markup(text: str) -> str:
-    """Return a text escaped for SVG; the first symbol in it, such as ``e_A``, has its index."""
+    """Return a text escaped for SVG; the index of its first symbol, such as ``e_A``, is lowered."""
     match = re.search(r"\b([A-Za-z])_(\w)\b", text)
     if match is None:
         return escape(text)
@@ -194,7 +194,7 @@ class Panel:
         return f'<path d="{frame}" fill="none"{_stroke(0.6)}/>' + "".join(labels)
 
     def _upward(self) -> list[tuple[float, str]]:
-        """Return the ticks of the vertical axis with their words."""
+        """Return position and text of each tick of the vertical axis."""
         upward = _ticks(*self.y, 4) if self.y_ticks is None else list(self.y_ticks)
         return list(zip(upward, self.y_words or _numbers(upward), strict=True))
 

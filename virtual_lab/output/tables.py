@@ -23,7 +23,7 @@ class Column(NamedTuple):
 
 
 def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g") -> Any:
-    """Return a dataclass field that is printed in tables; other fields are only in CSV and JSON.
+    """Return a dataclass field that is printed in tables. Other fields appear only in CSV and JSON.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g")
 
 
 def inline() -> Any:
-    """Return a dataclass field for a dataclass whose fields become columns under their names."""
+    """Return a field for an inner dataclass whose fields become columns without a prefix."""
     return field(metadata={INLINE: True})
 
 
@@ -67,8 +67,9 @@ def _of_part(name: str, column: Column) -> Column:
 def record(row: Any) -> Mapping[str, Any]:
     """Return the values of a row by key; the row is a dataclass or a mapping.
 
-    A mapping is returned as it is. A nested dataclass or mapping of a dataclass is flattened: its
-    keys get the name of its field as a prefix, ``recoil_rms``, unless the field is `inline`.
+    A mapping is returned unchanged. If a field of the dataclass is itself a dataclass or a mapping,
+    it is flattened: its keys get the name of the field as a prefix, ``recoil_rms``, unless the
+    field is `inline`.
     """
     if isinstance(row, Mapping):
         return row
@@ -98,11 +99,11 @@ def table_text(
     rows
         Dataclasses or mappings.
     columns
-        Columns to print, in this order, by key; by default those of the dataclass, or for mappings
-        every key under its name.
+        Columns to print, in this order, by key. By default the columns of the dataclass, or for
+        mappings one column per key.
     across
-        The key whose values are the column heads of a transposed table, for few rows with many
-        columns. By default the table is not transposed.
+        Key whose values become the column heads of a transposed table, which suits few rows with
+        many columns. By default the table is not transposed.
     """
     if not rows:
         return "nothing"

@@ -1,9 +1,9 @@
 """Bias of the method: the error of a simulated test without randomness.
 
-The test still includes vibration of the bat, whole encoder counts, drag, friction, and the
-resolution of rule, scale and timer. Without scatter, rounding a reading always gives the same
-error. Most of the bias is this rounding error, which the budget includes; the rest comes from the
-reduction.
+The test still includes vibration of the bat, encoder counts rounded to integers, drag, friction,
+and the resolution of rule, scale and timer. Without scatter, rounding a reading always gives the
+same error. Most of the bias is this rounding error, which the budget includes; the rest comes from
+the reduction.
 """
 
 from __future__ import annotations
@@ -58,9 +58,8 @@ def bias(
 ) -> Biases:
     """Show the systematic error of the method: measured minus true value without randomness.
 
-    The table has one row per bat in the catalog and one column per quantity, in SI units. An
-    entry is missing if the test of the bat gave no result, for example because a scan found no
-    maximum.
+    The table has one row per bat in the catalog and one column per quantity, in SI units. An entry
+    is missing if the test of the bat gave no result, for example if a scan has no maximum.
 
     Parameters
     ----------

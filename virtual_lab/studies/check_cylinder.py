@@ -2,7 +2,8 @@
 
 The cylinder is measured once at the bench, and the check ball once at the wall rig. Then, on each
 day, the ball is fired at the centre of percussion of the cylinder, and e_A is computed from the
-records. From a given day on, the impact rig may have a fault, which the control charts do not know.
+records. From a given day on, the impact rig may have a fault; the control charts do not use this
+information.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def check_cylinder(
     tested = by_the_book(laboratory).of(0).certification
     session, preparation = tested.session, prepare(tested.block)
     place = tested.readings.place[0] - along_of(session)
-    # with complete records, the hits of one day are reduced together
+    # Complete records are reduced day by day, summed records all at once.
     together = 1 if faults else days
     values = []
     for first in range(1, days + 1, together):

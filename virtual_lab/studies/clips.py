@@ -124,7 +124,7 @@ def clip_coverage(
 def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
     """Film one shot. Return value, u and true value of each quantity [SI], shape (quantity, 3).
 
-    All are NaN if the shot is rejected.
+    All values are NaN if the shot is rejected.
     """
     day = prepare_day(laboratory)
     ready, rules, stage = day.laboratory, laboratory.rules.spec, Stage.IMPACT

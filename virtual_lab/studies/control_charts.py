@@ -32,7 +32,7 @@ EWMA_LIMIT = 2.962 * sqrt(WEIGHT / (2 - WEIGHT))
 
 
 class Run(NamedTuple):
-    """A pattern: `need` of `of` consecutive days `beyond` a distance on one side [sigma]."""
+    """A pattern: `need` of `of` consecutive days more than `beyond` sigma off, on the same side."""
 
     need: int
     of: int
@@ -83,8 +83,8 @@ def breaks(x: Array, rule: int) -> Mask:
     """Return a mask of the days that complete a pattern of Western Electric rule 1, 2, 3 or 4.
 
     `x` are deviations from the centre in standard deviations, (…, day), and the mask has their
-    shape. A pattern is on one side of the centre, above or below. Days before the first do not
-    count. Raises `KeyError` for another rule.
+    shape. All deviations of a pattern are on the same side of the centre. A pattern cannot begin
+    before the first day of `x`. Raises `KeyError` for another rule.
     """
     run = RULES[rule]
     pattern_days = np.zeros(x.shape, dtype=bool)
@@ -107,10 +107,10 @@ def moving_range(x: Array) -> Array:
 
 
 def ewma(x: Array) -> Array:
-    """Return the exponentially weighted moving average of each day, (…, day), as `x`.
+    """Return the exponentially weighted moving average of each day, in the shape of `x`, (…, day).
 
-    `x` are deviations from the centre in standard deviations, and so is the average. The newest day
-    has the weight 0.2, and the average starts at 0 before the first day.
+    `x` are deviations from the centre in standard deviations, and the average has the same unit.
+    The newest day has the weight 0.2, and the average starts at 0 before the first day.
     """
     return np.asarray(lfilter([WEIGHT], [1.0, WEIGHT - 1.0], x, axis=-1))
 
@@ -118,8 +118,9 @@ def ewma(x: Array) -> Array:
 def cusum(x: Array) -> tuple[Array, Array]:
     """Return the cumulative sums of the deviations above and below the centre, both ≥ 0.
 
-    `x` are deviations in standard deviations, (…, day), and each sum has their shape. Deviations up
-    to 0.5 do not count. A sum restarts at 0 when it would become negative.
+    `x` are deviations in standard deviations, (…, day), and each sum has their shape. Each day adds
+    its deviation to the sum of its side, minus 0.5 to both sums. A sum restarts at 0 when it would
+    become negative.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down

@@ -1,9 +1,9 @@
 """Coverage: the share of laboratories whose 95 % interval contains the true value.
 
-The study also compares the bias of each result with the expected bias, which has three causes: the
-curvature of the reduction within the uncertainties of its inputs; the curvature of the metric along
-the barrel within the scatter of the impact positions; and, for a scan, the bias of the scan itself,
-computed by simulation.
+The study also compares the bias of each result with the expected bias, which has three causes. The
+first is the curvature of the reduction over the range of its uncertain inputs. The second is the
+curvature of the metric along the barrel over the range of the scattered impact positions. The third
+is the bias that a scan causes by choosing the best position, computed by simulation.
 """
 
 from __future__ import annotations
@@ -60,8 +60,7 @@ class Coverage:
 
     `low` and `high` are the limits of the coverage (95 %, Clopper-Pearson). The ratio of
     `rms_error` to `rms_u` is 1 for a realistic uncertainty, and larger if the stated uncertainty is
-    too small.
-    `expected_se` is above 0 if the expected bias was computed by simulation.
+    too small. `expected_se` is above 0 if the expected bias was computed by simulation.
     """
 
     bat: str
@@ -212,9 +211,9 @@ def each_laboratory(
 ) -> Iterator[Taken]:
     """Yield the result of `take` for each block of laboratories, in the order of the laboratories.
 
-    `take` must be a function of a module, because processes pickle it. After each block, `progress`
-    is called with a text, the number of laboratories done, and the total. Raises `InputError` for
-    fewer than two laboratories or `workers` below 1.
+    `take` must be a module-level function, because processes pickle it. After each block,
+    `progress` is called with a text, the number of laboratories done, and the total. Raises
+    `InputError` for fewer than two laboratories or `workers` below 1.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")
@@ -233,8 +232,9 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
 def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> CoverageTable:
     """Return the table of the study from the samples of all blocks of laboratories.
 
-    It has one row per quantity, the metric first. `seed` is that of the study. Laboratories with an
-    INVALID test are only counted. Raises `ValueError` if no laboratory has a result.
+    The table has one row per quantity, the metric first. `seed` is the seed of the study.
+    Laboratories with an INVALID test are only counted. Raises `ValueError` if no laboratory has a
+    result.
     """
     names = ("metric", *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
@@ -290,8 +290,8 @@ class Results:
     def rows(self, beside: Array | float) -> Array:
         """Return miss, error, u, expected bias and degrees of freedom, shape (laboratory, 5).
 
-        The miss is 1 if the true value is above the interval, -1 if it is below, and 0 otherwise.
-        `beside` is added to the expected bias.
+        The miss is 1 if the true value is above the 95 % interval, -1 if it is below, and 0
+        otherwise. `beside` is added to the expected bias.
         """
         half_width = coverage_factors(self.dof) * self.u
         above, below = self.true > self.value + half_width, self.true < self.value - half_width
@@ -315,11 +315,11 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return the results of a block that the study uses, arrays (laboratory,) in SI units.
+    """Return the results of a block for this study, arrays (laboratory,) in SI units.
 
-    These are numbers of shots, impact position [m from the tip], scatter, and for each quantity by
-    name the result with its standard uncertainty, degrees of freedom and true value. Laboratories
-    with an INVALID test have a row, which `sound` excludes.
+    The results are numbers of shots, impact position [m from the tip], scatter, and for each
+    quantity by name its value, standard uncertainty, degrees of freedom and true value.
+    Laboratories with an INVALID test are included; the mask `sound` is False for them.
     """
     certified, reduced = tested.certified, tested.certified.reduced
     owner, metric = reduced.owner, reduced.shot_metric

@@ -1,11 +1,11 @@
 """Ranking of bats by test procedures, compared with the field (the paper's Sec. V).
 
-The field ranks bats by the peak v_f of the nominal bats in the standard game. A procedure is
+The ranking in the field is by the peak v_f of the nominal bats in the standard game. A procedure is
 evaluated in an error-free laboratory with nominal bats, and in laboratories with random bats, balls
-and errors. In such a laboratory all bats share rigs and calibrations, whose errors cancel in a
-difference. The individual bat, the balls, bench readings and hits differ between tests. The scatter
-between individual bats is one cause of wrong rankings. Instruments write sums, which changes no
-result.
+and errors. Within such a laboratory all bats share rigs and calibrations, whose errors cancel in a
+difference. Individual bat, balls, bench readings and hits differ between tests. The scatter between
+individual bats is one cause of wrong rankings. Instruments write sums, which gives the same
+results.
 """
 
 from __future__ import annotations
@@ -314,9 +314,10 @@ def critique(
 def misranking(field: float, differences: Array) -> Ranking:
     """Return the ranking of two bats by a procedure, with the probability that it is wrong.
 
-    The verdict is ``no result`` if fewer than two differences are finite, and ``tie`` if the bats
-    differ by less than 0.1 mph in the field; a tie has no probability. A probability of at least 95
-    % gives ``opposite order``, one of at most 5 % ``same order``, and any other ``by chance``.
+    The verdict is ``no result`` if fewer than two differences are finite, and ``tie``, without a
+    probability, if the bats differ by less than 0.1 mph in the field. Otherwise it depends on the
+    probability of the opposite order: ``opposite order`` from 95 % up, ``same order`` up to 5 %,
+    and ``by chance`` in between.
 
     Parameters
     ----------
@@ -353,7 +354,7 @@ def misranking(field: float, differences: Array) -> Ranking:
 
 
 def _of_this_game(sports: Set[Sport | None]) -> list[str]:
-    """Return the procedures of the catalog for the sports; all of them if one is unknown."""
+    """Return the procedures of the catalog for these sports; all if a sport is unknown."""
     return [
         name
         for name in catalog.names("procedures")

@@ -30,7 +30,7 @@ class PageLayout(NamedTuple):
     """Dimensions of the page [in]."""
 
     cell: float = 0.32
-    least_width: float = 7.2  # width of the sentences at the top and of the legend
+    least_width: float = 7.2  # smallest width, which the sentences at the top and the legend need
     right: float = 0.1
     above: float = 1.05
     below: float = 1.6  # smallest height below the panels; more for long names

@@ -1,8 +1,8 @@
 """Daily checks of a laboratory with check ball and check cylinder, and their control charts.
 
-The charts show the measured e0 of the check ball at the ball-wall rig, as the mean of the hits of a
-day, and e_A of the steel cylinder at the impact rig. From a given day on, the wall may be loose or
-the impact rig may have a fault, which the charts do not know.
+The charts show daily means: measured e0 of the check ball at the ball-wall rig, and e_A of the
+steel cylinder at the impact rig. From a given day on, the wall may be loose or the impact rig may
+have a fault; the charts do not use this information.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Daily(StudyResult):
     faults: tuple[str, ...]  # faults of the impact rig
     since: int | None  # first day of the change of wall or rig; None without a change
     values: Array  # mean measured e0 of the check ball
-    wall: Array  # true ratio of the rebound speed to that from a rigid wall
+    wall: Array  # true rebound speed divided by that from a rigid wall
     charted: DayCharts
     cylinder: Array  # mean measured e_A of the check cylinder
     cylinder_charted: DayCharts
@@ -194,18 +194,18 @@ def daily(
     days
         Number of mornings.
     baseline
-        Number of days that set the limits.
+        Number of first days, from which the limits are computed.
     hits
         Number of hits each morning.
     drift
-        Daily loss of the wall's rebound speed, as a share of that from a rigid wall, such as
+        Daily loss of rebound speed at the wall, as a share of the speed from a rigid wall, such as
         0.0005.
     step
-        Sudden loss of the wall's rebound speed, as the same share.
+        Sudden loss of rebound speed at the wall, as the same share.
     faults
         Fault of the impact rig.
     since
-        First day of drift, step and faults, counted from 1. By default the first after the
+        First day of drift, step and faults, counted from 1. By default the first day after the
         baseline.
     rules
         Western Electric rule to apply, 1 to 4.

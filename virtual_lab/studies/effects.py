@@ -1,9 +1,9 @@
 """Comparison of the stated and the real effect of each component of the uncertainty budget.
 
-The error of a constant is its certified minus its true value. Over many laboratories the errors of
-the metric are regressed on the errors of all constants, in units of u. A coefficient of the
-regression is the real effect of one standard uncertainty, which the budget states as sensitivity
-times u. The residual of the regression is the effect of the hits.
+The error of a constant is its certified minus its true value. Over many laboratories, the errors of
+the metric are regressed on the errors of all constants, in units of u. A coefficient of this
+regression is the real effect of one standard uncertainty; the stated effect is sensitivity times u
+in the budget. The residual of the regression is the effect of the hits.
 """
 
 from __future__ import annotations
@@ -92,11 +92,11 @@ def effects(
     the study tests one bat. For the slope, `realised` is the error of this one bat's slope, which
     says little about the spread, so `apart` is None. This error also changes the effect of the aim.
 
-    The second is `hits`. It is stated as if each hit had a ball of its own, drawn at random,
-    but the hits use different balls of the same dozen. If e is not proportional to e0, as for a
-    hollow bat, balls differ in their results. These differences count fully in the scatter of
-    the hits but partly cancel in the mean, so the stated effect is too large. With the procedure
-    ``asa``, whose six hits use six of twelve balls, it is too large by 6 %.
+    The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
+    ball, but the hits use different balls of the same dozen. If e is not proportional to e0, as for
+    a hollow bat, the results differ between balls. These differences increase the scatter of the
+    hits but partly cancel in the mean, so the stated effect is too large. With the procedure
+    ``asa``, whose six hits use six of twelve balls, it is 6 % too large.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def effects(
         elif name == CHOICE:
             realised, se = _spread(np.array([case.choice for case in cases]))
         elif name == SLOPE_ERROR and AIM_ALONG in coefficients:
-            # one bat has one slope, whose error changes the effect of the aim
+            # One bat has one slope, whose error changes the effect of the aim.
             realised, se = (
                 coefficients[AIM_ALONG] - _stated_effect(AIM_ALONG, cases),
                 coefficients_se[AIM_ALONG],
@@ -215,7 +215,7 @@ def _constant_errors(tested: BatTest) -> dict[str, float]:
 
 
 def _reading_errors(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of the mean readings at the bench that scatter causes [SI], by name."""
+    """Return the errors of the mean bench readings caused by scatter [SI], by name."""
     constants = bench_constants(tested.certification.block)
     readings = {name: float(each.value[0]) for name, each in constants.items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
@@ -240,7 +240,7 @@ def _reading_errors(tested: BatTest, true: Mapping[str, float]) -> dict[str, flo
 
 
 def _ball_errors(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of e0 of each ball, and of its slope, that scatter causes, by name."""
+    """Return the errors of e0 of each ball and of its slope caused by scatter, by name."""
     readings, lot = observe_balls(tested.certification.block), tested.sealed.balls
     names = restitution_names(readings.mass.shape[-1])
     x = {name: np.array(value) for name, value in constants.items()}

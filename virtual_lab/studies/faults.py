@@ -159,7 +159,7 @@ def faults(
     Returns
     -------
     Rows
-        One row per procedure and fault; the first one is the day without a fault.
+        One row per procedure and fault; the first row of a procedure is the day without a fault.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def _row(
     detections: Sequence[_Detection],
     sound: Sequence[_Detection],
 ) -> FaultOutcome:
-    """Return the outcome of a fault; without a `prediction`, that of the day without a fault."""
+    """Return the outcome of a fault. Without a `prediction` it is the day without a fault."""
     many = sum(bool(each.catches) for each in detections)
     interval = binomtest(many, len(detections)).proportion_ci(0.95, "exact")
     by = Counter(catch for each in detections for catch in each.catches)

@@ -19,7 +19,8 @@ from virtual_lab.records.session import SESSION, Session, load_session
 def our_session(procedure: str) -> Session:
     """Return the session of a simulated test by a procedure, from which the forms are made.
 
-    To save time it has no noise and a rigid bat. Raises `InputError` for an unknown procedure.
+    To save time the test has no noise, and the bat is rigid. Raises `InputError` for an unknown
+    procedure.
     """
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.simulation.stations.rig import Reality
@@ -84,7 +85,7 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
     try:
         needed = _constants_of(procedure)
     except InputError:
-        needed = []  # the rules are for other machines; the reduction reports what is missing
+        needed = []  # the rules are for other machines, so the reduction reports missing constants
     if needed:
         has_climate = "climate" in session.records.get("bench", {})
         optional = (DENSITY,) if has_climate else (LOGGER,)  # the density follows from the climate

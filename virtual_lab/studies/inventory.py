@@ -73,7 +73,7 @@ class SlowestRebound:
 
     fall_mm: float
     at_gates: list[dict[str, float]]  # distance_m and speed_mph of each gate
-    told_mph: float  # slowest rebound that two gates detect, as a speed requires
+    told_mph: float  # slowest rebound that two gates detect, the number that a speed requires
 
     @classmethod
     def of(cls, name: str, kind: str | None) -> SlowestRebound | None:

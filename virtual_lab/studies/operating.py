@@ -1,9 +1,10 @@
 """Operating characteristic of a procedure: probability of PASS against the true metric.
 
-Simulated tests of one bat design give the errors of the metric (measured minus true value) and the
-INVALID tests. A bat with the true metric x is assumed to have the same errors, so it passes if x
-plus an error is at most the limit; other rules for the bat are not considered. Each laboratory
-tests three times, with new balls, hits and readings, but with the same calibrations and bat.
+Simulated tests of one bat design give the distribution of the errors of the metric (measured minus
+true value) and the share of INVALID tests. A bat with another true metric x is assumed to have the
+same errors, so it passes if x plus the error is at most the limit. Other rules for the bat are not
+considered. Each laboratory tests three times, with new balls, hits and readings, but with the same
+calibrations and bat.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from virtual_lab.units import Array, Mask
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
-TESTS = (1, 3)  # numbers of tests per laboratory; the best one counts
-# half range of the true metric about the limit [standard deviations of the error], and number of
-# true metrics
+TESTS = (1, 3)  # numbers of tests per laboratory, of which the best decides
+# half the range of true metrics about the limit [standard deviations of the error], and number of
+# true metrics in the range
 HALF_RANGE, POINTS = 3.0, 20
 
 WORDS = (

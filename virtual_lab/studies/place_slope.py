@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slope:
-    """Slope of one bat, or mean or standard deviation over the bats, which have no position."""
+    """Slope of one bat, or the mean or standard deviation over all bats, without a position."""
 
     bat: str = column("bat")
     place_in: float | None = column("position from the tip", "in")

@@ -1,10 +1,10 @@
 """Bias of a test due to aim errors and scatter, computed by simulation on the exact curve.
 
 Aim errors move hits away from the intended position, which lowers the result near a maximum. A scan
-takes the maximum of noisy values, which raises the result. But a scan also continues where the
-first hits were high and leaves positions where they were low, which lowers the result. There is no
-closed formula for this, so the procedure is simulated many times on the exact curve, without
-instruments.
+selects the maximum of noisy values, which raises the result. A scan also adds hits at positions
+whose first hits were high and none where they were low, which lowers the result. There is no closed
+formula for the sum of these effects, so the procedure is simulated many times on the exact curve,
+without instruments.
 """
 
 from __future__ import annotations
@@ -90,10 +90,11 @@ class Rehearsal:
         )
 
     def straying(self, along: float, scatter: float) -> HitScatter:
-        """Return the scatter of the hits, given the standard deviation of the marks along the bat.
+        """Return the scatter of the hits from two observed standard deviations.
 
-        `scatter` is the standard deviation of the metric at one aim. The part that the marks cause
-        is subtracted, as the mean over the range of the fit.
+        `along` is that of the marks along the bat [m], and `scatter` that of the metric at one aim.
+        The part of `scatter` that the scatter of the marks causes is subtracted, averaged over the
+        range of the fit.
         """
         scan = self.procedure.scan
         half_width = scan.fit_half_width if scan else 0.0

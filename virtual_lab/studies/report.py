@@ -263,10 +263,9 @@ class CertificateReport(StudyResult):
 def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> CertificateReport:
     """Compare the certificates in result folders.
 
-    The certificates are those of bats by one procedure, of one bat by several procedures, of one
-    bat in several laboratories, or of repeats of one test. Certificates that differ in more than
-    one way are refused, and so are copies of one test. The numbers are those of the certificates;
-    `verify` checks them.
+    The certificates must differ in only one way: several bats, several procedures, several
+    laboratories, or repeats of one test. Copies of one test are refused. The numbers are copied
+    from the certificates and not recomputed; `verify` does this.
 
     Parameters
     ----------
@@ -302,7 +301,7 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
 
 
 def _require_other_records(documents: dict[Path, CertificateDocument]) -> None:
-    """Raise `InputError` if two certificates have the same records, as copies have."""
+    """Raise `InputError` if two certificates have the same records, which means they are copies."""
     earlier: dict[str, Path] = {}
     for folder, document in documents.items():
         same = earlier.setdefault(document.session_digest or str(folder), folder)

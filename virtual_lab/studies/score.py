@@ -39,7 +39,7 @@ class QuantityScore:
     def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
         """Return the score of a result; `measured` has the keys `value` and `u`.
 
-        The error is None without a value, and so is z, also if u is None or 0.
+        Without a value the error is None. z is None without a value, and if u is None or 0.
         """
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
@@ -53,9 +53,9 @@ def score(
     """Return the scores of the metric and the other quantities, by name, in SI units.
 
     For a scan the metric is compared twice: with the result of the procedure on the exact curve,
-    and with the maximum of this curve. The metric as found is that before a correction for the
-    balls. The width of the curve [m], if stated, is last. The result is empty if `measurand`, the
-    true values, is empty, as after a test without a result.
+    and with the maximum of this curve. The metric "as found" is the metric before a correction for
+    the balls. The width of the curve [m], if stated, is last. `measurand` holds the true values; it
+    is empty for a test without a result, and then the scores are empty too.
     """
     if not measurand:
         return {}
@@ -153,7 +153,7 @@ def score_folder(folder: Folder) -> CertificateScore:
             raise
         simulation, rows, faults = {}, (), ()
     named = {(each.file, each.key) for each in altered}
-    # the digest differs from that in the certificate if truth and seal were altered together
+    # If truth and seal were altered together, the digest differs from that in the certificate.
     bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}
     if simulation.get("truth_digest") not in (None, digest) and not named & bound:
         altered.append(Alteration(TRUTH, "", "altered"))

@@ -38,8 +38,8 @@ def sweep_tests(
 ) -> pd.DataFrame:
     """Return a table with one row per test, in the columns that `virtual_lab.sweep` describes.
 
-    The rows are in the order of `bats`, then of `procedures`, then by number of the laboratory. A
-    test without a result has a row, too.
+    The rows are sorted by the order of `bats`, then of `procedures`, then by number of the
+    laboratory. A test without a result also has a row.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ from virtual_lab.sheets import AnyProcedure, entry_name
 from virtual_lab.studies.foreign import our_session
 from virtual_lab.units import DIMENSIONS
 
-PARTICULARS = "laboratory"  # name of the form of who tests what
+PARTICULARS = "laboratory"  # name of the form for laboratory, customer and bat
 OWN_RULES = "procedure.toml"
 MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
     "climate": "hall.air.density is used, and the logger needs no constants",

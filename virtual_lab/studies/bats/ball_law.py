@@ -90,8 +90,8 @@ class LawTable(Rows[LawRow]):
 def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
     """Show how the results of a bat depend on the force law of the ball.
 
-    The table has one row per law: the ball on a wall, and the peaks of the free bat in the standard
-    game.
+    The table has one row per force law. It states the impact of the ball on a wall, and the peaks
+    of the free bat in the standard game.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
     speed = game.pitch_speed + float(bat_speed(game.angular_speed, beam.length, middle))
     e0 = float(ball.restitution.at(speed))
     r = np.asarray(recoil_factor_free(ball.mass, beam.mass, beam.inertia_cm, z - beam.z_cm))
-    # with 40 modes, e_A of every law is 2e-4 lower than with 100
+    # With 40 modes, e_A is 2e-4 lower than with 100, for every law.
     model = ReferenceModel.of(body, Free(), 40)
     goal = _on_wall(_Law("", PowerLaw.of, ball.exponent), ball.mass, speed, e0, ball.stiffness)
     rows, curves = [], []
@@ -160,7 +160,8 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
 def _stiffness(law: _Law, mass: float, speed: float, e0: float, time: float) -> float:
     """Return the stiffness k for which the ball is compressed on a wall in `time` [s]."""
     unit = _on_wall(law, mass, speed, e0, 1.0).compression_time
-    # at a given speed, time is proportional to compression, and this to k^(-1 / (a + 1))
+    # At a given speed the time is proportional to the compression, which is proportional to k^(-1 /
+    # (a + 1)).
     return float((unit / time) ** (law.exponent + 1))
 
 

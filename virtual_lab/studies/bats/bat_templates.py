@@ -1,9 +1,10 @@
 """Fit of a bat model to measurements, by least squares over the parameters of a template.
 
 A template is a shape with a few parameters, each with a typical value, a typical spread and limits.
-The fit agrees with the data, each within its uncertainty. As far as the data allow, the parameters
-stay near their typical values, or near random values from the spread: fits to many random values,
-each with data varied by their uncertainties, show the remaining uncertainty.
+The fit agrees with each measurement within its uncertainty. As far as the data allow, the
+parameters stay near a target: their typical values, or random values drawn from the spread. Fits
+with many random targets, each to data varied by their uncertainties, show the remaining
+uncertainty.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 from virtual_lab.simulation.physics.shell import shell_mode
 from virtual_lab.units import INCH, OUNCE, Array
 
-HOOP_POSITION = 6 * INCH  # impact position of the modal mass, near the greatest e [m from the tip]
-PLAUSIBLE_SHARES = (0.5, 2.0)  # smallest and largest measured modal mass [the shell's]
+HOOP_POSITION = 6 * INCH  # position at which the modal mass is stated, near the greatest e [m]
+PLAUSIBLE_SHARES = (0.5, 2.0)  # limits of a measured modal mass, relative to that of a shell
 COARSE = {"order": 6, "element_size": 0.1}  # relative error of the first two frequencies: 1e-6
 
 
@@ -55,7 +56,7 @@ MEASURED = ("length", "inertia_axis", *GOALS)  # fields with an uncertainty
 
 
 class Goal(NamedTuple):
-    """A measured value [SI] and its standard uncertainty; 0 for a value to be met closely."""
+    """A measured value [SI] and its standard uncertainty, 0 if the fit must be close to it."""
 
     value: float
     u: float
@@ -65,7 +66,8 @@ class Goal(NamedTuple):
 class BatMeasurements(Spec):
     """Measurements of a bat by a user. Positions are distances from the barrel tip.
 
-    Fields ending in `_u` are standard uncertainties; 0 stands for a value to be met closely.
+    Fields ending in `_u` are standard uncertainties; 0 means that the fit must reproduce the value
+    closely.
     """
 
     name: Name
@@ -205,8 +207,8 @@ def fit(
     Raises
     ------
     InputError
-        No bat of the template fits the data within 3 u, or .1 % (nodes .05 in) if that is more. The
-        message lists the misfits of the best one.
+        No bat of the template fits each measurement within 3 u, or within 0.1 % (0.05 in for a
+        node) if that is more. The message lists the misfits of the best fit.
     """
     template = TEMPLATES[measured.template]
     usual, spread = template.usual, template.spread
@@ -291,10 +293,10 @@ def hoop_quantities(body: BatBody) -> dict[str, float]:
 
 
 def require_plausible_hoop(measured: BatMeasurements) -> None:
-    """Raise `InputError` if a measured modal mass is below half or above twice that of a shell.
+    """Raise `InputError` if a measured modal mass of the hoop mode is implausible.
 
-    The shell has outline and wall of the bat that fits all other measurements. Nothing is raised if
-    no modal mass was measured.
+    It is implausible below half or above twice the modal mass of a shell with outline and wall of
+    the bat that fits all other measurements. Nothing is raised if no modal mass was measured.
     """
     mass = measured.hoop_modal_mass
     if mass is None:
@@ -336,18 +338,21 @@ def _misfit_words(misfits: dict[str, float]) -> str:
 
 
 def _u(name: str, measured: BatMeasurements) -> float:
-    """Return the uncertainty of a measured value: relative, or for a node in m."""
+    """Return the standard uncertainty of a measured value, relative, or in m for a node."""
     goal = measured.goals[name]
     return goal.u if name.startswith("node") else goal.u / goal.value
 
 
 def _weight(name: str) -> float:
-    """Return the misfit that weighs as much as one spread: relative, or for a node in m."""
+    """Return the misfit with the weight of a parameter that is one spread off.
+
+    It is relative, or in m for a node.
+    """
     return 1e-3 * INCH if name.startswith("node") else 1e-4
 
 
 def _tolerance(name: str) -> float:
-    """Return the largest accepted misfit: relative, or for a node in m."""
+    """Return the largest accepted misfit, relative, or in m for a node."""
     return 0.05 * INCH if name.startswith("node") else 1e-3
 
 
@@ -425,7 +430,8 @@ TEMPLATES: dict[str, Template] = {
             Parameter("knob mass", 2.0 * OUNCE, 1.0 * OUNCE, 0.2 * OUNCE, 10 * OUNCE),
             Parameter("knob place, of the length", 0.97, 0.015, 0.9, 1.0),
             Parameter("end cap mass", 0.8 * OUNCE, 0.5 * OUNCE, 0.1 * OUNCE, 5 * OUNCE),
-            # ratios to a shell with this wall and a rigid cap: EA70 1.26 and 1, softball-34 1 and 1
+            # Frequency and modal mass relative to a shell with this wall and a rigid cap are 1.26
+            # and 1 for EA70, and 1 and 1 for softball-34.
             Parameter("hoop frequency over that of the shell", 1.1, 0.15, 0.5, 2.0),
             Parameter("hoop modal mass over that of the shell", 1.0, 0.1, 0.5, 2.0),
         ),

@@ -1,6 +1,6 @@
 """Comparison of bats under standard game conditions (the paper's Figs. 3 and 4).
 
-Results of the model for nominal bats; nothing here is measured.
+All numbers are model results for nominal bats, not measurements.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def profile(
     Raises
     ------
     InputError
-        One bat has several exponents, or `compare` raises an error.
+        Several exponents are stated for one bat; also in the cases of `compare`.
     """
     several, exponents = entry_names(bats) + entry_names(more), values_of(swings)
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
@@ -230,8 +230,8 @@ def compare(
     Raises
     ------
     InputError
-        There are fewer than two bats, two have the same name, there is no exponent or one
-        outside 0 to 0.5, or a bat, a ball or the moment of inertia cannot be used.
+        There are fewer than two bats, two have the same name, no exponent is stated, an exponent is
+        not between 0 and 0.5, or a bat, a ball or the moment of inertia cannot be used.
     """
     if len(bats) < 2:
         raise InputError("", "bats", ", ".join(bats) or "none", "allowed: at least two")

@@ -20,7 +20,7 @@ PLACE = "impact position from the barrel tip $z$, in"
 
 
 def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
-    """Draw e, r and e_A in the upper panel; e_A, v_bat and v_f in the lower (the paper's Fig. 2).
+    """Draw Fig. 2 of the paper: e, r and e_A in the upper panel, e_A, v_bat and v_f in the lower.
 
     The positions are 1 to 12 in from the tip, the speeds are in mph.
 

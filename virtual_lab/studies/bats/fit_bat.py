@@ -1,8 +1,8 @@
 """Bat file from the measurements of a user, and the remaining uncertainty.
 
-The bat is the most typical bat of the template that fits the data. Other bats, with parameters
-close to random values, fit the same data, varied by their uncertainties. Their differences show
-which quantities the measurements do not determine.
+The bat is the most typical bat of the template that fits the data. Other bats are fitted with
+random target values of the parameters, to the same data varied by their uncertainties. The
+differences between these bats show which quantities the measurements do not determine.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Effect of hits away from the centre of percussion on a pivoted test (the paper's Sec. V B).
 
-Such hits load the pivot. Each shot is simulated with the bearing as installed, with a plain bearing
-and with a loose bearing. The differences are the effect of the bearing on e_A by recoil. e_A by
+Such hits load the pivot. Each shot is simulated with the installed bearing, with a plain bearing
+and with a loose bearing. The differences show the effect of the bearing on e_A by recoil. e_A by
 rebound, which does not depend on the pivot, is computed for comparison.
 """
 
@@ -143,7 +143,7 @@ class _Stand:
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
-        """Return the laboratory with an encoder of infinite resolution, to resolve small shifts."""
+        """Return the laboratory with an encoder whose counts are not rounded to whole numbers."""
         stations: Any = self.laboratory.stations
         impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
@@ -184,7 +184,7 @@ def percussion(
 ) -> PercussionStudy:
     """Show the errors of hits off the centre of percussion of a pivoted bat.
 
-    The table has one row per place along the barrel, 2 to 12 in from the tip.
+    The table has one row per impact position, 2 to 12 in from the tip.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def percussion(
     seed
         Seed of the first laboratory; the others follow.
     shots
-        Number of shots per laboratory and place; a reading is their mean.
+        Number of shots per laboratory and impact position; a reading is their mean.
     instruments
         Instruments and rigs with changed values, in place of those of the catalog.
 
@@ -286,7 +286,7 @@ def _row(
 
 
 def _ring(still: _Stand, place: float) -> float:
-    """Return the amplitude of the vibration at the axis [rad]: root sum square of the modes."""
+    """Return the amplitude of the vibration at the axis [rad], root sum square over the modes."""
     from virtual_lab.simulation.collision.scene import Scenes
 
     laboratory = still.laboratory

@@ -27,8 +27,8 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> Page
     bat
         Name of the bat, for the title.
     """
-    table = table.astype(float)  # None, for no detected rebound, becomes NaN
-    # close to the centre of percussion, only a loose bearing makes a difference
+    table = table.astype(float)  # None (no detected rebound) becomes NaN
+    # Close to the centre of percussion only a loose bearing has an effect.
     rows = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
     z = rows["z_in"]
 

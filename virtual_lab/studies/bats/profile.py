@@ -1,6 +1,6 @@
 """Curves along a bat in the standard game: e, r, e_A, BPF, bat speed and batted-ball speed.
 
-Results of the model for the nominal bat; nothing here is measured.
+All numbers are model results for the nominal bat, not measurements.
 """
 
 from __future__ import annotations
@@ -239,7 +239,8 @@ def curves_of(
     scenes, e_A, recoil
         Collisions along the bat, and their e_A and r, each of shape (position,).
     pitch, moving
-        Speed of the ball [m/s], and speed of the bat at each position [m/s], shape (position,).
+        Speed of the pitched ball [m/s], and speed of the bat [m/s] at each position, shape
+        (position,).
     """
     e = np.asarray(restitution_from_efficiency(e_A, recoil))
     v_f = np.asarray(batted_speed(e_A, pitch, moving))
@@ -276,9 +277,9 @@ def swing_exponents(
 ) -> tuple[float | None, ...]:
     """Return the exponents n of the swing law without repetitions, or (None,) for constant energy.
 
-    `usual` is returned for the law ``power`` if `swings` is empty. The exponents are not checked.
-    Raises `InputError` for a law other than ``power`` or ``energy``, and for any exponent with
-    ``energy``.
+    For the law ``power``, `usual` is returned if `swings` is empty. The values of the exponents are
+    not checked. Raises `InputError` for another law than ``power`` and ``energy``, and for an
+    exponent with ``energy``.
     """
     if law == "power":
         return tuple(dict.fromkeys(swings or usual))

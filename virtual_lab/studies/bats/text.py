@@ -40,7 +40,7 @@ class Peaks:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """Differences of the peaks of a bat from those of another bat: relative [%], for v_f in mph."""
+    """Differences of the peaks of a bat from those of another bat [%], for v_f in mph."""
 
     bat: str
     against: str

@@ -1,4 +1,4 @@
-"""Scatter of laboratories that the stored interlaboratory studies found, for comparison."""
+"""Scatter of laboratories in the stored interlaboratory studies, for comparison."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from virtual_lab.catalog.reading import DATA
 
 TABLE = DATA / "uncertainty" / "interlab.csv"
 FACTORS = ("lot", "stiffness", "store", "calibration", "wall", "clamp")
-UNLIKELY = 0.01  # p-value below which a scatter is not that of the study, one-sided
+UNLIKELY = 0.01  # one-sided p-value below which a scatter differs from that of the study
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +45,9 @@ class ExpectedScatter:
 
 
 def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
-    """Return the stored scatter of a procedure, of this bat or else of the bat that scatters most.
+    """Return the stored scatter of a bat's result by a procedure.
 
+    If no study of this bat is stored, the result is that of the bat with the largest scatter. It is
     None if no study of the procedure is stored.
     """
     with TABLE.open(encoding="utf-8", newline="") as file:
@@ -58,9 +59,9 @@ def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the rows of the stored table from the terms of studies, one per bat and procedure.
 
-    A procedure that converts to a standard ball is represented by its converted result. Raises
-    `KeyError` for a study with one lot per laboratory, and `ValueError` for one in which no factor
-    acts alone.
+    For a procedure that converts to a standard ball, the converted result is used. Raises
+    `KeyError` for a study with one lot per laboratory, and `ValueError` for a study in which no
+    factor was simulated alone.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:

@@ -37,7 +37,9 @@ from virtual_lab.units import Array
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
-TOLERANCE, NEGLIGIBLE = 0.1, 0.02  # largest difference [share of the prediction; share of s_R]
+# largest difference that agrees with a prediction [share of the prediction], and smallest effect
+# that is compared [share of s_R]
+TOLERANCE, NEGLIGIBLE = 0.1, 0.02
 ALL, REST = "all factors", "interaction"
 WORDS = (
     "s_r: repeats with one lot; s_lot: between lots; s_L: between laboratories; s_R: single tests\n"
@@ -186,7 +188,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         rows.append(replace(like, term="stated u", predicted=None, found=stated))
         yield rows, precision
         if control:
-            reference = control[result][0].mean(axis=-1, keepdims=True)  # one per lot
+            reference = control[result][0].mean(axis=-1, keepdims=True)  # one value per lot
             corrected = values * np.nanmean(reference) / reference
             cured = replace(like, result=f"{result}, control bat {study.control}")
             precision = _precision(corrected)
@@ -194,7 +196,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
 
 
 def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
-    """Return predicted rows by result and by factor; the last one is of all factors."""
+    """Return the predicted rows by result and factor; the last row is for all factors together."""
     point = NominalTest.of(play)
     printed, names = METRICS[point.procedure.metric], play.factors
     rows: dict[str, dict[str, InterlabTerm]] = {}
@@ -237,8 +239,8 @@ def _interaction(
 ) -> InterlabTerm:
     """Return the row of the interaction, from standard deviations in `laboratories` each.
 
-    The interaction is negative if all factors together cause less than the root of the sum of their
-    squares. Its u is the size that chance alone gives it.
+    The interaction is negative if all factors together cause a smaller standard deviation than the
+    root sum of squares of the single factors. Its u is its standard deviation by chance.
     """
     squares = np.square([together, *alone])
     rest = squares[0] - squares[1:].sum()
@@ -250,8 +252,9 @@ def _interaction(
 def _precision(values: Array) -> NestedStudy:
     """Return the analysis of exercises, (exercise, laboratory, lot, repeat).
 
-    Only laboratories whose tests are all valid take part, so there may be fewer exercises. A lot
-    that the procedure refuses makes a test INVALID. Raises `InputError` for fewer than two.
+    Only laboratories whose tests are all valid are used, so there may be fewer exercises. A lot
+    that the procedure refuses makes a test INVALID. Raises `InputError` if fewer than two
+    laboratories remain.
     """
     laboratories = values.reshape(-1, *values.shape[2:])
     valid = laboratories[np.isfinite(laboratories).all(axis=(1, 2))]
@@ -272,7 +275,7 @@ def _variances(precision: NestedStudy) -> dict[str, Array]:
 
 
 def _pooled(precision: NestedStudy) -> dict[str, float]:
-    """Return standard deviations by term from the mean variances of all exercises."""
+    """Return standard deviations by term, computed from the mean variances of all exercises."""
     variances = {term: max(float(each.mean()), 0.0) for term, each in _variances(precision).items()}
     variances["s_R"] = sum(variances.values()) - variances["s_R"]
     return {term: sqrt(variance) for term, variance in variances.items()}

@@ -33,7 +33,7 @@ class Play:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """Factors of the study that act on the procedure's rig: only recoil shows a clamp."""
+        """Factors of the study that affect the procedure; the clamp only affects recoil."""
         rules = catalog.load("procedures", self.procedure, Procedure).spec
         clamped = rules.reads == "recoil"
         return tuple(name for name in self.study.spec.named if clamped or name != "clamp")
@@ -42,9 +42,9 @@ class Play:
     def round_robin(self, factors: Sequence[str], varied: tuple[str, ...]) -> Iterator[RoundRobin]:
         """Yield the laboratories in which `factors` have the numbers of the study.
 
-        `varied` are the patterns of the names of random numbers, see `Selected`. Within the context
-        the data sheets have these numbers. Raises `InputError` for a name that is unknown, or a
-        bat, ball or rig that does not fit the procedure.
+        Within the context the data sheets have these numbers. `varied` are patterns for the names
+        of the random numbers that vary, see `Selected`. Raises `InputError` if a name is unknown,
+        or if bat, ball or rig does not fit the procedure.
         """
         with catalog.sheets_in_place(sheets_of(self.study, self.procedure, factors)):
             setup = TestSetup.of(self.bat, procedure=self.procedure, detail=RecordDetail.SUMMED)
@@ -59,7 +59,7 @@ class Play:
     def alone(self, factors: Sequence[str]) -> dict[str, float]:
         """Return the standard deviation [SI] that `factors` alone cause, by name of the result.
 
-        Laboratories without a result do not count.
+        Laboratories without a result are left out.
         """
         study = self.study.spec
         varied = tuple(name for factor in factors for name in NAMES[factor])

@@ -1,8 +1,9 @@
 """Scatter of results that each factor alone should cause, to first order, without a simulation.
 
-Everything refers to one nominal test. The effect of calibration errors is that of its
-uncertainty budget. The derivatives of e with respect to the ball are those of the reference model
-of the collision, which shares no solver with the simulated tests. Everything else is a closed form.
+All effects are computed for one nominal test. The effect of calibration errors is taken from its
+uncertainty budget. The derivatives of e with respect to the properties of the ball are those of the
+reference model of the collision, which shares no solver with the simulated tests. All other effects
+are closed forms.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class NominalTest:
     r: float
     inertia: float  # moment of inertia of the bat about the pivot
     bat_speed: float  # speed in the game, for a batted speed
-    calibrations: Mapping[str, float]  # effect of all calibration errors, by name of the result
+    calibrations: Mapping[str, float]  # effect of all calibration errors, by result
     radii: Mapping[str, float]  # effect of the radius of the lot
 
     @classmethod
@@ -100,7 +101,7 @@ class NominalTest:
         slope = of_ball * (self.speed - line.speed) + by_e0 * (measured - line.speed)
         level = of_ball + by_e0
         stored = 0.0 if law is None else abs(law.slope) * line.value * self.humidity_spread
-        # the clamp takes its share of the angular momentum that recoil shows
+        # The clamp has a share of the angular momentum, which the recoil of the bat then lacks.
         clamp = by_e * (1 + self.e) / self.inertia if rules.reads == "recoil" else 0.0
         effects = {
             "lot": hypot(
@@ -115,7 +116,7 @@ class NominalTest:
         return abs(effects[factor])
 
     def _admitted(self, spread: float) -> float:
-        """Return the standard deviation of e0 of the lots that the procedure's window admits."""
+        """Return the standard deviation of e0 between lots that the procedure's window admits."""
         from scipy.stats import truncnorm
 
         windows, line = self.procedure.windows, self.ball.restitution
@@ -129,7 +130,7 @@ class NominalTest:
 
     @cached_property
     def _derivatives(self) -> tuple[float, float]:
-        """∂e/∂e0 and ∂e/∂ln k, by the reference model of the collision at this one point."""
+        """∂e/∂e0 and ∂e/∂ln k by the reference model, at the position and speed of the test."""
         body, step = self.bat.body, 0.02
         away = step * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
         scenes = Scenes.of(

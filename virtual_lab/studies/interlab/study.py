@@ -22,7 +22,8 @@ from virtual_lab.sheets import toml_text
 from virtual_lab.streams import LABORATORIES, LARGEST_SEED
 
 Share = Annotated[float | None, Ge(0), Le(0.1), Dimension("number")]
-# factor and key in the study: kind and name of the sheet that has its number, and the key there
+# for each factor and key in the study: kind and name of the sheet that has this number, and its key
+# there
 PLACES: Mapping[tuple[str, str], tuple[str, str, str]] = {
     ("lot", "level"): ("balls", "", "restitution.value_u"),
     ("lot", "slope"): ("balls", "", "restitution.slope_u"),
@@ -34,7 +35,7 @@ PLACES: Mapping[tuple[str, str], tuple[str, str, str]] = {
     ("clamp", "value"): ("rigs", "astm-pivot", "pivot.clamp_inertia"),
     ("clamp", "spread"): ("rigs", "astm-pivot", "pivot.clamp_spread"),
 }
-# names of the random numbers of each factor, see `Selected`
+# patterns of the names of the random numbers that belong to each factor, see `Selected`
 NAMES: Mapping[str, tuple[str, ...]] = {
     "lot": ("lot", "lot.level"),
     "stiffness": ("lot.stiffness",),
@@ -43,12 +44,12 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "wall": ("ball-wall.wall",),
     "clamp": ("astm-pivot.clamp",),
 }
-OF_LOTS = ("lot", "stiffness", "store")  # factors that belong to a lot; others: to a laboratory
+OF_LOTS = ("lot", "stiffness", "store")  # factors of a lot; all others are of a laboratory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LotFactor(Spec):
-    """Level and slope of e0, and radius: standard deviations between lots."""
+    """Standard deviations between lots of the level of e0, its slope, and the radius."""
 
     level: Share = None
     slope: Annotated[float | None, Ge(0), Dimension("slope of speed")] = None
@@ -57,7 +58,7 @@ class LotFactor(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpreadFactor(Spec):
-    """Stiffness of the balls [share], or humidity of their store: standard deviation of lots."""
+    """Standard deviation between lots of the stiffness [share], or of the humidity of the store."""
 
     spread: Share = None
 
@@ -69,7 +70,7 @@ class CalibrationFactor(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallFactor(Spec):
-    """Rebound speed from the wall over that from a rigid wall: mean and standard deviation."""
+    """Mean and standard deviation of the rebound speed, relative to that from a rigid wall."""
 
     value: Annotated[float | None, Ge(0.5), Le(1), Dimension("number")] = None
     spread: Share = None
@@ -77,7 +78,7 @@ class WallFactor(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampFactor(Spec):
-    """Unrecorded moment of inertia that turns with the bat: mean and standard deviation."""
+    """Mean and standard deviation of an unrecorded moment of inertia that turns with the bat."""
 
     value: Annotated[float | None, Ge(0), Dimension("inertia")] = None
     spread: Annotated[float | None, Ge(0), Dimension("inertia")] = None
@@ -85,9 +86,9 @@ class ClampFactor(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Factors(Spec):
-    """The factors that vary. A factor that is left out stays nominal.
+    """The factors that vary. A factor that is left out is nominal in all laboratories.
 
-    A number that is left out is that of the data sheet.
+    If a number of a factor is left out, the number of the data sheet is used.
     """
 
     lot: LotFactor | None = None
@@ -103,7 +104,8 @@ class InterlabStudy(Spec):
     """Every procedure with every bat, in `exercises` sets of `laboratories` laboratories.
 
     Each laboratory tests the same nominal bat with `lots` lots of balls, `repeats` times with each.
-    In addition each factor acts alone in `alone` laboratories, in none if 0.
+    In addition, `alone` laboratories are simulated for each factor in which only this factor
+    varies.
     """
 
     procedures: Annotated[tuple[str, ...], MinLen(1)]
@@ -132,7 +134,7 @@ class InterlabStudy(Spec):
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """Patterns of all random numbers but those of factors that are not named."""
+        """Patterns of all random numbers except those of factors that are not named."""
         fixed = chain.from_iterable(names for key, names in NAMES.items() if key not in self.named)
         return ("*", *(f"-{name}" for name in fixed))
 
@@ -146,10 +148,10 @@ def read_interlab(path: Path) -> Entry[InterlabStudy]:
 
 
 def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:
-    """Return the texts of data sheets with the study's numbers of the factors `names`.
+    """Return the texts of data sheets in which the factors `names` have the numbers of the study.
 
-    A sheet is left out if the study has no number for it. Raises `InputError` if a sheet lacks the
-    table of such a number.
+    A sheet is left out if the study has no number for it. Raises `InputError` if a sheet does not
+    contain the table of such a number.
     """
     ball = catalog.load("procedures", procedure, Procedure).spec.ball
     document = parse_toml(study.text, "study")["factors"]

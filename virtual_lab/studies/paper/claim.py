@@ -15,7 +15,7 @@ class Claim:
     """A statement of the paper, with the limits within which our result agrees."""
 
     section: str
-    where: str  # place in the section: text, equation, table or figure
+    where: str  # location in the section: text, equation, table or figure
     says: str
     paper: float | None  # printed number; None for a statement without a number
     low: float
@@ -27,7 +27,7 @@ class Claim:
 
     @property
     def name(self) -> str:
-        """Unique name of a claim: section, place in the section, and statement."""
+        """Unique name of a claim: section, location in the section, and statement."""
         return f"{self.section}, {self.where}: {self.says}"
 
     @property
@@ -102,10 +102,11 @@ class Row:
 def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
     """Yield the claims of a CSV table, in the order of its rows.
 
-    The column `find` holds the name of one of the `finders` and its arguments; no result is
-    computed yet. A printed number has the symmetric tolerance `within`. Other claims have the
-    limits `low` and `high`, of which an empty one is infinite. The column `lost` holds the reason
-    of a known disagreement. Raises `KeyError` for an unknown finder or a missing column.
+    The column `find` holds the name of one of the `finders` and its arguments. The result of a
+    claim is computed later, on request. A printed number has the symmetric tolerance `within`.
+    Other claims have the limits `low` and `high`; an empty limit is infinite. The column `lost`
+    holds the reason of a known disagreement. Raises `KeyError` for an unknown finder or a missing
+    column.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):

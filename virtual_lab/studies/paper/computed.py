@@ -1,6 +1,6 @@
-"""Bats, balls and collisions from which the paper's claims are computed, each once.
+"""Bats, balls and collisions from which the paper's claims are computed; results are cached.
 
-Places are in inches and speeds in mph here, as in the paper; a bat is named as in the catalog.
+Positions are in inches and speeds in mph here, as in the paper. Bats have their catalog names.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def rules(procedure: str) -> Procedure:
 
 @lru_cache
 def body(bat: str) -> BatBody:
-    """Return drawing and hoop mode of a bat in SI units, by its catalog name.
+    """Return geometry, material and hoop mode of a bat in SI units, by its catalog name.
 
     Raises `InputError` for an unknown bat.
     """
@@ -123,7 +123,7 @@ def ball_restitution(name: str, speed: float) -> float:
 
 
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
-    """Return the peak v_f of the first bat minus that of the second [mph]; negative if it is lower.
+    """Return the peak v_f of the first bat minus that of the second [mph].
 
     `swing` is the exponent n of the swing law, as in `top`.
     """
@@ -133,8 +133,8 @@ def lead(first: str, second: str, swing: float | None = 0.0) -> float:
 def support(name: str) -> Support:
     """Return the support of a bat by name: free, pivoted, clamped or held.
 
-    Positions are distances from the tip: the pivot is at 28 in, the clamp at 33 in, and the hand of
-    ``held`` is a pivot with a spring of 1e6 N/m at 31 in. Raises `KeyError` for another name.
+    The pivot is 28 in and the clamp 33 in from the tip. ``held`` is a bat held by a hand: a pivot
+    on a spring of 1e6 N/m, 31 in from the tip. Raises `KeyError` for another name.
     """
     supports: dict[str, Support] = {
         "free": Free(),
@@ -173,7 +173,8 @@ def peak_of(
     z
         Impact positions [in from the tip], one number or shape (position,).
     support_name
-        Support of a bat given by name: free, pivoted, clamped or held. A model has its own.
+        Support of a bat given by name: free, pivoted, clamped or held. It is ignored for a model,
+        which contains its support.
     speed
         Relative speed of ball and bat [mph], for all positions or for each.
     with_ball
@@ -199,10 +200,10 @@ def energy_loss(collisions: Collisions) -> Array:
 
 
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
-    """Return r of a bat at positions `z` [in from the tip], shape of `z`, for the game's ball.
+    """Return the recoil factor r of a bat at positions `z` [in from the tip], with their shape.
 
-    `support_name` is free, pivoted (6 in from the knob) or clamped, where r is 0. Any other name
-    counts as free.
+    The ball is that of the paper's game. `support_name` is pivoted (6 in from the knob) or clamped
+    (r is 0); for any other name the bat is free.
     """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
@@ -234,7 +235,7 @@ def restitution(
 
 
 def centre_of_percussion_in(bat: str) -> float:
-    """Return the centre of percussion of a bat [in from the tip]; pivot 6 in from the knob."""
+    """Return the centre of percussion [in from the tip] of a bat pivoted 6 in from the knob."""
     bat_beam = beam(bat)
     pivot = bat_beam.length - 6 * INCH
     return (
@@ -245,9 +246,9 @@ def centre_of_percussion_in(bat: str) -> float:
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
     """Return the largest v_f by Eq. (3) [mph] and its position [in from the tip].
 
-    `z` are positions [in from the tip], shape (position,), at least four. The speeds of pitch and
-    bat are in mph; that of the bat may differ between positions. Between positions v_f follows a
-    spline.
+    `z` are at least four positions [in from the tip], shape (position,), at which `e_A` and
+    `bat_speed` are known. The speeds of pitch and bat are in mph; the bat speed may be one number
+    for all positions. Between positions v_f is interpolated by a spline.
     """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
@@ -256,8 +257,8 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
 def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat speed in the standard game [mph] at positions `z`, with their shape.
 
-    `z` are distances from the tip [in]. The speed is interpolated from 0.5 to 16 in; beyond them it
-    has the value at the end. `swing` is the exponent n, as in `top`.
+    `z` are distances from the tip [in]. The speed is interpolated from 0.5 to 16 in; beyond this
+    range it has the value at its end. `swing` is the exponent n, as in `top`.
     """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(np.interp(np.asarray(z, dtype=float), table["z_in"], table["v_bat_mph"]))

@@ -139,7 +139,7 @@ def mass_share(light: str, heavy: str) -> float:
 
 
 def thinner_is_livelier() -> float:
-    """Return the increase of peak BPF of EA70 if its wall is as thin as that of the loaded bats.
+    """Return the increase of peak BPF of EA70 if it had the thinner wall of the loaded bats.
 
     The bat is free, hit at 3 to 8 in from the tip and 160 mph by the game's ball.
     """
@@ -198,9 +198,9 @@ def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
 
 
 def by_restitution_alone() -> float:
-    """Return the absolute error of v_f of R161 at 6 in if computed with the r of EA70 [mph].
+    """Return the absolute error of v_f of R161 [mph] if it is computed with the r of EA70.
 
-    The pitch has 90 mph and the bat 70 mph.
+    The impact is 6 in from the tip, the pitch has 90 mph and the bat 70 mph.
     """
     e = restitution(WOOD, [6.0])
     speeds = [
@@ -213,7 +213,7 @@ def by_restitution_alone() -> float:
 def contradictions(curve: str) -> float:
     """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
 
-    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0. A tie does not count.
+    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0. Pairs with a tie are not counted.
     """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0

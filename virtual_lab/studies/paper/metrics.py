@@ -50,8 +50,8 @@ def _worst(values: Array) -> float:
 def frames() -> float:
     """Return the largest absolute difference of e_A by Eq. (2) between the frames of field and bat.
 
-    R161 is hit at 160 mph at 3 to 8 in from the tip, and moves at eight speeds. The result is a
-    rounding error.
+    R161 is hit 3 to 8 in from the tip at a relative speed of 160 mph, for eight speeds of the bat.
+    The result is a rounding error.
     """
     e_A = peak_of(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
@@ -95,11 +95,11 @@ def _peak_at(bat: str, speed: float) -> float:
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the factor written in Eq. (3) in the slope of v_f with a speed, 0 to 1.
+    """Return the share of the explicit factor of Eq. (3) in the change of v_f with a speed, 0 to 1.
 
-    The rest comes from the change of e_A with the relative speed. The factor is e_A if `v` is
-    ``ball``, the speed of the ball, and otherwise 1 + e_A, the factor of the bat speed. The bat is
-    R161.
+    The explicit factor is e_A if `v` is ``ball`` (speed of the ball), otherwise 1 + e_A (speed of
+    the bat). The rest comes from the change of e_A with the relative speed, without sign. The bat
+    is R161.
     """
     e_A = top(WOOD, "e_A").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -107,7 +107,7 @@ def explicit_share(v: str) -> float:
 
 
 def drop(bat: str, curve: str, side: float) -> float:
-    """Return the decrease of a curve from its peak to the distance `side` [in] from the peak.
+    """Return the decrease of a curve from its peak to a position `side` [in] away from the peak.
 
     `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0; the result has its unit. A positive
     `side` is toward the handle.
@@ -117,9 +117,9 @@ def drop(bat: str, curve: str, side: float) -> float:
 
 
 def node_gap() -> float:
-    """Return the largest distance of a peak of e_A from its closest barrel node [in].
+    """Return the largest distance of a peak of e_A from the closest barrel node [in].
 
-    It is the largest of the four bats, for swing exponent 0.
+    "Largest" is over the four bats, with the peaks for swing exponent 0.
     """
     return max(
         min(abs(top(bat, "e_A").place - node / INCH) for node in profiles_by_swing(bat)[0.0].nodes)
@@ -141,9 +141,9 @@ def effect_of_support(bat: str, support_name: str) -> float:
 
 
 def firmness() -> float:
-    """Return the largest absolute difference of v_f of R161, held by a spring or clamped [mph].
+    """Return the largest absolute difference of v_f [mph] of R161 between spring and clamp.
 
-    The bat is at rest, hit at 3 to 8 in from the tip, at 160 mph.
+    The bat is held by a spring or clamped, at rest, and hit 3 to 8 in from the tip at 160 mph.
     """
     on_spring = peak_of(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(on_spring - peak_of(WOOD, Z, support_name="clamped").collision_efficiency)
@@ -184,9 +184,9 @@ def fractions(name: str) -> float:
 
 
 def sum_of_shares() -> float:
-    """Return the sum of the three shares of Eqs. (10) that is farthest from 1, over e and r.
+    """Return the sum of the three shares of Eqs. (10), the value that is farthest from 1.
 
-    e is 0 to 1 and r 0 to 0.5.
+    The sum is computed for e from 0 to 1 and r from 0 to 0.5.
     """
     shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
@@ -222,7 +222,8 @@ def parallel_axes() -> float:
 def nearer_is_heavier() -> float:
     """Return the smallest relative increase of the effective mass toward the centre of mass.
 
-    The increase is that between neighbours of 30 positions per bat, of the four bats; .01 is 1 %.
+    The increase is between neighbours of 30 positions on each of the four bats. A result of 0.01
+    means 1 %.
     """
     least = np.inf
     for bat in BATS:
@@ -232,9 +233,9 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest rise of e_A if r decreases by 0.05, over e from 0 to 1, r from 0 to 0.5.
+    """Return the smallest change of e_A if r decreases by 0.05; positive if e_A always rises.
 
-    A negative result is a fall.
+    The change is computed for e from 0 to 1 and r from 0 to 0.5.
     """
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
@@ -252,16 +253,16 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return the change of v_f [mph] at 160 mph if e is measured at `speed` [mph]; r = 0.25.
+    """Return the error of v_f [mph] at 160 mph if the e measured at `speed` [mph] is used for it.
 
-    e falls from 0.55 at 60 mph to 0.45 at 160 mph.
+    e decreases from 0.55 at 60 mph to 0.45 at 160 mph, and r is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
 
 def overestimate_of_model(speed: float) -> float:
-    """Return the change of v_f of R161 [mph] at 160 mph, if e_A is measured at `speed` [mph]."""
+    """Return the error of v_f of R161 [mph] at 160 mph if e_A at `speed` [mph] is used for it."""
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 
@@ -314,16 +315,16 @@ def least_energy_gap(support_name: str) -> float:
 
 
 def at_percussion(bat: str) -> float:
-    """Return the absolute change of e at the centre of percussion by a pivot, at 60 mph."""
+    """Return the absolute change of e at the centre of percussion caused by a pivot, at 60 mph."""
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
     return _worst(gap)
 
 
 def recoils_at_percussion() -> float:
-    """Return the largest absolute relative change of r by a pivot, at the centre of percussion.
+    """Return the relative change of r at the centre of percussion caused by a pivot, without sign.
 
-    It is the largest of the four bats, with the pivot 6 in from the knob.
+    The result is the largest of the four bats, with the pivot 6 in from the knob.
     """
     return max(
         _worst(
@@ -413,8 +414,8 @@ def restitution_by_support() -> float:
 def restitution_lost_clamped() -> float:
     """Return the smallest loss of e caused by clamping the handle of R161.
 
-    The loss is e of the free bat minus e of the clamped bat at a relative speed of 160 mph. The
-    smallest is that over impact positions 3 to 8 in from the tip; a negative result is a gain.
+    The loss is e of the free bat minus e of the clamped bat at a relative speed of 160 mph; it is
+    negative for a gain. The smallest loss of impact positions 3 to 8 in from the tip is returned.
     """
     return float((restitution(WOOD, Z) - restitution(WOOD, Z, "clamped")).min())
 

@@ -35,7 +35,7 @@ INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of bats in the measur
 
 
 def compression_free_restitution() -> float:
-    """Return e0 of the game's ball by its force law: square root of work returned over done."""
+    """Return e0 of the game's ball by its force law, √(work of expansion / work of compression)."""
     ball = paper_ball()
     e0 = float(ball.restitution.at(160 * MPH))
     a, b = ball.exponent, (ball.exponent + 1) / e0**2 - 1
@@ -53,7 +53,7 @@ def wall_time() -> float:
 def modes_left_out(count: int) -> float:
     """Return the peak e_A of free R161 with `count` bending modes minus that with all modes.
 
-    All modes are those that this program uses by default. The speed is 160 mph.
+    "All modes" are those that this program uses by default. The speed is 160 mph.
     """
     few = peak_of(model(WOOD, "free", count), Z).collision_efficiency.max()
     return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
@@ -68,10 +68,10 @@ def highest_of(count: int) -> float:
 
 
 def less_lost() -> float:
-    """Return the smallest share of energy lost along EA70 minus the smallest along R161.
+    """Return the smallest lost share of energy on EA70 minus the smallest lost share on R161.
 
-    The share is a fraction of the ball's initial energy. Both bats are hit at 3 to 8 in from the
-    tip. The result is negative if EA70 loses less.
+    The share is a fraction of the ball's initial energy. The smallest value is that for impacts 3
+    to 8 in from the tip. The result is negative if EA70 loses less.
     """
     aluminium, wood = (float(energy_loss(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
@@ -90,19 +90,19 @@ def shell_turns() -> float:
 
 
 def same_speed() -> float:
-    """Return the range of the angular speed over the measured swings, relative to its mean.
+    """Return largest minus smallest angular speed of the measured swings, relative to their mean.
 
-    The swing exponent is 0, so that the result is 0.
+    The swing exponent is 0, so the result is 0.
     """
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
 
 
 def variation_of_power(power: float, exponent: float) -> float:
-    """Return the range of I omega^power over the measured swings, relative to its mean.
+    """Return largest minus smallest I omega^power of the measured swings, relative to their mean.
 
-    Eq. (13) gives the angular speed omega for the swing exponent `exponent`; I is 15000 to 20000 oz
-    in^2.
+    Eq. (13) gives the angular speed omega for the swing exponent `exponent`. The moment of inertia
+    I is 15000 to 20000 oz in^2.
     """
     quantity = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
     return float(np.ptp(quantity) / quantity.mean())
@@ -142,10 +142,10 @@ def energy_exponent() -> float:
 
 
 def laws_apart() -> float:
-    """Return the largest absolute difference between the two swing laws [%], for n = 0.3.
+    """Return the largest absolute difference of angular speed between the two swing laws [%].
 
-    The laws are those of constant energy and of the power n, scaled to the same mean, at moments of
-    inertia of 15000 to 20000 oz in^2.
+    The laws are that of constant energy and the power law with n = 0.3, scaled to the same mean.
+    Moments of inertia are 15000 to 20000 oz in^2.
     """
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
@@ -162,9 +162,10 @@ def without_inertia() -> float:
 
 
 def follows() -> float:
-    """Return the correlation coefficient of e_A and e of R161, within 3 in of their peaks.
+    """Return the correlation coefficient of the curves e_A and e of R161 near their peaks.
 
-    Each curve is read at the same distances from its peak, for swing exponent 0.
+    The curves are shifted so that their peaks coincide, and compared within 3 in of the peak, for
+    swing exponent 0.
     """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
@@ -201,12 +202,12 @@ def gain_with_bat_speed() -> float:
 
 
 def swing_axis() -> float:
-    """Return the distance of the swing's axis from the knob end, on the bat [in]."""
+    """Return the distance of the swing's axis from the knob end [in]; the axis is on the bat."""
     return KNOB_OFFSET / INCH
 
 
 def constant_power_exponent() -> float:
-    """Return 1/3, the exponent n of a swing of constant power, minus the 0.3 of measured swings."""
+    """Return the swing exponent n for constant power, 1/3, minus that of measured swings, 0.3."""
     return 1 / 3 - 0.3
 
 

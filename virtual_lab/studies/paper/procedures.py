@@ -48,8 +48,8 @@ def rest_prediction_error(bat: str, n: float) -> float:
 def ends() -> float:
     """Return the smallest distance of a peak of v_f from an end of the scanned range [in].
 
-    The range is 3 to 9 in from the tip. The peaks are those of the four bats for the swing
-    exponents 0 and 0.5.
+    The range is 3 to 9 in from the tip. The smallest distance of the four bats and of the swing
+    exponents 0 and 0.5 is returned.
     """
     places = [top(bat, "v_f_mph", n).place for bat in BATS for n in (0.0, 0.5)]
     return min(min(place - float(PLACES[0]), float(PLACES[-1]) - place) for place in places)
@@ -74,7 +74,7 @@ def by_recoil() -> float:
     z, bat_beam = centre_of_percussion_in(WOOD), beam(WOOD)
     collision = peak_of(bat, [z], speed=60.0, with_ball=BALL)
     axis = bat_beam.length - 6 * INCH
-    turn = float(bat.modes.rotation(axis)[0])  # rotation of the only rigid mode, per unit velocity
+    turn = float(bat.modes.rotation(axis)[0])  # rotation of the only rigid mode per unit velocity
     omega = abs(turn * float(collision.modal_velocities[0, 0]))
     back = rebound_speed_from_recoil(
         bat_beam.inertia(axis), omega, paper_ball(BALL).mass, axis - z * INCH, 60 * MPH
@@ -148,7 +148,7 @@ def below_field(speed: float) -> float:
 def off_percussion() -> float:
     """Return the largest distance of a peak of v_f from the centre of percussion [in].
 
-    It is the largest of the four bats, for swing exponent 0.
+    "Largest" is over the four bats, with the peaks for swing exponent 0.
     """
     return max(abs(centre_of_percussion_in(bat) - top(bat, "v_f_mph").place) for bat in BATS)
 
@@ -199,8 +199,8 @@ def efficiency_of_besr(value: float) -> float:
 def rule(procedure: str, name: str, unit: str = "1") -> float:
     """Return the number `name` of a procedure in `unit`: mph, in or 1.
 
-    The result is NaN if the procedure has no such number or 0. Raises `InputError` for an unknown
-    procedure, `AttributeError` for an unknown name, and `KeyError` for another unit.
+    The result is NaN if this number is missing or 0. Raises `InputError` for an unknown procedure,
+    `AttributeError` for an unknown name, and `KeyError` for another unit.
     """
     unit_si = {"mph": MPH, "in": INCH, "1": 1.0}[unit]
     return (getattr(rules(procedure), name) or np.nan) / unit_si

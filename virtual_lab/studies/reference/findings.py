@@ -166,7 +166,7 @@ def compare_number(number: Published) -> ReferenceRow:
 
 
 def _verdict(number: Published, result: float | None) -> Verdict:
-    """Return the verdict; a known disagreement that has changed or has gone is none."""
+    """Return the verdict. A known disagreement that has changed or disappeared is not "known"."""
     if result is None:
         return "not represented"
     within = number.low <= result <= number.high
@@ -184,7 +184,7 @@ def _reason(row: ReferenceRow) -> str:
 
 
 def _share(row: ReferenceRow) -> float:
-    """Return the result from the middle of the range of agreement, in half widths."""
+    """Return the distance of a result from the middle of its range of agreement [half widths]."""
     assert row.result is not None
     assert row.low is not None
     assert row.high is not None

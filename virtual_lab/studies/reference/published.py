@@ -15,7 +15,7 @@ PATH = DATA / "reference" / "published.csv"
 Role = Literal["fit", "data", "prediction", "none"]
 ROLES: tuple[Role, ...] = get_args(Role)
 TAKEN_OVER = 1e-3  # relative tolerance of a number that was fitted or taken over
-KNOWN_CHANGE = 0.2  # change of a known disagreement after which it must be named again
+KNOWN_CHANGE = 0.2  # relative change of a known disagreement that needs a new explanation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Published:
     find: str  # name of a function in `results` and its arguments
     low: float
     high: float
-    # our result minus the published one, of a disagreement with an explanation
+    # our result minus the published number, for a disagreement that is explained
     known: float | None
     why: str  # reason for the range, the disagreement, or the missing result
 
@@ -55,7 +55,7 @@ class Published:
 
 @cache
 def read_published() -> tuple[Published, ...]:
-    """Return the published numbers in the order of their file; they are read once."""
+    """Return the published numbers in the order of their file, cached after the first call."""
     with PATH.open(encoding="utf-8", newline="") as table:
         return tuple(_read(row) for row in csv.DictReader(table))
 
@@ -71,7 +71,7 @@ def published_value(quantity: str) -> float:
 
 
 def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Callable[[], float]:
-    """Return the function that computes our result for a row; calling it takes no arguments.
+    """Return a function without arguments that computes our result for a row.
 
     `finders` are functions by name. Raises `KeyError` for an unknown name, and `ValueError` for a
     row without one.

@@ -1,7 +1,7 @@
 """Results of this laboratory for the published numbers, each in the unit of its row.
 
-Positions are in inches and speeds in mph here, as in the publications; a bat is named as in the
-catalog. The ball is the catalog's baseball, whose restitution falls with speed.
+Positions are in inches and speeds in mph here, as in the publications. Bats have their catalog
+names. The ball is the catalog's baseball, whose restitution decreases with speed.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ def entries(kind: str, name: str, key: str) -> float:
 
 
 def half_width(name: str, key: str) -> float:
-    """Return the half width [in] of the rectangular distribution with a standard uncertainty.
+    """Return the half width [in] of a rectangular distribution, from its standard uncertainty.
 
-    `name` and `key` are instrument and key of the standard uncertainty in the catalog.
+    `name` is the instrument in the catalog and `key` the key of the standard uncertainty.
     """
     return entry("instruments", name, key, "in") * 3**0.5
 
@@ -253,7 +253,7 @@ def procedure_result(bat: str, procedure: str) -> float:
 
 
 def hit_scatter(bat: str, speed: float) -> float:
-    """Return the standard deviation of BBCOR from hit to hit, each with a new ball.
+    """Return the standard deviation of BBCOR between hits, each with a new ball.
 
     `speed` is the relative speed [mph].
     """
@@ -285,10 +285,10 @@ def peak_contact_time(bat: str, speed: float) -> float:
 
 
 def barrel_travel(bat: str, speed: float) -> float:
-    """Return the travel of the barrel in contact [in]: half of its final speed times the time.
+    """Return the travel of the barrel during contact [in], half its final speed times contact time.
 
-    `speed` is the relative speed of ball and bat [mph]. The factor of one half holds for a force
-    that is symmetric in time. The bat is rigid, on its pivot, and hit at its position of the
+    The factor of one half is exact for a force that is symmetric in time. `speed` is the relative
+    speed of ball and bat [mph]. The bat is rigid and pivoted, and hit at the position of its
     greatest e_A.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
@@ -298,7 +298,7 @@ def barrel_travel(bat: str, speed: float) -> float:
 
 
 def soft_ball(bat: str, speed: float) -> float:
-    """Return the change of the greatest BBCOR by a ball of a tenth of the stiffness, same e0.
+    """Return the change of the greatest BBCOR if the ball has a tenth of the stiffness, same e0.
 
     `speed` is the relative speed [mph]. A positive result is a higher BBCOR with the soft ball.
     """
@@ -310,8 +310,8 @@ def soft_ball(bat: str, speed: float) -> float:
 def hoop_trend(bat: str, speed: float) -> float:
     """Return the rank correlation of the greatest BBCOR and the hoop frequency, from -1 to 1.
 
-    The frequency is 1000 to 3000 Hz at constant modal mass, `speed` the relative speed [mph]. The
-    bat must have a hoop mode.
+    The frequency is varied from 1000 to 3000 Hz at constant modal mass. `speed` is the relative
+    speed [mph]. The bat must have a hoop mode.
     """
     hoop = body(bat).hoop
     assert hoop is not None
@@ -386,8 +386,8 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
 def cage_speed(exponent: float) -> float:
     """Return the bat speed of the metal bat in the cage [mph], computed from the wood bat's speed.
 
-    `exponent` is the n of the swing law: the angular speed falls with the inertia to the power n.
-    The impact position is taken to be 6 in from the tip of both bats.
+    `exponent` is the n of the swing law: the angular speed is proportional to I^-n. For both bats
+    the impact position is assumed to be 6 in from the tip.
     """
     bats = {name: _cage_bat(name) for name in ("wood", "metal")}
     law = PowerLawSwing(angular_speed_0=1.0, inertia_0=bats["wood"].inertia, exponent=exponent)
