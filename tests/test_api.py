@@ -17,6 +17,7 @@ import pytest
 
 import virtual_lab as vl
 from virtual_lab import lab
+from virtual_lab.cli import cli
 from virtual_lab.simulation.instruments import RecordDetail
 
 
@@ -44,6 +45,17 @@ def test_dir_help_and_completion_show_the_same_names() -> None:
     assert "instruments" in pydoc.render_doc(vl.coverage)
     with pytest.raises(AttributeError):
         vl.nothing  # noqa: B018
+
+
+def test_the_help_of_the_package_names_every_function_once() -> None:
+    """It is grouped by purpose; that of a function stays complete."""
+    help_text = pydoc.render_doc(vl, renderer=pydoc.plaintext)
+    assert len(help_text.splitlines()) <= 200
+    listed = re.findall(r"^ {8}(\w+) {2,}\S", help_text, re.M)
+    assert sorted(listed) == sorted({*dir(vl)} - {"__version__"})
+    assert set(cli.sections) - {"Shell"} <= set(re.findall(r"^ {4}(\S.*)$", help_text, re.M))
+    described_function = pydoc.render_doc(vl.certify, renderer=pydoc.plaintext)
+    assert all(f"    {key}\n" in described_function for key in ("control_bat", "uncertainty"))
 
 
 def described(function: object) -> set[str]:
@@ -528,7 +540,7 @@ def test_particulars_may_be_keys_and_values(
 
 
 def test_every_public_function_reads_its_arguments() -> None:
-    for name in vl.__all__:
+    for name in dir(vl):
         function = getattr(vl, name)
         if callable(function) and not isinstance(function, type):
             with pytest.raises(vl.InputError, match="nonsense; unknown argument"):

@@ -5,9 +5,82 @@
 >>> certificate.verdict
 'PASS'
 
-``help(vl)`` lists all functions; ``help(vl.certify)`` describes one. Wherever a function takes the
-name of a bat, ball or procedure it also takes the path of a .toml file or a sheet, such as
-``vl.procedure("bbcor")``.
+``help(vl.certify)`` describes a function with its arguments. Wherever a function takes the name of
+a bat, ball or procedure it also takes the path of a .toml file or a sheet, such as
+``vl.procedure("bbcor")``. Results of tests and studies have ``.text``, ``.document`` (for JSON) and
+``.save(folder)``, and most of them ``.table`` (pandas) and ``.plot()``.
+
+Test a bat
+    certify          test a bat by a procedure, and make its certificate
+    load             read the certificate of a result folder
+    reduce           compute a certificate from raw records alone
+    score            compare a certificate with the true values
+    verify           repeat the reduction of a result folder, and list differences
+    report           compare the certificates in result folders
+    template         write empty record forms for another laboratory
+    rehearse         let an operator carry out a day at the rehearsal bench
+
+Bats and the catalog
+    shelf            list of bats, balls, procedures, instruments, rigs, faults
+    show             show an entry, every number with unit and source
+    bat              data sheet of a bat, whose values can be changed
+    ball             data sheet of a ball
+    procedure        data sheet of a test procedure
+    instrument       data sheet of an instrument
+    rig              data sheet of a rig
+    profile          e, r, e_A and v_f along the barrel; comparison of bats
+    fit_bat          make a bat that fits measurements
+    sensitivity      effect of the ball's force law on the results of a bat
+    slope            slope of e_A along the barrel
+    percussion       errors of hits off the centre of percussion
+
+Studies of laboratories and procedures
+    sweep            test bats in many laboratories: a table, one row per test
+    campaign         test bats in very many laboratories, into Parquet files
+    coverage         share of 95 % intervals that contain the true value
+    effects          stated and real effect of each component of the budget
+    clip_coverage    coverage of the intervals of filmed shots
+    operating        probability that a bat passes, by its true metric
+    interlab         repeatability, reproducibility, and their causes
+    bias             systematic error of the method, without randomness
+    faults           detection and bias of faults, beside predictions
+    twin             play a laboratory's day again, and check its uncertainty
+    critique         ranking of bats by procedures, compared with the field
+    daily            control charts of the daily checks
+    paper            claims of A. M. Nathan's 2003 paper beside our results
+    reference        published measurements beside our results
+
+Uncertainty and decisions, of any model and data
+    Input            an input of a model: value and u, or limits
+    propagate        uncertainty of a function's result
+    sobol            Sobol's indices of a model
+    conformity       probability that an item conforms (JCGM 106, 7)
+    guard_band       guard band and acceptance limits
+    risk             risks of maker and customer (JCGM 106, 9)
+    group_study      repeatability and reproducibility (ISO 5725-2)
+    nested_study     variances within and between laboratories and lots
+    gauge_study      gauge repeatability and reproducibility
+
+Camera
+    track            follow the ball through a video clip
+    calibrate        calibrate a camera with pictures of a board
+    board            simulate pictures of a board, to try calibrate
+
+Speed and accuracy
+    chart            error and run time of models and methods
+    stability        conditions under which the numerical methods are valid
+    convergence      error of e_A by the number of bending modes
+
+Classes of results, sheets and errors
+    Certificate      result of certify, load and reduce
+    Track            result of track
+    Calibration      result of calibrate
+    Campaign         result of campaign
+    BatProfile       result of profile for one bat
+    BatComparison    result of profile for several bats
+    Sheet            result of bat, ball, procedure, instrument and rig
+    InputError       input that cannot be used, with what is allowed
+    IncompleteError  a result that was saved without some of its forms
 """
 
 import os
@@ -29,20 +102,19 @@ provide_cache(Path(__file__).parent)  # read as numba loads
 if TYPE_CHECKING:
     from virtual_lab.api import *  # noqa: F403
 
-__all__ = ["__version__"]
-__all__ += list(api.PLACES)
 __version__ = VERSION
 
 
+# no `__all__`, so that help(vl) is the text above: pydoc would describe every name in it
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(["__version__", *api.PLACES])
 
 
 if not TYPE_CHECKING:  # a reader of types would take any name for one of ours
 
     def __getattr__(name: str) -> Any:
         """Load an attribute at its first use."""
-        if name not in __all__:
+        if name not in api.PLACES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         globals()[name] = getattr(api, name)
         return globals()[name]
