@@ -1,4 +1,4 @@
-"""Digests of channels in ``session.json``, computed as data/README.md describes."""
+"""Digests of channels in ``session.json``, computed as docs/raw-records.md describes."""
 
 from __future__ import annotations
 

@@ -280,7 +280,7 @@ def test_every_fault_of_a_session_folder_is_named(
 
 
 def test_a_session_written_by_hand_from_the_manual_is_read(tmp_path: Path) -> None:
-    """Written without this package: keys of data/README.md, plain text, digests by hashlib."""
+    """Written without this package: keys of docs/raw-records.md, plain text, digests by hashlib."""
     (tmp_path / "bench").mkdir()
     (tmp_path / "bench" / "bat-mass.csv").write_text("item,repeat,mass_kg\n0,0,0.91\n0,1,0.92\n")
     (tmp_path / "procedure.toml").write_text('name = "ours"\n')

@@ -43,7 +43,7 @@ def day(
     Parameters
     ----------
     scenario
-        The day: a name (see data/README.md) or a .toml file.
+        The day: a name (the page *Scenarios* lists them) or a .toml file.
     operator
         Simulated operator who takes the day instead of you.
     script

@@ -171,7 +171,7 @@ def fit_bat(
     Parameters
     ----------
     path
-        File of the measurements, .toml; see ``data/README.md``. Each measurement may have a u.
+        File of the measurements, .toml; the page *A bat of your own* has its keys.
     members
         Number of fitted bats that show the spread; bats whose fit fails are omitted.
     seed
