@@ -1,7 +1,7 @@
 """From a session to its result: the metric, its uncertainty, the verdict.
 
-The input is raw records, calibrations and the procedure only; the computation is the same for
-records of our simulated rigs and of another laboratory.
+The inputs are raw records, calibrations and the procedure. Records of our simulated rigs and of
+another laboratory are evaluated in the same way.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ from virtual_lab.uncertainty.propagating import FIRST
 from virtual_lab.uncertainty.scatter import HitVariance
 from virtual_lab.units import Array, Mask
 
-# results at the maximum of a scan; the shortfall and the shift of the place are alike in both
+# results whose maximum a scan seeks, and to which its shortfall and shift of position apply
 DECIDING = frozenset({"metric", AS_FOUND})
 CACHED = 80_000  # largest number of values of an array that stays in the processor's cache
 
@@ -90,7 +90,7 @@ class Certification:
     outcome: HitWeights
     metric: Budget | None  # budget of the metric; None if too few hits were valid
     first_order: Budgets | None  # the metric's components as arrays, a block of one
-    # budgets by the keys of QUANTITIES and, if balls are corrected for, AS_FOUND; {}: no metric
+    # budgets by the keys of QUANTITIES, and AS_FOUND with a correction for the balls; {}: no metric
     quantities: Mapping[str, Budget]
     # variance of one hit in each result, from this test alone; {} if the test is INVALID
     variances: Mapping[str, Estimate]
@@ -104,7 +104,7 @@ class Certification:
     findings: tuple[Finding, ...]
     flags: tuple[Flag, ...]  # contradictions in the records
     pairs: tuple[Discrepancy, ...]  # differences between two measurements of one quantity
-    not_checked: tuple[str, ...]  # checks of readings that the records do not hold
+    not_checked: tuple[str, ...]  # checks for which the records lack the readings
     reasons: tuple[str, ...]  # reasons of a verdict INVALID or FAIL
     verdict: Verdict
 
@@ -168,13 +168,13 @@ class Certifications:
         return by_result
 
     def reasons(self, laboratory: int) -> tuple[str, ...]:
-        """Return why the verdict of one laboratory is INVALID or FAIL."""
+        """Return the reasons why the verdict of one laboratory is INVALID or FAIL."""
         return sentences_of(self.reason_table, self.verdicts[laboratory], laboratory)
 
     def row(self, laboratory: int, session_of: Callable[[SessionBlock], Session]) -> Certification:
         """Return the certification of one laboratory, to be printed.
 
-        `session_of` returns the session of its records, given as a block of one.
+        `session_of` returns the session of a block of one.
         """
         block, reduced = self.block.row(laboratory), self.reduced.row(laboratory)
         session, procedure = session_of(block), self.procedure
@@ -322,10 +322,10 @@ def _results(
     rows: slice,
     variants: Variants,
 ) -> tuple[dict[str, Budgets], Array]:
-    """Return the results of some laboratories, and the difference of e_A for their hits.
+    """Return the results of some laboratories, and the differences of e_A of their hits.
 
-    The difference is e_A from recoil minus e_A from rebound, for all sets of constants,
-    (laboratory, k, hit).
+    A difference is e_A from recoil minus e_A from rebound. The array has the shape (laboratory, k,
+    hit), with k sets of constants.
     """
     weighing = weighing.select(rows)
     model = reduced.model(readings, weighing.hits, rows)

@@ -122,7 +122,7 @@ class Reduction(AlignedArrays):
     objective: Objective  # quantity that a scan maximises
     valid: Mask
     acceptance: Acceptance = judge  # function that judges which hits are valid
-    # owners of the shots of the last round; None: all laboratories still ask
+    # laboratories of the shots of the last round; None: every laboratory may still need shots
     latest: NDArray[np.intp] | None = None
 
     aligned: ClassVar = ("owner", "place", "shots", "shot_metric", "objective", "valid")
@@ -180,7 +180,7 @@ class Reduction(AlignedArrays):
         )
 
     def judge_hits(self, acceptance: Acceptance, readings: ImpactReadings) -> Reduction:
-        """Return the reduction with the hits that `acceptance` accepts as its valid ones.
+        """Return the reduction in which the valid hits are those that `acceptance` accepts.
 
         `readings` are those of the shots of all laboratories, as fired, (shot,).
         """
@@ -208,8 +208,8 @@ class Reduction(AlignedArrays):
     ) -> MeasurementModel:
         """Return the results of `hits` as functions of the constants, (laboratory, k, hit).
 
-        `hits` are numbers of shots, (laboratory, hit), negative for none, of these `laboratories`;
-        None: all shots. `readings` are those of all shots, as fired, (shot,).
+        `hits` are shot numbers of the `laboratories`, (laboratory, hit), negative where there is no
+        shot; None means all shots. `readings` are those of all shots in firing order, (shot,).
         """
         preparation, hits = self.preparation, self.shot_numbers if hits is None else hits
         chosen = np.arange(preparation.laboratories)[laboratories]
@@ -221,7 +221,7 @@ class Reduction(AlignedArrays):
         )
 
     def single_model(self, readings: ImpactReadings) -> MeasurementModel:
-        """Return the results of the shots of a block of one, without its axis, (..., shot)."""
+        """Return the model for a block of one laboratory, without the axis of the block."""
         preparation, first = self.preparation, np.array(0)
         return MeasurementModel(
             rules=self.procedure,
@@ -360,10 +360,10 @@ def _require_channels(block: SessionBlock, procedure: Procedure) -> None:
 
 
 def _place_constants(rules: Procedure, along: Estimates | None) -> dict[str, Estimates]:
-    """Return the procedure's slope of e_A, and the effect of its uncertainty on e_A.
+    """Return the procedure's slope of e_A along the barrel, and the error of e_A that it causes.
 
-    The place is corrected for the known aim, so the product of the two uncertainties matters
-    (GUM 5.1.2, note).
+    e_A is already corrected for the known aim. The remaining effect is the product of the
+    uncertainties of slope and aim (GUM 5.1.2, note).
     """
     if along is None or not (rules.place_slope or rules.place_slope_u):
         return {}
@@ -377,8 +377,9 @@ def _place_constants(rules: Procedure, along: Estimates | None) -> dict[str, Est
 def _constants(block: SessionBlock) -> dict[str, Estimates]:
     """Return the constants of calibrations and readings that a result may depend on.
 
-    The air's density is that of the readings, if there are any. The constants of the climate logger
-    are used only for this density, and the thickness of a beam only for a check: they are left out.
+    The density of the air comes from the climate readings, if there are any. The constants of the
+    climate logger (used only for this density) and the thickness of a beam (used only for a check)
+    are left out.
     """
     positive = {"span", "clock", "scale", "counts_per_turn", "gravity", "radius", "pitch"}
     for name, estimates in block.calibration.items():

@@ -36,7 +36,7 @@ def other_support(
     the hits of `outcome` with its weights; without such hits it is 0.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
-    # the lot's mean ball, from the recoil factor with the support named by the rules
+    # mass of the lot's mean ball, computed back from the recoil factor of the rules' support
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
     axis, place = bat.length - procedure.pivot_from_knob, shots.place
     inverse_M_eff = inverse_effective_mass(

@@ -23,8 +23,9 @@ from virtual_lab.uncertainty.propagating import propagate_inputs
 from virtual_lab.units import Array
 
 ROWS = 1024  # number of sets of constants per call of the model
-# degrees of freedom of a source below which draws do not settle u: a t of 2 has none, and at 2.5
-# two digits of it took up to 90 million draws, at 3 up to 4 million
+# smallest number of degrees of freedom of a source for which draws give u in a reasonable time. A t
+# distribution with 2 has no finite u. For two digits of u, 2.5 took up to 90 million draws, and 3
+# up to 4 million.
 LEAST_FREEDOM = 3.0
 
 
@@ -38,19 +39,19 @@ def propagate_metric(
 ) -> Propagated:
     """Return the metric of one test with u and interval by `method`, in the metric's SI unit.
 
-    `readings` and `outcome` are those of the reduction of this test, and `linear` is its budget of
-    first order. `draws` is the number of draws of a Monte Carlo; None stands for as many as give
-    two correct digits of u.
+    `readings` and `outcome` belong to the reduction of this test, and `linear` is its first-order
+    budget. `draws` is the number of Monte Carlo draws; None means as many as two correct digits of
+    u require.
     """
     model, inputs = model_of(reduced, readings, outcome, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)
 
 
 def too_wide(linear: Budget) -> Component | None:
-    """Return the source of a budget with the fewest degrees of freedom if these rule out draws.
+    """Return the source with the fewest degrees of freedom if it has too few for draws, else None.
 
-    That is the case below `LEAST_FREEDOM` degrees of freedom. Parts of a component count as
-    sources, and sources with u = 0 are ignored. Return None if draws of all sources are possible.
+    Too few are fewer than `LEAST_FREEDOM`. Each part of a component is a source, and sources with u
+    = 0 are ignored.
     """
     parts = [part for line in linear.components for part in (line.parts or (line,)) if part.u]
     component = min(parts, key=lambda part: part.dof, default=None)
@@ -63,8 +64,8 @@ def model_of(
     """Return the metric of one test as a function of its inputs, and the inputs by name.
 
     The function takes one array (k,) per input, as keyword arguments, and returns the metric, (k,),
-    in its SI unit. The inputs are the constants of the reduction, and the further components of
-    `linear` as errors with the value 0.
+    in its SI unit. The inputs are the constants of the reduction. The other components of `linear`
+    are inputs too, as errors with the value 0.
     """
     indices = np.flatnonzero(outcome.used)
     model, effects = reduced.model(readings, indices[None]), outcome.effects[indices]

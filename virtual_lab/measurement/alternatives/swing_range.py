@@ -33,9 +33,9 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     """Return the metric of one test for each exponent in `exponents` of the procedure's game.
 
     The results are in the order of the exponents. The tuple is empty if the procedure states no
-    exponents, or if the hits give no result for one of them. All results use the hits of this one
-    test. Their scan is centred on the best position for the procedure's own exponent; for another
-    exponent the maximum lies a few tenths of an inch away.
+    exponents, or if the hits give no result for at least one of them. All results use the hits of
+    this one test, whose scan approached the maximum for the procedure's main exponent. For another
+    exponent the maximum is a few tenths of an inch away.
     """
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:

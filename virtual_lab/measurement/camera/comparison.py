@@ -1,7 +1,7 @@
 """Comparison of camera and gates for the same hits: e_A, e and BPF by both, and combined.
 
-Both methods share bat, balls and hits, so their results are correlated. The effect of each
-constant on both is known, and the two are combined with the least uncertainty.
+Both methods share bat, balls and hits, so their results are correlated. The effect of each constant
+on both results is known, and they are combined so that the uncertainty is smallest.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ComparedQuantity:
     gates: Budget
     video: Budget
     joined: Budget
-    difference: Budget  # video less gates
+    difference: Budget  # video minus gates
     share: float  # weight of the video in the combined result
 
     @property
@@ -85,7 +85,7 @@ def compare_camera(
         The camera's record or its calibration cannot be used.
     """
     record, gates = block.impact.get("camera"), readings.flights
-    # the gates give a ball's height, from which its distance from the camera follows
+    # The gates measure the height of the ball, which determines its distance from the camera.
     if not isinstance(record, ClipRecord | TrackRecord) or not isinstance(gates, GateReadings):
         return None
     from virtual_lab.measurement.camera.windows import sight  # loads the ball locator
@@ -153,13 +153,13 @@ def _compare_quantity(
 ) -> ComparedQuantity:
     """Return a quantity of hits (variant, hit) from gates, from video, and combined.
 
-    Combined they have the least uncertainty. Only errors that differ between the two methods
-    matter: the constants, and half of the scatter of the differences for each method. The scatter
-    of the hits is common to both.
+    The combined result is the weighted mean with the smallest uncertainty. Only errors that differ
+    between the two methods determine the weights: those of the constants, and for each method half
+    of the scatter of the differences. The scatter of the hits is common to both.
     """
 
     def mix(of_gates: float, of_video: float) -> Budget:
-        # noise that differs from shot to shot (frames, heights) is part of the scatter of the hits
+        # Noise that differs from shot to shot (frames, heights) is part of the scatter of the hits.
         hits, share = (of_gates * gates + of_video * video)[None], weights[None]
         return means_of_hits(variants, hits, share, places[None], share).row(0)
 

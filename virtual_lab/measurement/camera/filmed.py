@@ -1,8 +1,9 @@
 """Flights from a camera over the rig: straight lines in and out, with known drag and height.
 
-With quadratic drag the transformed distance s = d exprel(±κd) is linear in time (v s' = 1 at the
-target), so each way is a weighted straight line through the positions in the frames, at any
-speed. The height of the ball, and so its distance from the camera, comes from the gates.
+With quadratic drag the transformed distance s = d exprel(±κd) is linear in time, with the slope v
+at the target. Each flight is therefore fitted by a weighted straight line through the positions in
+the frames, at any speed. The height of the ball, and thereby its distance from the camera, comes
+from the gates.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class CameraResults:
     flights: Flights  # flights by the camera, with the heights from the gates
     place: Array  # impact position, from the barrel tip [m]
     angle_in: Array  # angle of the incoming flight to the line of fire, toward the tip [rad]
-    met: Array  # time of contact after the first frame that counts, by the camera's clock [s]
+    met: Array  # time of contact after the first used frame, by the camera's clock [s]
 
 
 def reduce_film(
@@ -45,17 +46,17 @@ def reduce_film(
         Calibration constants by name, numbers or columns (k, 1). With columns, the results have
         shape (k, shot).
     stage
-        Name of the rig with the camera, always ``impact``: the first part of the constants' names.
+        First part of the constants' names, always ``impact``, the stage with the camera.
     sightings
         Positions of the ball, (shot, frame).
     drag
         κ of each ball, (..., shot) [1/m].
     timed
-        Flights by the gates. Their heights and slopes are used, and their speeds to compute how far
-        the ball has fallen.
+        Flights by the gates. Their heights and slopes are used, and their speeds for the drop of
+        the ball.
     """
-    # the height changes slowly along the flight, so the ball's distance from the target is
-    # computed with the first set of constants
+    # The height changes slowly along the flight, so the distance of the ball from the target is
+    # computed with the first set of constants only.
     used = {name for name in x if name.startswith(f"{stage}.camera.")} | {"ball.radius"}
     first = {name: np.ravel(x[name])[:1, None] for name in used}
     level = np.asarray(timed.offset).reshape(-1, len(sightings.times))[:1, :, None]
@@ -89,10 +90,10 @@ def reduce_film(
 def frames_u(
     x: Constants, stage: str, sightings: Sightings, results: CameraResults
 ) -> dict[str, Array]:
-    """Return standard uncertainties of the results `results`, from the frames alone, (shot,).
+    """Return the standard uncertainty of each of the `results` caused by the frames, (shot,).
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
-    frames: the spin is unknown, so the least favourable spin is assumed.
+    frames. Their correlation depends on the unknown spin, so the least favourable spin is assumed.
     """
     flights = results.flights
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
@@ -113,7 +114,10 @@ def frames_u(
 
 
 def _u(sightings: Sightings, parts: Array) -> Array:
-    """Return the standard uncertainty of a sum of frames' places by parts, (shot,) [px]."""
+    """Return the standard uncertainty of the sum of positions in the frames times `parts`, (shot,).
+
+    It is in pixels if the parts have no unit.
+    """
     used = parts != 0
     noise = np.sum(np.where(used, parts * sightings.u, 0.0) ** 2, axis=1)
     shifted = np.where(used, parts * sightings.pattern_u, 0.0)
@@ -136,7 +140,7 @@ def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tu
     def of(names: str) -> list[Array]:
         return [np.asarray(x[f"{stage}.camera.{name}"])[..., None] for name in names.split()]
 
-    # many sets of constants share a lens, so each lens is computed once
+    # Many sets of constants share a lens, so each lens is computed once.
     columns = np.broadcast_arrays(*of("focal centre_x centre_y k1 k2 p1 p2 k3"))
     lenses, which = np.unique(np.reshape(columns, (8, -1)), axis=1, return_inverse=True)
     focal, centre_x, centre_y, *bend = lenses[..., None, None]
@@ -147,7 +151,7 @@ def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tu
     u, v, bent = (each[which if columns[0].ndim > 1 else 0] for each in (u, v, bent))
     place_x, place_y, place_z, plane = of("place_x place_y place_z plane")
     below = place_z - plane - height
-    # the image of a sphere lies farther out than that of its centre, by 1 / (1 - R²/Z²)
+    # The image of a sphere is farther from the axis than that of its centre, by 1 / (1 - R²/Z²).
     shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
     turn = looking_down(np.concatenate(of("tilt_x tilt_y tilt_z"), axis=-1))
     axes = np.moveaxis(turn[..., None, :, :], (-1, -2), (0, 1))
@@ -156,14 +160,14 @@ def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tu
 
 
 def _from_first(sightings: Sightings) -> Array:
-    """Return the times from the first frame used, 0 for frames not used, (shot, frame)."""
+    """Return the times after the first used frame, (shot, frame); 0 for frames not used."""
     times = np.where(np.isfinite(sightings.x), sightings.times, np.nan)
     first = np.nanmin(times, axis=1, initial=np.inf)[:, None]
     return np.asarray(np.nan_to_num(times - np.where(np.isfinite(first), first, 0.0)))
 
 
 def _line_weights(sightings: Sightings, way: Mask) -> tuple[Array, Array, Array]:
-    """Return the weights of frames in slope and middle of a line, and their mean time.
+    """Return the weights of the frames in the slope and in the mean of a line, and the mean time.
 
     The shapes are (shot, frame), (shot, frame) and (shot,). NaN: no frame.
     """
@@ -181,7 +185,10 @@ def _line_weights(sightings: Sightings, way: Mask) -> tuple[Array, Array, Array]
 def _line(
     sightings: Sightings, way: Mask, values: Array, at: Array | None = None
 ) -> tuple[Array, Array]:
-    """Return the slope of a weighted line, and the time of its zero or its value `at` a time."""
+    """Return the slope of a weighted line, and its value at the time `at`.
+
+    Without `at`, the second result is the time at which the line is 0.
+    """
     slopes, middles, moment = _line_weights(sightings, way)
     used = np.where(middles > 0, values, 0.0)
     slope, middle = np.sum(slopes * used, axis=-1), np.sum(middles * used, axis=-1)

@@ -1,4 +1,4 @@
-"""The ball in the image windows of each shot: found, located, and assigned to a way."""
+"""Position of the ball in the image windows of each shot, and its direction of flight."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ class Search:
     # distance from the ball's farthest position within which it may touch the bat [m]
     near_bat: float = 8e-3
     least: int = 4  # smallest number of frames of a flight, inbound or outbound
-    # largest number of frames used per flight; more add little, because the error from the ball's
-    # pattern changes slowly
+    # largest number of used frames per flight; more improve little, because the error caused by the
+    # pattern of the ball changes slowly
     most: int = 24
-    # uncertainty of an outline's ovality off the axis, from lens and pose [share of the radius]
+    # uncertainty of the ovality of an outline off the axis, caused by lens and pose [share of the
+    # radius]
     oval_u: float = 1e-3
 
 
@@ -37,15 +38,16 @@ SEARCH = Search()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sightings:
-    """Positions of the ball in free flight, arrays (shot, frame); NaN: not seen well.
+    """Positions of the ball in free flight, arrays (shot, frame); NaN: not located reliably.
 
-    Pixels of the whole frame, not corrected for distortion; times by the camera clock [s].
+    Positions are in pixels of the whole frame, not corrected for distortion. Times are by the
+    camera clock [s].
     """
 
     times: Array
     x: Array
     y: Array
-    u: Array  # standard uncertainty of x and of y from noise, independent in every frame [px]
+    u: Array  # standard uncertainty of x, and of y, from noise, independent in every frame [px]
     pattern_u: Array  # the same from the ball's pattern, similar in neighbouring frames [px]
     out: Mask  # whether the ball flies out
 
@@ -56,14 +58,14 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
     Parameters
     ----------
     record
-        Windows with their background, or places that the camera tracked itself.
+        Image windows with their background, or positions that the camera itself tracked.
     x
-        Constants, numbers: the calibration of the stage's camera and the ball's radius.
+        Constants as numbers: calibration of the stage's camera, and radius of the ball.
 
     Raises
     ------
     InputError
-        Windows without their pixels or their background.
+        The record has windows without pixels or without background.
     """
     stem = f"{stage}.camera."
     of = {name.removeprefix(stem): float(x[name]) for name in x if name.startswith(stem)}
@@ -100,7 +102,7 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
             noise=_noise(of),
             lens=of["blur"],
             middle=(of["centre_x"], of["centre_y"]),
-            # the image of a sphere at the angle b from the axis is longer by the factor 1 / cos b
+            # The image of a sphere at the angle b from the axis is longer by the factor 1 / cos b.
             oval=(1 / (2 * of["focal"]) ** 2, SEARCH.oval_u),
         )
         useful = positions.usable & ((positions.flags & PlaceFlag.SATURATED) == 0)
@@ -147,7 +149,7 @@ def _blurs(times: Array, places: Array, out: Mask, exposure: float) -> Array:
 
 
 def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
-    """Return masks of the frames without contact with the bat, and of those after it."""
+    """Return masks of the frames without contact with the bat, and of the frames after it."""
     finite = np.isfinite(times + x)
     forth = np.where(finite, x, -np.inf)
     out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
@@ -162,7 +164,7 @@ def _spread(free: Mask) -> NDArray[np.intp]:
 
 
 def _ways(times: Array, places: Array, size: float) -> Sightings:
-    """Return the frames inbound and outbound, without those of a possible contact.
+    """Return the sightings on the way in and out, without frames of a possible contact.
 
     `places` are x, y, u and pattern_u, (4, shot, frame).
     """

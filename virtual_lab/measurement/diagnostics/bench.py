@@ -24,14 +24,14 @@ from virtual_lab.records import REFERENCE_MASS, PendulumRecord
 from virtual_lab.uncertainty.budget import types_a
 from virtual_lab.units import Array, Mask
 
-# uncertainty of a mean swing less the median, as swings shorten unevenly [share of the period]
+# uncertainty of mean minus median swing, because swings shorten unevenly [share of the period]
 EVEN_U = 2e-5
 STORE = "store"  # channel of the store's readings, and name of their check
 FEWEST_RELEASES = 3  # smallest number of releases that gives a scatter
 ROUNDING = 1e-9  # rounding error of masses in floating-point arithmetic [kg]
 DENSITY_U = 5e-4  # uncertainty of the air density from its stated digits [kg/m³]
+ODD_BALL = 0.02  # deviation of e0 from the median of the lot that a sound ball never has
 # relative uncertainty of the loss of amplitude, whose two readings differ by only a few steps
-ODD_BALL = 0.02  # deviation of a ball's e0 from the median of its lot that a sound ball never has
 DECAY_U = 0.4
 
 
@@ -77,9 +77,9 @@ def check_standard(evidence: Evidence) -> Iterator[Raised]:
 def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     """Yield four flags, each raised in the laboratories whose bat is outside limits for any bat.
 
-    The flags are for mean density, balance point, radius of gyration and mass, in this order. In a
-    sound block each is raised nowhere. Only the flag for the density rules out a verdict. A value
-    of NaN raises the flag.
+    The flags are for mean density, balance point, radius of gyration and mass, in this order. All
+    four are yielded even if they are raised nowhere. Only the flag for the density rules out a
+    verdict. A value of NaN raises the flag.
     """
     bat = evidence.reduced.preparation.bat.select((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
@@ -120,19 +120,19 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
 
 
 def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the pendulum's slowing with that expected from the read amplitudes.
+    """Yield one comparison of the change of the pendulum's period with the expected change.
 
-    The difference is the observed change of the period over the expected one, minus 1. Nothing is
-    yielded if the record has fewer than four swings. A laboratory whose amplitude does not decay is
-    not compared.
+    The expected change follows from the read amplitudes. The difference is observed over expected
+    change, minus 1. Nothing is yielded if the record has fewer than four swings. A laboratory whose
+    amplitude does not decay is not compared.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
     slowing = swing_slowing(record, evidence.laboratories)
     if slowing is None:
         return
-    # the period is that of small swings times 1 + θ²/16; `times` is the factor by which θ² is
-    # larger than read
+    # The period is that of small swings times 1 + θ²/16. `times` is the true θ² divided by the θ²
+    # that was read.
     square = (record.first_amplitude * record.last_amplitude).reshape(evidence.laboratories, -1)
     unknown = np.full(evidence.laboratories, np.inf)
     period = (
@@ -157,11 +157,11 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     """Yield comparisons of the mean with the median swing, and flags for odd swings.
 
     A lost passage doubles one swing, which changes the mean but not the median. Two comparisons are
-    yielded if at least one laboratory has `FEWEST_RELEASES` counted releases: the mean of all
-    counted releases, and the worst release against the others, because an outlier inflates the
-    scatter. Two flags are always yielded, even if raised nowhere: one for releases with an odd
-    swing that are left out, and one, which rules out a verdict, for odd releases that are used
-    because too few others remain.
+    yielded if at least one laboratory has `FEWEST_RELEASES` counted releases. The first is for the
+    mean of all counted releases. The second compares the worst release with the others, because an
+    outlier inflates the scatter. Two flags are always yielded, even if they are raised nowhere. The
+    first is for releases that are left out because of an odd swing. The second rules out a verdict;
+    it is for releases with an odd swing that are used because too few others remain.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -197,8 +197,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
 def _worst_release(excess: Array, moves: Array) -> Pairs:
     """Return the pair of the release that differs most from the mean of the others.
 
-    `excess` is (laboratory, release), NaN: not counted. The scatter is that of the other releases;
-    a laboratory with too few of them is not compared.
+    `excess` is (laboratory, release), NaN for a release that is not counted. The scatter is that of
+    the other releases. A laboratory with too few releases is not compared.
     """
     number = np.isfinite(excess).sum(axis=1)
     compared = number > FEWEST_RELEASES
@@ -226,13 +226,13 @@ def _worst_release(excess: Array, moves: Array) -> Pairs:
 
 
 def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
-    """Flag releases with an odd swing: left out, or too many to leave a result.
+    """Yield the two flags for releases with an odd swing, see `pendulum_even`.
 
     `swings` and `odd` are (laboratory, release, swing), `counted` is (laboratory, release).
     """
     usual = np.median(swings, axis=(1, 2))
     irregular: Mask = np.asarray(odd.any(axis=2))
-    # odd releases are used if too few others remain
+    # Odd releases are used if too few others remain.
     too_many: Mask = np.asarray((irregular & counted).any(axis=1))
     any_left_out: Mask = np.asarray((irregular & ~counted).any(axis=1))
 
@@ -252,7 +252,7 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
 
 
 class Slowing(NamedTuple):
-    """Observed change of a pendulum's period over that expected from the amplitudes.
+    """Observed change of a pendulum's period over the change expected from the amplitudes.
 
     Arrays are (laboratory,).
     """
@@ -264,11 +264,12 @@ class Slowing(NamedTuple):
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
-    """Return the observed change of the pendulum's period over that expected from the amplitudes.
+    """Return the observed change of the pendulum's period over the change expected from amplitudes.
 
-    The period grows with the square of the amplitude, so it shortens as the swing decays, and the
-    size of this change shows the real amplitude. The ratio is 1 for correct readings, and NaN if
-    the amplitude does not decay. Return None if a release has fewer than four swings.
+    The period grows with the square of the amplitude, so it shortens as the swing decays. The size
+    of this change depends on the true amplitude. The ratio is 1 for correct readings of the
+    amplitude, and NaN if the amplitude does not decay. Return None if a release has fewer than four
+    swings.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
     counted = counted_releases(odd_swings(times))
@@ -364,7 +365,7 @@ def store(evidence: Evidence) -> Iterator[Raised]:
 
     The mean relative humidity of each laboratory is compared with the limits of the procedure.
     Nothing is yielded if the procedure states no conditioning, or without a record of the store.
-    The flag never rules out a verdict: the result is that of the balls as they were, or is
+    The flag never rules out a verdict, because the result either refers to these balls or is
     normalized by their e0.
     """
     conditioning, readings = (
@@ -395,15 +396,15 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised in the laboratories that have a wrong ball in their lot.
 
     A ball is wrong if its e0 is outside the window of the procedure and more than 0.02 from the
-    median of the lot, or if it was fired although its mass or e0 is outside its window. In a sound
-    block the flag is raised nowhere.
+    median of the lot, or if it was fired although its mass or e0 is outside its window. The flag is
+    yielded even if it is raised nowhere.
     """
     windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
     low, high = windows.ball_restitution_low, windows.ball_restitution_high
     fired = np.zeros(at.shape, dtype=bool)
     fired[evidence.owner, evidence.readings.ball] = True
-    # five standard deviations of the measured e0 of a ball about the median of a sound lot
+    # 0.02 is five standard deviations of the measured e0 about the median of a sound lot.
     far = ~(np.abs(at - np.median(at, axis=-1, keepdims=True)) <= ODD_BALL)
     fit = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
     bad = ~(fit & (low <= at) & (at <= high)) & (fired | far)
@@ -415,7 +416,7 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
 
 
 def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str:
-    """Return a sentence on the first ball that is wrong."""
+    """Return a sentence on the first wrong ball of a laboratory."""
     unfit = set_aside(evidence.procedure, evidence.measured_balls.select((laboratory, 0)))
     entry = next(one for one in unfit if bad[one.ball])
     if fired[entry.ball]:
@@ -424,10 +425,10 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison: the trend of the balls' e0 over the order in which they were measured.
+    """Yield one comparison: the trend of e0 with the order in which the balls were measured.
 
-    The difference, which should be 0, is the change of e0 by a straight line from the first to the
-    last ball, one per laboratory. Nothing is yielded for fewer than four balls.
+    The difference, which should be 0, is the change from the first to the last ball of a straight
+    line through e0, for each laboratory. Nothing is yielded for fewer than four balls.
     """
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:
@@ -441,7 +442,8 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     dof = e0.shape[1] - 2
     change = slope * length
     scatter = np.sqrt(np.sum(rest**2, axis=1) / dof / width) * length
-    # whether the trend continues or began at the wall, the mean e0 is off by half the change
+    # In either case, whether the trend continues or began at the wall, the error of the mean e0 is
+    # half the change.
     effects = evidence.sensitivities
     shared = sum(
         (effects[name] for name in restitution_names(e0.shape[1]) if name in effects),

@@ -1,4 +1,4 @@
-"""Checks of the boards at the bat: their places, and the heights at which balls pass them."""
+"""Checks of the boards at the bat: their positions, and the heights at which balls pass them."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from virtual_lab.units import Array, Mask
 
 WAYS = {INBOUND: "", OUTBOUND: " back"}
 DROP_U = 2e-5  # uncertainty of a ball's drop, because its parabola neglects drag [m]
-SCALE_U = 0.01  # harmless relative difference between the height scales of two boards
+SCALE_U = 0.01  # uncertainty for a harmless relative difference of two boards' height scales
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison per inner gate and flight direction: surveyed minus timed position [m].
 
-    The timed position is where the ball is at the gate's time of passage, on a flight with drag
+    The timed position is computed from the time of passage at this gate, for a flight with drag
     that passes the first and the last gate at their measured times. The difference is averaged over
-    the shots of each laboratory. Nothing is yielded with fewer than three gates, or with another
-    instrument than gates and boards. A laboratory with fewer than `FEWEST_SHOTS` shots is not
-    compared.
+    the shots of each laboratory. Nothing is yielded with fewer than three gates, or for an
+    instrument that is neither gates nor boards. A laboratory with fewer than `FEWEST_SHOTS` shots
+    is not compared.
     """
     constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
@@ -75,7 +75,7 @@ def _board_said(
 
 
 def _between(constants: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
-    """Return the components of a board's deviation from its position caused by the survey."""
+    """Return the components of the uncertainty that the survey causes in a board's deviation."""
     variants = Variants.of({_distance(k): constants[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())
     return variants.components(here - first - part[:, None] * (end - first))
@@ -85,8 +85,8 @@ def _between(constants: Mapping[str, Estimates], board: int, last: int, part: Ar
 class Heights:
     """Heights at which balls pass the boards on the way in.
 
-    Each height is corrected by g t²/2, with the time t left until contact, so that the heights of a
-    ball lie on a line.
+    Each height is corrected by g t²/2, where t is the time left until contact, so that the heights
+    of one ball are on a straight line.
     """
 
     evidence: Evidence
@@ -115,10 +115,10 @@ class Heights:
         )
 
     def off_neighbours(self, board: int) -> Array:
-        """Return weights of the boards for the deviation of one board's height.
+        """Return the weights of the boards, (laboratory, board), for the deviation of one board.
 
-        They are (laboratory, board). The weighted sum of the heights is the height of `board` above
-        the line through the first and the last board.
+        The sum of the heights with these weights is the height of `board` above the line through
+        the first and the last board.
         """
         first, here, last = (self.distances[:, k] for k in (0, board, -1))
         weights = np.zeros(self.distances.shape)
@@ -131,7 +131,8 @@ class Heights:
     def at_target(self) -> Array:
         """Weights of the boards, (laboratory, board), for the height at the target.
 
-        The weighted sum of the heights is that of a line by least squares through all boards.
+        The sum of the heights with these weights is the height at the target of a least-squares
+        line through all boards.
         """
         middle = self.distances.mean(axis=1, keepdims=True)
         deviation = self.distances - middle
@@ -139,11 +140,11 @@ class Heights:
         return np.asarray(1 / deviation.shape[1] - lever * deviation)
 
     def each(self, weights: Array) -> Array:
-        """Return the weighted sum of each shot, (shot,) [m]."""
+        """Return the weighted sum of the heights of each shot, (shot,) [m]."""
         return np.asarray(np.sum(weights[self.evidence.owner] * self.level, axis=1))
 
     def mean(self, weights: Array) -> tuple[Array, Components, Array]:
-        """Return the mean weighted sum of the shots [m], its uncertainty, and the number of shots.
+        """Return the weighted sum averaged over the shots [m], its uncertainty, and their number.
 
         `weights` are (laboratory, board). Mean and number are (laboratory,).
         """

@@ -21,13 +21,15 @@ SIZE = 0.02  # relative tolerance of the diameter; the rules allow ±0.014 (9 to
 
 
 def chords(evidence: Evidence) -> Iterator[Raised]:
-    """Yield flags for ball diameters from the edges of the gates that differ from the nominal one.
+    """Yield flags for laboratories in which the diameters measured by the gates are implausible.
 
-    Two flags are yielded for the gates at the wall, and two for those at the bat: one raised where
-    a diameter is more than 2 % too large, one where the large diameters (90 % quantile) are more
-    than 2 % too small. Both may be raised nowhere. Nothing is yielded for gates that recorded no
-    edges. No beam can show more than the diameter, and a single beam off the centre shows less. A
-    thick beam is broken for longer, by the time that the ball takes to cross its thickness.
+    A diameter is computed from the time for which the ball breaks a beam. No beam can show more
+    than the diameter, and a single beam off the centre of the ball shows less. A thick beam is
+    broken for longer, by the time that the ball takes to cross its thickness. Two flags are yielded
+    for the gates at the wall, and two for those at the bat. The first is raised where a diameter is
+    more than 2 % too large, the second where even the large diameters (90 % quantile) are more than
+    2 % too small. They are yielded even if they are raised nowhere. Nothing is yielded for gates
+    that recorded no edges.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))
@@ -41,7 +43,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         ),
     }
     if isinstance(bat, BoardRecord):
-        # the window on the edges has already excluded shots spoilt by scraps of the sabot
+        # The window on the edges has already excluded shots that scraps of the sabot disturbed.
         owner, diameters = diameters_at["bat"]
         diameters_at["bat"] = owner[~evidence.off_flight], diameters[~evidence.off_flight]
     nominal = 2 * evidence.best["ball.radius"][:, 0, 0]
@@ -53,7 +55,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         longest = np.where(finite, flat, 0.0).max(axis=1, initial=0.0)
         is_wide = longest > nominal[owner] * (1 + SIZE)
         yield _too_wide(evidence, where, owner, longest, is_wide, nominal)
-        # a single beam meets most balls off their centre and shows less than the diameter
+        # A single beam meets most balls off their centre and shows less than the diameter.
         size = nominal.copy()
         for laboratory in range(evidence.laboratories):
             values = flat[owner == laboratory]
@@ -95,7 +97,7 @@ def _diameters(
     if not isinstance(readings, GateReadings) or not isinstance(record, GateRecord | BoardRecord):
         return np.full((ball.size, 2, 1), np.nan)
     x, mass = evidence.best, evidence.measured_balls.mass
-    if stage == "impact":  # each shot with the constants of its laboratory, (shot, 1, 1)
+    if stage == "impact":  # constants of the laboratory of each shot, (shot, 1, 1)
         x = {name: value[evidence.owner] for name, value in x.items()}
         mass, ball = mass[evidence.owner], ball[:, None, None]
         readings = readings.part(np.arange(ball.size)[:, None, None])
@@ -120,8 +122,8 @@ def _diameters(
         chords_shown = np.diff(record.times, axis=-1)[..., 0]
         along = chords_shown * speed / constant("clock")[:, None, None]
         return np.asarray(along - through[:, None, None])
-    # a beam above or below the ball's centre shows a shorter chord; rebounds are left out because
-    # they may be steep
+    # A beam above or below the ball's centre shows a shorter chord. Rebounds are left out because
+    # they may be steep.
     pitch, lowest = constant("pitch"), constant("lowest")
     beams = lowest[:, None] + pitch[:, None] * np.arange(record.times.shape[3])
     along = np.diff(record.times[:, INBOUND], axis=-1)[..., 0] * speed[:, INBOUND, :, None]

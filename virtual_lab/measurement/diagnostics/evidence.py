@@ -22,7 +22,7 @@ FEWEST_SHOTS = 3  # smallest number of shots for a mean and its scatter
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """Input of the checks: records, constants and results of a block; shots as fired, (shot,)."""
+    """Input of the checks: records, constants and results of a block, shots in firing order."""
 
     block: SessionBlock
     reduced: Reduction
@@ -64,7 +64,7 @@ class Evidence:
 
     @cached_property
     def off_flight(self) -> Mask:
-        """Shots whose edges deviate from one flight by more than the procedure allows."""
+        """Mask of the shots whose edges deviate from one flight more than the procedure allows."""
         most = self.procedure.windows.edge_misfit
         worst = worst_misfit(self.shots, self.readings)
         return np.asarray(worst > (np.inf if most is None else most))
@@ -81,11 +81,11 @@ class Evidence:
         return dict(zip(parts.names, parts.sensitivity.T / u, strict=True))
 
     def moves(self, components: Components) -> Array:
-        """Return the largest shift of the result per unit of a difference that one constant causes.
+        """Return the largest shift of the result per unit of a difference, over the constants.
 
-        `components` are those of the difference. The shift is in units of the result's u,
-        (laboratory,). It is infinite if no constant of `components` has a known effect on the
-        result.
+        A constant whose error causes the difference also shifts the result. `components` are the
+        constants that contribute to the difference. The shift is in units of the result's u,
+        (laboratory,). It is infinite if no constant has a known effect on the result.
         """
         worst = np.full(self.laboratories, np.nan)
         for name, effect in zip(components.names, components.sensitivity.T, strict=True):
@@ -100,14 +100,15 @@ class Evidence:
         return np.asarray(np.bincount(self.owner, values, self.laboratories))
 
     def shots_of(self, used: Mask, laboratory: int) -> str:
-        """Return the used shots of a laboratory in words: up to six numbers from 1, or a count."""
+        """Return the used shots of a laboratory as text: up to six numbers from 1, or a count."""
         shots = 1 + np.flatnonzero(used[self.owner == laboratory])
         return f"shots {', '.join(map(str, shots))}" if shots.size <= 6 else f"{shots.size} shots"
 
     def mean_of(self, values: Array, used: Mask) -> tuple[Array, Array, Array]:
         """Return the mean over the used shots of each laboratory, its u, and the number of shots.
 
-        Each has shape (laboratory,). The u is that of the scatter. NaN: too few shots.
+        Each result has the shape (laboratory,). The u follows from the scatter of the shots. A
+        value is NaN with too few shots.
         """
         number = self.per_laboratory(used)
         with np.errstate(divide="ignore", invalid="ignore"):

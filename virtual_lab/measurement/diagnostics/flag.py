@@ -1,10 +1,10 @@
 """A flag, and the probability of a false one.
 
 There are two kinds of checks. A pair consists of two measurements of one quantity, whose difference
-is compared with its uncertainty. It raises a flag if chance causes such a difference in fewer than
-one faultless test of two thousand, and rules out a verdict below one of a hundred thousand. A band
-compares a number with wide limits that a faultless laboratory stays well within. Together the
-checks flag fewer than one faultless test in a hundred.
+is compared with its uncertainty. A flag is raised if a difference of this size occurs by chance in
+fewer than one of 2 000 faultless tests. It rules out a verdict if this is fewer than one of 100
+000. A band compares a number with wide limits, which a faultless laboratory never approaches.
+Together the checks flag fewer than one faultless test in a hundred.
 
 A check returns `Raised` or `Pairs` for a block of laboratories. `Flag` and `Discrepancy` are the
 printed forms for one laboratory.
@@ -26,7 +26,7 @@ from virtual_lab.units import Array, Mask
 
 # probability of an equal or larger difference in a sound laboratory, below which it is flagged
 REMARKED = 5e-4
-CONTRADICTS = 1e-5  # the same chance, below which there is no verdict
+CONTRADICTS = 1e-5  # the same probability, below which no verdict is possible
 HARMLESS = 0.05  # shift of the result that is harmless [standard uncertainty of the result]
 
 
@@ -70,7 +70,7 @@ class Discrepancy:
     sentence: str
     sigmas: float  # difference in units of its standard uncertainty
     likely: float  # probability of an equal or larger difference in a sound laboratory
-    # the same probability, if a difference that does not affect the result counts as noise
+    # the same probability, if a difference too small to affect the result is treated as noise
     harmful: float
 
 
@@ -164,8 +164,8 @@ def pairs(
     harms = moves > 0
     spared = np.where(harms, HARMLESS / np.where(harms, moves, 1.0), 0.0)
     _, harmful = chances(value, components, least=np.maximum(least, spared))
-    # noise has infinite degrees of freedom here, a scatter of few shots does not; the larger chance
-    # is the safe one
+    # Noise has infinite degrees of freedom here, unlike the scatter of a few shots. The larger
+    # probability is on the safe side.
     harmful = np.maximum(harmful, likely)
     everywhere = np.ones(value.shape, dtype=bool)
     return Pairs(
@@ -180,10 +180,10 @@ def pairs(
 
 
 def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
-    """Return u of values that should be 0, and the chance of an equal or larger absolute value.
+    """Return u of values that should be 0, and the probability of an equal or larger |value|.
 
-    All arrays are (laboratory,). The chance is two-sided, by a t distribution. `least` is added in
-    quadrature to the uncertainty, so it is a lower bound of u.
+    All arrays are (laboratory,). The probability is two-sided, for a t distribution. `least` is
+    added in quadrature to the uncertainty, so it is a lower bound of u.
     """
     floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
     budget = combine_components(value, components + floor)
@@ -192,6 +192,6 @@ def chances(value: Array, components: Components, *, least: Array | float) -> tu
 
 
 def _of_any(likely: Array, among: NDArray[Any] | int) -> Array:
-    """Return the chance that the least likely of several is as unlikely as this."""
-    with np.errstate(divide="ignore"):  # logarithm of 0 for a chance of 1
+    """Return the probability that the least likely of `among` differences is this unlikely."""
+    with np.errstate(divide="ignore"):  # logarithm of 0 for a probability of 1
         return np.asarray(-np.expm1(among * np.log1p(-np.minimum(likely, 1.0))))

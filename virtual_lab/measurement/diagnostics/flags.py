@@ -75,7 +75,7 @@ class Checked:
     """Results of all checks of a block."""
 
     answers: tuple[tuple[Answer, ...], ...]  # answers of each check, in the order of the test day
-    left_out: tuple[str, ...]  # checks of readings that the records do not hold
+    left_out: tuple[str, ...]  # checks for which the records lack the readings
 
     def flags(self, laboratory: int) -> Iterator[Flag]:
         """Yield the flags in one laboratory, at most one per check: the most serious one."""
@@ -92,7 +92,7 @@ class Checked:
 
     @property
     def voids(self) -> Mapping[str, Mask]:
-        """True where a check leaves no verdict, (laboratory,), by the check's name."""
+        """Mask of the laboratories in which a check rules out a verdict, by name of the check."""
         return {
             name: np.logical_or.reduce([each.voids for each in answers])
             for name, answers in zip(CHECKS, self.answers, strict=True)
@@ -101,7 +101,7 @@ class Checked:
 
     @property
     def flagged(self) -> Mapping[str, Mask]:
-        """True where a check raises a flag, (laboratory,), by the check's name."""
+        """Mask of the laboratories in which a check raises a flag, by name of the check."""
         return {
             name: np.logical_or.reduce([each.where for each in answers])
             for name, answers in zip(CHECKS, self.answers, strict=True)
@@ -131,8 +131,9 @@ def check(evidence: Evidence) -> Checked:
 def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
     """Yield a flag for each instrument whose next calibration was due before the day of the test.
 
-    Nothing is yielded for an instrument without a due date, or if no day is known. The day is that
-    in the particulars, or else `date`; both are in ISO form, such as 2026-05-31.
+    The day of the test is stated in the particulars, otherwise it is `date`; both are in ISO form,
+    such as 2026-05-31. Nothing is yielded for an instrument without a due date, or if the day of
+    the test is not known.
     """
     day = particulars.test.begun or date
     for name, each in particulars.instruments.items():

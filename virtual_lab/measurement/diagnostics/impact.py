@@ -26,9 +26,9 @@ RATE_ROUNDING = 1e-5  # relative accuracy of the extrapolation of a rate to cont
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
     """Yield two flags, raised where gates missed a ball: first at the wall, then at the bat.
 
-    At the wall a hit counts as missed if the gates did not detect the incoming or the returning
-    ball, at the bat if a gate did not detect the incoming ball. In a sound block both are raised
-    nowhere.
+    At the wall a hit is missed if the gates did not detect the incoming or the returning ball. At
+    the bat it is missed if a gate did not detect the incoming ball. Both flags are yielded even if
+    they are raised nowhere.
     """
     hits = evidence.reduced.preparation.balls.ball[:, 0]
     wall_misses = np.sum(hits < 0, axis=1)
@@ -54,14 +54,14 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 def edges(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised where more than a tenth of the shots do not fit a single flight.
 
-    These are shots whose edges at the boards deviate from one flight by more than the procedure
-    allows. In a sound block the flag is raised nowhere.
+    The edges of such a shot at the boards deviate from one flight by more than the procedure
+    allows. The flag is yielded even if it is raised nowhere.
     """
     count = evidence.per_laboratory(evidence.off_flight)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
     yield Raised(
         name="edges",
-        where=count > 0.1 * fired,  # scraps of a sabot do not explain so many
+        where=count > 0.1 * fired,  # more than scraps of a sabot can explain
         sentence=lambda i: (
             f"the beam edges of {count[i]:.0f} of {fired[i]:.0f} shots do not fit a single flight; "
             "scraps of sabots explain only a few such shots"
@@ -72,7 +72,7 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
 def aim(evidence: Evidence) -> Iterator[Pairs]:
     """Yield two comparisons: the mean mark on the aim paper minus the known aim [m].
 
-    The first is that along the bat, the second that across it. Nothing is yielded without aim
+    The first comparison is along the bat, the second across it. Nothing is yielded without an aim
     paper, or with fewer than `FEWEST_SHOTS` marks per laboratory.
     """
     marks = evidence.block.impact.get("aim")
@@ -113,11 +113,11 @@ def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag per encoder, raised where a fit's misfit is beyond resolution and noise.
+    """Yield one flag per encoder, raised where a misfit exceeds resolution and noise.
 
-    The encoders are that of the recoil and that of the swing. The flag's `where`, (laboratory,), is
-    True if at least one shot has such a misfit, and may be False everywhere. Nothing is yielded for
-    an encoder that the rig does not have.
+    There may be an encoder for the recoil and one for the swing. The flag is raised in a laboratory
+    if at least one shot has such a misfit, and is yielded even if it is raised nowhere. Nothing is
+    yielded for an encoder that the rig does not have.
     """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
@@ -139,12 +139,12 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons per encoder: the rate by half of the record with that by all of it.
+    """Yield two comparisons per encoder of rates from half of the record and from the whole record.
 
-    The half is the one nearest contact. The first comparison is that of the mean result, the second
-    that of each laboratory's worst shot. Both differences are in the unit of the metric: a
-    difference of rates, times the effect of the rate on the result. Nothing is yielded for an
-    encoder that the rig does not have, that keeps no record, or on which no result depends.
+    The half is the part nearest contact. The first comparison is for the mean over the shots, the
+    second for the worst shot of each laboratory. Both differences are in the unit of the metric:
+    the difference of the rates times the effect of the rate on the result. Nothing is yielded for
+    an encoder that the rig does not have, that keeps no record, or that does not affect the result.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)
@@ -152,7 +152,7 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             continue
         lever = evidence.outcome.effects * _by_rate(
             evidence, which
-        )  # 0 if the result uses the ball alone
+        )  # 0 if the result depends only on the ball
         mask = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
         compared = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(mask) > 0)
         if not compared.any():
@@ -256,7 +256,7 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     The mean is over the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS`
     such shots, because their scatter gives the uncertainty of the mean. One shot is enough if there
     are at least `FEWEST_SHOTS` aim marks, which give the scatter of the impact position. Nothing is
-    yielded if no laboratory has enough.
+    yielded if no laboratory has enough shots.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     has_both = evidence.reduced.valid & np.isfinite(difference)
@@ -284,7 +284,7 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def _variant_differences(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
-    """Return numbers of shots, including those in `both`, and e_A differences of the variants."""
+    """Return shot numbers, including all shots in `both`, and e_A differences of the variants."""
     hits = number_shots(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
         return evidence.hits, evidence.apart

@@ -1,4 +1,4 @@
-"""Check for records that were filed for two shots."""
+"""Check for records that were stored for two shots."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ from virtual_lab.units import Array, Mask
 def records_repeated(evidence: Evidence) -> Iterator[Raised]:
     """Yield a flag for each channel that holds the same record for two shots.
 
-    Records of an instrument that are identical to the last digit although those of another
-    instrument differ were filed twice. The flag is raised in all laboratories and rules out a
-    verdict. Nothing is yielded without such a repeat, or if the swings of the pendulum repeat to
-    the last digit, because such instruments have no noise that distinguishes two records.
+    If the records of two shots by one instrument are identical to the last digit, but those by
+    another instrument differ, a record was stored twice. The flag is raised in all laboratories and
+    rules out a verdict. Nothing is yielded without such a repeat. Nothing is yielded either if the
+    swings of the pendulum repeat to the last digit, because the instruments then have no noise, and
+    equal records are possible.
     """
     pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():
@@ -38,7 +39,7 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
             whole, partial = _traces(channels[channel])
             others = [each for name, each in rows.items() if name != channel]
             twice = _filed_twice(table, partial, others)
-            # one part may repeat by chance
+            # A single partial trace may repeat by chance.
             if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:
                 yield _flag_repeat(evidence, f"{stage}/{channel}", *twice[0])
 
@@ -55,8 +56,8 @@ def _rows(record: Record) -> Array | None:
 def _traces(record: Record) -> tuple[Mask, Mask]:
     """Return masks of the shots with a whole trace, and with at least half of one, (shot,).
 
-    The trace of a bat that was not hit is constant and does not count. A ball that does not come
-    back leaves half a trace.
+    The constant trace of a bat that was not hit is excluded. A ball that does not come back leaves
+    half a trace.
     """
     if isinstance(record, EncoderRecord):
         rotates = np.asarray(np.ptp(record.counts, axis=1) > 0)
@@ -71,7 +72,7 @@ def _traces(record: Record) -> tuple[Mask, Mask]:
 
 
 def _filed_twice(rows: Array, candidates: Mask, others: list[Array]) -> list[tuple[int, int]]:
-    """Return shots with the same record as an earlier one, and the earlier one."""
+    """Return pairs of a shot and an earlier shot with the same record."""
     first: dict[bytes, int] = {}
     repeats = []
     for shot in map(int, np.flatnonzero(candidates)):

@@ -1,8 +1,8 @@
-"""Correction of a scan for the chance that a neighbour of the chosen position is really better.
+"""Correction of a scan for the possibility that a neighbour of the chosen position is better.
 
-The measurand is the largest value over the positions. New hits give the value at the chosen
-position, which is lower on average. The result is corrected by the mean shortfall, and the
-remaining variation is a component of the uncertainty.
+The measurand is the largest value over the positions. The final hits measure the value at the
+chosen position, which on average is lower. The result is corrected by the mean of this shortfall,
+and its remaining variation is a component of the uncertainty.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CHOICE = "choice of the place"  # name of the component in a budget
 
 
 class Shortfalls(NamedTuple):
-    """Shortfalls of the chosen from the best position, in the metric's unit, (laboratory,)."""
+    """Expected shortfall of the chosen position, in the metric's unit, (laboratory,)."""
 
     mean: Array
     rms: Array
@@ -46,9 +46,10 @@ def shortfalls(
     The arrays are (laboratory,), in the unit of the metric. The shortfall is the amount by which a
     position next to the chosen one is truly better. The true difference is assumed to be normally
     distributed. Its mean is the difference of the mean hits, and its standard deviation follows
-    from the scatter of the hits at each position. Negative differences count as 0. The two adjacent
-    positions are added. The shortfall is 0 if no position was chosen, if the hits do not scatter,
-    or if the result is not a mean at one position. The parameters are those of `outcomes_of`.
+    from the scatter of the hits at each position. A negative difference is replaced by 0, and the
+    shortfalls of the two adjacent positions are added. The shortfall is 0 if no position was
+    chosen, if the hits do not scatter, or if the result is not a mean at one position. The
+    parameters are those of `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:

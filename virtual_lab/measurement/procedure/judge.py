@@ -1,4 +1,4 @@
-"""Hits that count: every shot is compared with the windows; the first violation is named."""
+"""Validity of hits: every shot is compared with the windows, and the first violation is named."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class Judgement:
 
     @property
     def valid(self) -> Mask:
-        """Mask of the shots that count, (shot,)."""
+        """Mask of the valid shots, (shot,)."""
         return np.array([not reason for reason in self.reasons], dtype=bool)
 
 
 class Acceptance(Protocol):
-    """Decides which hits count: the procedure (`judge`), or a person who may overrule it."""
+    """Function that decides which hits are valid: the procedure (`judge`), or a person."""
 
     def __call__(
         self,
@@ -178,7 +178,7 @@ def _place(
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
     """Return the larger rms distance of the edges from one flight, in or back [m], (..., shot).
 
-    A direction without a known misfit counts as 0.
+    The misfit of a direction is 0 if it is not known.
     """
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds
@@ -278,7 +278,7 @@ def _swing(
     yield np.isfinite(rate), lambda _: "the encoder shows no rotation before contact", rate
     yield _fit_criterion(swing)
     if windows.bat_speed_tolerance is not None:
-        # the bat's speed is named 6 in from the tip, so the window is taken there
+        # The procedure states the bat speed 6 in from the tip, so the window applies there.
         lever = (procedure.bat_speed or 0.0) / turn_rate
         tolerance = windows.bat_speed_tolerance
 

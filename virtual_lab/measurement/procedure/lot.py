@@ -21,9 +21,10 @@ class SetAside:
 
 
 def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
-    """Return a mask of the balls that define the lot, (..., ball): those with fit mass and e0.
+    """Return a mask of the balls that define the lot, (..., ball): those within all windows.
 
-    If no ball of a lot is within the windows, all balls define it, and every shot is then rejected.
+    The windows are those of mass and e0. If no ball of a lot is within them, the mask is True for
+    all balls, and every shot is then rejected.
     """
     light, e0 = _misfits(procedure, balls)
     fit = ~(light | e0)
@@ -33,8 +34,9 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
 def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
     """Return the balls of one lot that are outside the windows of mass or e0, each with its reason.
 
-    The tuple is empty if all balls fit. `balls` has arrays (ball,). The e0 is that at the speed to
-    which the procedure's window refers. A ball that violates both windows is named for its mass.
+    The tuple is empty if all balls are within the windows. `balls` has arrays (ball,). The e0 is
+    that at the speed to which the procedure's window refers. The reason for a ball outside both
+    windows is its mass.
     """
     windows = procedure.windows
     of_mass, of_e0 = _misfits(procedure, balls)

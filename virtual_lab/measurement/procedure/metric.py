@@ -1,4 +1,4 @@
-"""The metric of a procedure at each place, as a function of the collision."""
+"""The metric of a procedure at each impact position, as a function of the collision."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Curve:
 
     @classmethod
     def from_shots(cls, shots: SetResults) -> Curve:
-        """Return the curve from shots, one place per shot."""
+        """Return the curve of shots, with one impact position per shot."""
         return cls(
             place=shots.place,
             collision_efficiency=shots.lot_collision_efficiency,

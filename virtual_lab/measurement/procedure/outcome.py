@@ -1,9 +1,10 @@
 """From hits to a result: weights of the hits, impact position of the result, and verdict.
 
 A result is a weighted sum of the hits. At a fixed impact position all weights are equal. In a scan
-the weights follow from the maximum of a curve fitted near the best position. If the metric itself
-has its maximum there, a shift of the position has no first-order effect. If another quantity, such
-as v_f, has its maximum there, the hits also shift the position and therefore the result.
+the result is the value at the maximum of a curve fitted near the best position, which determines
+the weights. The hits also shift the position of this maximum. If the curve is the metric itself,
+the shift has no first-order effect on the result. If it is another quantity, such as v_f, the shift
+changes the result.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class HitWeights:
     """Weights of the hits of a block, with impact positions and reasons for no result."""
 
     weights: Array  # (shot,), with the sum 1 in a laboratory; NaN without a result
-    # derivative of the result with respect to a hit's metric: its weight, and the effect of the
-    # impact position that it shifts, (shot,)
+    # derivative of the result with respect to the metric of a hit, (shot,): the weight of the hit,
+    # plus its effect by shifting the impact position
     effects: Array
     place: Array  # impact position of the result, from the tip, (laboratory,) [m]
     reasons: tuple[str, ...]  # reason why a test gives no result, or empty, (laboratory,)
@@ -79,10 +80,10 @@ def outcomes_of(
 ) -> HitWeights:
     """Return the weights of the hits, (shot,), and the impact position of each laboratory's result.
 
-    The position is the distance from the barrel tip, (laboratory,) [m]. A laboratory without a
-    result has NaN as weights and position, and a reason. Without a scan that is a laboratory with
-    fewer than two valid hits. An incomplete test can have a result and nevertheless a reason, which
-    makes it INVALID.
+    The position is the distance from the barrel tip, (laboratory,) [m]. For a laboratory without a
+    result, weights and position are NaN and a reason is stated. Without a scan, this is a
+    laboratory with fewer than two valid hits. An incomplete test can have a result and still have a
+    reason, which makes it INVALID.
 
     Parameters
     ----------
@@ -91,8 +92,8 @@ def outcomes_of(
     laboratories
         Number of laboratories.
     owner, place, valid, metric
-        Shots, those of a laboratory in the order fired, (shot,): index of the laboratory, impact
-        position from the tip [m], whether the hit is valid, and the metric.
+        For each shot, (shot,): index of the laboratory, impact position from the tip [m], whether
+        the hit is valid, and the metric. The shots of a laboratory are in the order fired.
     objective
         The quantity that a scan maximises, for the same shots.
     """
@@ -165,7 +166,7 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
 
 
 def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_result: bool) -> str:
-    """Return the reason why a scan gives no result, or no valid one; empty if it gives one."""
+    """Return the reason why a scan gives no valid result; empty if it gives one."""
     if not has_result:
         return (
             f"only {scans.complete[i]} impact positions have {procedure.valid_hits} valid hits; "
@@ -233,16 +234,19 @@ def _tops_of_curves(
 
 
 def _degrees(place: Array, is_hit: Mask) -> NDArray[np.intp]:
-    """Return the degrees of the curves through hits: odd ones are free at equal steps."""
+    """Return the degree of the polynomial through the hits of each laboratory, at most 3.
+
+    It is one less than the number of different positions.
+    """
     at = np.sort(np.where(is_hit, np.round(place, 6), np.inf), axis=1)
     differs = np.pad(at[:, 1:] > at[:, :-1], ((0, 0), (1, 0)), constant_values=True)
     return np.asarray(np.minimum(3, (differs & np.isfinite(at)).sum(axis=1) - 1))
 
 
 def _turns(cubics: Array) -> Array:
-    """Return the local maxima of cubics, (curve, power), or NaN.
+    """Return the position of the local maximum of each cubic, (curve,); NaN without one.
 
-    The formula remains exact if the cubic term vanishes.
+    `cubics` are coefficients, (curve, power). The formula remains exact if the cubic term vanishes.
     """
     a, b, c = (cubics[:, 1:] * np.arange(1, 4)).T
     square = b**2 - 4 * a * c
@@ -253,9 +257,9 @@ def _turns(cubics: Array) -> Array:
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
     """Return the polynomial of the metric over the impact position that gives a scan's result.
 
-    The position is the distance from the barrel tip [m]. `place` and `metric` are those of the
-    shots of one laboratory, and `used` is the mask of the shots in the result, all (shot,). Return
-    None if the result is not the maximum of a curve, or with fewer than two shots.
+    The position is the distance from the barrel tip [m]. `place` and `metric` are the values of one
+    laboratory's shots, and `used` is the mask of the shots in the result, all (shot,). Return None
+    if the result is not the maximum of a curve, or with fewer than two shots.
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None
@@ -274,9 +278,10 @@ class Reason(NamedTuple):
 def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Iterator[Reason]:
     """Yield a reason for FAIL for each rule of the procedure, with the laboratories that break it.
 
-    The rules are those for bats and the limit of the metric. A rule that no laboratory breaks is
-    yielded too, with a mask that is False everywhere. `bat` are the measured bats. `value` is the
-    metric, (laboratory,), NaN if unknown; NaN and a value equal to the limit do not break it.
+    The rules are the eligibility rules for bats and the limit of the metric. A rule that no
+    laboratory breaks is yielded too, with a mask that is False everywhere. `bat` holds the measured
+    bats. `value` is the metric, (laboratory,), NaN if unknown. NaN and a value equal to the limit
+    do not break the limit.
     """
     for rule in bat_rules(procedure, bat):
         yield Reason(Verdict.FAIL, ~rule.met, rule.sentence)

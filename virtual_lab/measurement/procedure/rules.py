@@ -44,7 +44,7 @@ def _require_positive(spec: Spec, *names: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Windows(Spec):
-    """Acceptance windows for a hit; a missing window is not applied."""
+    """Acceptance windows for a hit. A window that is None is not applied."""
 
     speed_tolerance: Annotated[float, Gt(0), Dimension("speed")]
     ball_mass_low: Mass
@@ -146,7 +146,7 @@ class BallCorrection(Spec):
     """
 
     method: Literal["none", "ratio", "trampoline", "control-bat"]
-    # e0 of the standard ball at the relative speed of every hit, or e of the control bat
+    # e0 of the standard ball, the same at every speed, or known e of the control bat
     standard: Number
 
 
@@ -160,14 +160,14 @@ class Conditioning(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Eligibility(Spec):
-    """Requirements on a bat before the first hit; a missing requirement is not applied."""
+    """Requirements on a bat before the first hit. A requirement that is None is not applied."""
 
     length_less_weight: Annotated[float | None, Dimension("number")] = None  # inches minus ounces
     greatest_length: Annotated[float | None, Dimension("length")] = None
     barrel_diameter: Annotated[float | None, Dimension("length")] = None  # diameter of a ring gauge
     inertia_lengths: Annotated[tuple[float, ...], Dimension("length")] = ()
     inertia_floors: Annotated[tuple[float, ...], Dimension("inertia")] = ()  # about the pivot
-    exempt: Title | None = None  # bats without a test, which the records do not identify
+    exempt: Title | None = None  # bats that need no test; the records do not identify them
 
     def __post_init__(self) -> None:
         if len(self.inertia_lengths) != len(self.inertia_floors):
@@ -202,7 +202,7 @@ class Procedure(Spec):
     bat_speed: Annotated[float | None, SPEED] = None  # speed 6 in from the tip; None: bat at rest
     limit: Annotated[float | None, Dimension("number")] = None
     speed_limit: Annotated[float | None, Dimension("speed")] = None  # limit of the batted ball
-    # largest standard uncertainty of the metric with which a result decides
+    # largest standard uncertainty of the metric for which the result gives a verdict
     largest_u: Annotated[float | None, Dimension("number")] = None
     # the same for the speed of a batted ball
     largest_speed_u: Annotated[float | None, Dimension("speed")] = None
@@ -267,7 +267,7 @@ class Procedure(Spec):
 
     @property
     def largest_metric_u(self) -> float:
-        """Largest standard uncertainty of the metric with which a result decides [SI]."""
+        """Largest standard uncertainty of the metric for which the result gives a verdict [SI]."""
         return self.largest_u or self.largest_speed_u or 0.0
 
     @property
@@ -277,7 +277,7 @@ class Procedure(Spec):
 
     @property
     def normalized(self) -> bool:
-        """Whether the metric is converted to another ball than those of the lot."""
+        """Whether the metric is converted to another ball than the balls of the lot."""
         return self.correction is not None and self.correction.method != "none"
 
     @property

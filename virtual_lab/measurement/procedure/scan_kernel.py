@@ -1,9 +1,9 @@
 """Compiled logic of a scan: valid hits, best impact position, and next shots.
 
 Arrays (shot,) hold the shots of one laboratory in the order fired. Functions of a block take the
-shots of all laboratories in a row, and `starts`, (laboratory + 1,), the index of the first shot of
-each laboratory and the total number. A shot belongs to a position if it lies within half a setting
-step of it.
+shots of all laboratories one after another. Their argument `starts`, (laboratory + 1,), holds the
+index of the first shot of each laboratory, and at its end the total number. A shot belongs to a
+position if it is within half a setting step of it.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def most_asked(rules: ScanRules) -> int:
 def is_at(place: float, at: float, reach: float) -> bool:
     """Return whether a shot at `place` is at most `reach` away from the position `at` [m].
 
-    A distance of exactly `reach` counts, also if it is a little larger after rounding.
+    A distance of exactly `reach` gives True, also if rounding makes it a little larger.
     """
     return bool(abs(place - at) < reach + LEAST)
 
@@ -56,8 +56,8 @@ def is_at(place: float, at: float, reach: float) -> bool:
 def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
     """Fill `counted` with a mask of the hits of a scan: the first valid hits at each position.
 
-    At most `rules.valid_hits` per position count. All arrays are (shot,), those of one laboratory
-    in the order fired, and every value of `counted` is overwritten.
+    At each position at most `rules.valid_hits` hits are marked. All arrays are (shot,), for the
+    shots of one laboratory in the order fired. Every value of `counted` is overwritten.
     """
     for shot in range(place.size):
         counted[shot] = False
@@ -75,7 +75,7 @@ def mean_at(
 ) -> tuple[int, float]:
     """Return the number of valid hits at a position, and the mean objective of these hits.
 
-    Only the first `most` valid hits at most `reach` [m] from `at` [m] count. The mean is 0 if there
+    Only the first `most` valid hits within `reach` [m] of `at` [m] are used. The mean is 0 if there
     are none. The arrays are (shot,).
     """
     count, total = 0, 0.0
@@ -92,8 +92,8 @@ def best_of(
 ) -> int:
     """Return the index of the position in `among` with the largest mean objective of its hits.
 
-    Only the first `most` valid hits per position count; a position without hits has the mean 0. The
-    index is 0 if `among` is empty.
+    Only the first `most` valid hits per position are used. A position without hits has the mean 0.
+    The index is 0 if `among` is empty.
     """
     best, top = 0, -np.inf
     for k in range(among.size):
@@ -109,8 +109,8 @@ def fresh_hits(
 ) -> int:
     """Fill `fresh` with the indices of the valid final hits at `best` [m]. Return their number.
 
-    Final hits are those that follow the `rules.valid_hits` hits of the scan at this position. If
-    the procedure requires consecutive hits, an invalid shot at the position restarts them.
+    Final hits are the hits after the first `rules.valid_hits` hits of the scan at this position. If
+    the procedure requires consecutive final hits, an invalid shot at the position restarts them.
     """
     count, of_scan = 0, 0
     for shot in range(place.size):
@@ -130,9 +130,9 @@ def fresh_hits(
 def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
     """Fill `out` with the positions of the next shots [m]. Return their number.
 
-    The number is 0 if the scan of this laboratory is complete, or if most balls did not rebound at
-    any position. Values of `out` beyond the number are not overwritten; it needs room for
-    `most_asked` shots.
+    The number is 0 if the scan of this laboratory is complete, or if at every position most balls
+    did not rebound. `out` must have at least `most_asked` elements; those beyond the number are not
+    overwritten.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
@@ -144,7 +144,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
     above = int((rules.high - middle + LEAST) / rules.fine_step)
     fine = middle + rules.fine_step * np.arange(-below, above + 1)
     fine = _hopeful(fine, rules.valid_hits, place, objective, rules.reach)
-    # the fit of a curve needs more positions than the neighbours
+    # The fit of a curve needs more positions than the two neighbours of the best one.
     rings = 1 if rules.final_hits else 2
     settled = False
     while not settled:
@@ -154,7 +154,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
             lacking = _lacking(around, rules.valid_hits, place, valid, rules.reach, out)
             if lacking:
                 return lacking
-            # the result refers to the best of all positions
+            # The result refers to the best of all positions.
             complete = _complete(fine, place, valid, rules)
             if not complete.size:
                 return 0
@@ -182,8 +182,8 @@ def next_hits_of_block(
     """Fill in the number of next shots of each laboratory of a block, and their positions [m].
 
     `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
-    (laboratory, attempts), and is not overwritten beyond the number. `starts`, (laboratory + 1,),
-    are the limits of each laboratory's shots in `place`, `valid` and `objective`.
+    (laboratory, attempts); elements beyond the number are not overwritten. `starts`, (laboratory +
+    1,), are the limits of each laboratory's shots in `place`, `valid` and `objective`.
     """
     positions = np.empty(most_asked(rules))
     for laboratory in range(number.size):
@@ -217,10 +217,10 @@ def scans_of_block(
 ) -> None:
     """Fill in the results of the scans of a block, and the mask of the hits in them, (shot,).
 
-    These hits are the last final hits at the best position, or, if the procedure has no final hits,
-    those of the scan within `rules.fit_half_width` of it. `starts`, (laboratory + 1,), are the
-    limits of each laboratory's shots. A laboratory without a complete position has NaN as its best
-    position and no hits.
+    These hits are the last final hits at the best position. If the procedure has no final hits,
+    they are the hits of the scan within `rules.fit_half_width` of the best position. `starts`,
+    (laboratory + 1,), are the limits of each laboratory's shots. A laboratory without a complete
+    position has NaN as its best position and no hits.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
@@ -265,9 +265,9 @@ def shortfalls_of_block(
 ) -> None:
     """Fill in mean and mean square of the shortfall of the position that each scan chose.
 
-    `mean`, in the unit of the metric, and `square`, in its square, are (laboratory,); both are 0
-    without a complete position or without scatter, see `choice.shortfalls`. `starts`, (laboratory +
-    1,), are the limits of each laboratory's shots.
+    `mean` [unit of the metric] and `square` [its square] are (laboratory,), see
+    `choice.shortfalls`. Both are 0 without a complete position or without scatter. `starts`,
+    (laboratory + 1,), are the limits of each laboratory's shots.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
@@ -340,9 +340,10 @@ def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
 
 @njit(cache=True)
 def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: float) -> Array:
-    """Return the positions without those at which most balls, at least `hits`, did not rebound.
+    """Return the positions at which the maximum can be, those at which most balls rebound.
 
-    The bat returns almost no speed there, so the maximum cannot be at such a position.
+    A position is left out if at least `hits` balls did not rebound there and no more balls did. The
+    bat returns almost no speed at such a position.
     """
     hopeful = np.ones(places.size, np.bool_)
     for k in range(places.size):

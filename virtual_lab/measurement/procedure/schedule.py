@@ -1,7 +1,7 @@
 """Impact positions: the centre of percussion, or a scan that approaches the best position.
 
-After each round the operator requests the remaining positions. They depend only on the shots so
-far, so a reduction of the records finds the same positions again.
+After each round the next impact positions are computed. They depend only on the shots so far, so a
+later reduction of the records gives the same positions.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ def next_shots(
 ) -> NextShots:
     """Return laboratory and impact position of all shots of the next round of a block, (shot,).
 
-    A laboratory may have several shots in a round. Without a scan these are all valid hits that are
-    still missing, at the centre of percussion, but no more than the attempts left. With a scan they
-    are the missing hits at the positions that the scan needs next. Positions are distances from the
-    barrel tip [m]. There are no shots for a laboratory whose test is complete or has no attempts
-    left.
+    A laboratory may have several shots in a round. Without a scan, the round has as many shots at
+    the centre of percussion as valid hits are missing, but no more than the attempts left. With a
+    scan, it has the missing hits at the positions that the scan needs next. Positions are distances
+    from the barrel tip [m]. There are no shots for a laboratory whose test is complete or has no
+    attempts left.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def next_shots(
     percussion
         Centre of percussion of each bat as measured, from the tip, (laboratory,) [m].
     owner, place, valid, objective
-        Shots fired so far, in the order fired, (shot,): index of the laboratory, impact position
+        For each shot so far, in the order fired, (shot,): index of the laboratory, impact position
         from the tip [m], whether the hit is valid, and the quantity that the scan maximises.
     """
     laboratories = np.arange(percussion.size)

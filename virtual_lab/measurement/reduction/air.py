@@ -25,9 +25,9 @@ ALLOWED = {  # ranges of the readings in which the formula is accurate enough [S
 def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateReadings | None:
     """Return the climate readings of the hall, or of the balls' store (`channel` "store").
 
-    The readings are those of all laboratories in a row, (reading,). Return None without such a
-    record. Raises `InputError` for another kind of record, and for a reading outside the ranges
-    `ALLOWED`, in which the formula of the air density holds.
+    The result has the readings of all laboratories one after another, (reading,). Return None
+    without such a record. Raises `InputError` for another kind of record, and for a reading outside
+    the ranges `ALLOWED`, in which the formula of the air density is valid.
     """
     record = block.records.get("bench", {}).get(channel)
     if record is None:
@@ -65,9 +65,9 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
 def measured_density(block: SessionBlock) -> Estimates | None:
     """Return the mean density of the air during each test [kg/m³], with u, (laboratory,).
 
-    Return None without readings of the climate. The u contains that of the instruments, that of the
-    formula, and the change between the readings as a uniform distribution (GUM 4.3.7). Errors are
-    those of `climate_readings` and `climate`.
+    Return None without readings of the climate. The u includes the u of the instruments, the u of
+    the formula, and the change between the readings as a uniform distribution (GUM 4.3.7). Errors
+    are raised as by `climate_readings` and `climate`.
     """
     record = climate_readings(block)
     if record is None:

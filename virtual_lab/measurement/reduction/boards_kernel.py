@@ -10,7 +10,7 @@ from numba import njit
 from virtual_lab.units import Array
 
 Beams = tuple[Array, Array, Array]  # positions, midpoints and squared chords of broken beams
-FAINTEST = 1e-2  # squared chord that limits the weight of shorter ones [longest squared chord]
+FAINTEST = 1e-2  # smallest squared chord used for a weight [longest squared chord]
 FAST = {"reassoc", "contract", "nsz"}
 
 
@@ -78,11 +78,12 @@ def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tupl
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
-    """Return the maximum of the parabola through the squares, its u, and the squared misfit.
+    """Return the position of the maximum of the parabola through the squared chords, and its u.
 
-    The noise of an edge changes the squared chord in proportion to the chord, and the threshold of
-    a beam changes every squared chord equally. Thresholds dominate the uncertainty of the maximum,
-    so equal scatter of all squares is assumed, which is slightly too large for edges.
+    The third result is the squared misfit. The noise of an edge changes a squared chord in
+    proportion to the chord, but the threshold of a beam changes every squared chord equally.
+    Thresholds dominate the uncertainty of the maximum, so all squared chords are assumed to scatter
+    equally, which slightly overestimates the effect of the edges.
     """
     places, _, squares = broken
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0

@@ -24,7 +24,7 @@ Shots = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flights:
-    """Flights of the balls of a stage, corrected by the calibration, (..., shot), NaN if unseen."""
+    """Flights of a stage's balls, corrected by the calibration, (..., shot); NaN: not detected."""
 
     speed_in: Array  # speed at the target [m/s]
     speed_out: Array
@@ -52,7 +52,7 @@ class RawFlights(AlignedArrays):
     aligned: ClassVar = EVERY_FIELD
 
     def part(self, chosen: Shots) -> Self:
-        """Return the `chosen` shots, in the words of `FlightReadings`."""
+        """Return the `chosen` shots, see `FlightReadings.part`."""
         return self.select(chosen)
 
 
@@ -60,7 +60,7 @@ class RawFlights(AlignedArrays):
 class RawFlightsU:
     """Standard uncertainties of raw flights from the readings alone, without the calibration.
 
-    Their shape is (..., shot). They are NaN if the readings do not show them.
+    The arrays are (..., shot). A value is NaN if the readings do not determine it.
     """
 
     speed_in: Array  # [m/s]
@@ -105,7 +105,7 @@ class FlightReadings(Protocol):
         ...
 
     def clock(self, x: Constants) -> Array:
-        """Return the rate of the rig's clock, recorded over true time, common to an encoder."""
+        """Return the rate of the rig's clock, recorded over true time, which an encoder shares."""
         ...
 
     def part(self, chosen: Shots) -> Self:
@@ -116,9 +116,9 @@ class FlightReadings(Protocol):
 def number_shots(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
     """Return the indices of the used shots of each laboratory in order, (laboratory, hit).
 
-    The second axis has the length of the laboratory with most used shots, and at least 1. Rows of
-    laboratories with fewer are filled with -1. `owner`, the laboratory of each shot, and the mask
-    `used` are (shot,).
+    The length of the second axis is the largest number of used shots in a laboratory, at least 1.
+    Shorter rows are filled with -1. `owner`, the laboratory of each shot, and the mask `used` are
+    (shot,).
     """
     shots = np.flatnonzero(used)
     shots = shots[np.argsort(owner[shots], kind="stable")]

@@ -73,7 +73,7 @@ def fit_heights(
     (row, gate) [m], and `gravity` is (row,) [m/s²]. The other arguments are those of `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
-    # three arrays, because parts of one would be views, for which numba compiles anew
+    # three arrays, because numba would compile again for views of one array
     shape = gates, shots
     unit_times, level, places = np.empty(shape), np.empty(shape), np.empty(shape)
     moments = np.empty((4, shots))

@@ -1,13 +1,14 @@
 """Gates and boards: from edges to passages of the ball's centre, and from these to flights.
 
-The two edges of a gate lie symmetrically about the passage of the centre, whatever part of the
-beam triggers and wherever the ball passes, so their mean is the time of passage. Each beam of a
-board measures a chord of the ball: the squares of the chords over height form a parabola with its
-maximum at the height of the centre; the means of the edges form a line that gives the time there.
+The times of the two edges of a gate are symmetric about the passage of the ball's centre, whatever
+part of the beam triggers and wherever the ball passes. Their mean is therefore the time of passage.
+Each beam of a board measures a chord of the ball. The squared chords as a function of height form a
+parabola with its maximum at the height of the centre. The means of the edges form a straight line,
+whose value at this height is the time of passage.
 
-With quadratic drag the time to a distance is a known function of the distance divided by the speed
-at the target, so time is linear in 1/speed for any number of gates, and flights are found by least
-squares.
+With quadratic drag, the time to a distance is a known function of the distance, divided by the
+speed at the target. Times are therefore linear in 1/speed, and flights are computed by least
+squares for any number of gates.
 """
 
 from __future__ import annotations
@@ -175,8 +176,9 @@ class GateReadings:
     def _line_u(self, direction: int) -> tuple[Array, Array]:
         """Return the u of slope [s/m] and zero [s] of a line through a ball's times, (..., 1).
 
-        An error of a surveyed distance shifts all balls alike and is no error of the readings, so
-        the scatter is that about the mean ball. NaN with fewer than three gates or two balls.
+        An error of a surveyed distance shifts all balls equally and is not an error of the
+        readings, so the scatter is computed about the mean of the balls. The u is NaN with fewer
+        than three gates or two balls.
         """
         times = self.passages.times[..., direction, :]
         gates = times.shape[-1]
@@ -248,10 +250,10 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
         names += ["hall.gravity", *(f"{stage}.gates.height_{index}" for index in gates)]
     columns = np.stack(np.broadcast_arrays(*(x[name] for name in names)), axis=-1)
     *leading, shots, _, _ = passages.times.shape
-    # each set of constants is a row; several rows may have the same shots
+    # Each set of constants is a row. Several rows may have the same shots.
     rows = np.broadcast_shapes(columns.shape[:-2], np.shape(drag)[:-1], tuple(leading))
     row_count = prod(rows)
-    # copies, because the functions would be compiled again for views and read-only arrays
+    # These are copies, because numba would compile again for views and read-only arrays.
     batch = np.array(np.broadcast_to(np.arange(prod(leading)).reshape(leading), rows)).reshape(
         row_count
     )
@@ -312,6 +314,6 @@ def heights_moved(readings: GateReadings) -> FlightModel:
 
 
 def _by_gate(values: Array) -> Array:
-    """Return (..., shot, way, gate) as (batch, way, gate, shot): whole shots lie side by side."""
+    """Return values (..., shot, way, gate) in the layout (batch, way, gate, shot)."""
     flat = values.reshape(-1, *values.shape[-3:])
     return np.array(flat.transpose(0, 2, 3, 1), order="C")

@@ -7,8 +7,8 @@ through: a shot without a rebound is a result, not an error. Equation numbers ar
 the 2003 paper (source key ``nathan2003``).
 
 `reduce_shot` applies them to a shot in the order of the paper. `compiled_reduction` compiles it,
-with the equations, for many sets of constants. Both are in this file because numba's cache notices
-changes of no other file than that of the compiled function.
+with the equations, for many sets of constants. Both are in this file because numba's cache only
+detects changes in the file of the compiled function.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CONSTANTS = (  # names of the constants of `reduce_shot`
     *("mass", "length", "z_cm", "inertia_cm", "turn_rate", "pivot_from_knob", "aim", "encoder"),
     *("lot_mass", "lot_restitution", "speed", "slope", "place_slope", "slope_error"),
 )
-# names of the results of `reduce_shot`: those needed for every set of constants, and the others
+# names of the results of `reduce_shot`: RESULTS for every set of constants, DETAILS for the best
 RESULTS = (
     *("place", "lot_ball_restitution", "lot_recoil_factor", "asked_recoil_factor"),
     *("bat_performance_factor", "lot_restitution", "lot_collision_efficiency"),
@@ -172,8 +172,8 @@ def struck_place(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
     It is `aimed` + `aim` - `along`, all in metres. `aim` is the distance, along the bat, of the
-    line of fire from its nominal line. `along` is the estimate of this distance that was already
-    added to `aimed`. It is subtracted so that the distance does not count twice.
+    line of fire from its nominal line. The estimate `along` of this distance is already included in
+    `aimed`, so it is subtracted.
     """
     return aimed + aim - along
 
@@ -200,7 +200,7 @@ def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
 def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) -> Floats:
     """Return e_A at the aimed position from e_A at a distance `off` from it toward the knob [m].
 
-    `slope` is that of e_A along the barrel [1/m], and `error` a further error of e_A, which is
+    `slope` is the slope of e_A along the barrel [1/m]. `error` is a further error of e_A, which is
     subtracted.
     """
     return e_A - (slope * off + error)
@@ -214,10 +214,10 @@ def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
     """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
-    All are numbers without unit, and NaN gives NaN. An elastic shell and a lossy ball share the
-    energy in the ratio R = shell/ball of their stiffnesses: ``e^2 = (e0^2 R + 1)/(R + 1)``, so R
-    follows from e and e0. If e is not above e0 the shell has no measurable elasticity, and e is in
-    proportion to e0 as for a rigid shell.
+    All are numbers without unit, and NaN gives NaN. The energy is shared between an elastic shell
+    and a lossy ball, with the ratio R = shell/ball of their stiffnesses: ``e^2 = (e0^2 R + 1)/(R +
+    1)``. R therefore follows from e and e0. If e is not above e0, the shell has no measurable
+    elasticity, and e is proportional to e0 as for a rigid shell.
     """
     e, e0 = np.asarray(e), np.asarray(e0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -250,10 +250,10 @@ def reduce_shot(
     Parameters
     ----------
     settings
-        Whether e_A is corrected to the aimed position, whether it is computed from the recoil, and
-        whether r is that of a free bat. Then the distance of the axis from the knob that the
-        procedure requires [m], the nominal speed of the ball, and the speed at which balls are
-        judged [m/s].
+        Three bools: whether e_A is corrected to the aimed position, whether it is computed from the
+        recoil, and whether r is that of a free bat. Three numbers: the distance of the axis from
+        the knob that the procedure requires [m], the nominal speed of the ball, and the speed at
+        which balls are judged [m/s].
     constants
         The `CONSTANTS`: those of the bat; its nominal angular rate [rad/s]; the distances of the
         rig's axis from the knob and of the line of fire from its nominal line [m]; the angle of a
@@ -272,14 +272,14 @@ def reduce_shot(
     lot_m, lot_mean_e0, mean_speed, slope, place_slope, slope_error = constants[8:]
     v_in, v_out, sine_square, aimed, along, cosine, swing_rate, counts = shot
     m, mean_e0 = ball
-    # the line of fire passes the axis at the distance `abreast`; a bat that is not square to it
-    # is struck farther out
+    # The line of fire passes the axis at the distance `abreast`. A bat that is not square to this
+    # line is struck farther from the axis.
     axis = length - rig_pivot
     struck = struck_place(aimed, aim, along)
     abreast = axis - struck
     b = abreast / cosine
     v_ball, v_bat, omega = v_in * cosine, b * swing_rate, encoder * counts
-    # e_A by Eq. (2), from the rebound of the ball and from the recoil of a bat that was at rest
+    # e_A by Eq. (2), from the rebound of the ball, and from the recoil of a bat that was at rest.
     v_f = square_rebound(v_in, v_out, cosine)
     by_ball = head_on_efficiency(collision_efficiency(v_ball, v_bat, v_f), sine_square)
     I_p = parallel_axis(I_cm, M, axis - z_cm)
@@ -288,8 +288,8 @@ def reduce_shot(
     efficiency = by_bat if by_recoil else by_ball
     e_A = efficiency_at_aim(efficiency, struck - aimed, place_slope, slope_error)
     place = aimed if at_aim else struck
-    # r by Eqs. (7) to (9), about the axis that the procedure requires: e_A hardly depends on the
-    # axis, so a misplaced axis changes only the angular momentum above
+    # r by Eqs. (7) to (9), about the axis that the procedure requires. e_A hardly depends on the
+    # axis, so a misplaced axis only affects the angular momentum above.
     axis = length - pivot_from_knob
     inverse_M_eff = inverse_effective_mass(free, M, I_cm, z_cm, axis, place)
     r, lot_r = recoil_factor(m, inverse_M_eff), recoil_factor(lot_m, inverse_M_eff)

@@ -21,9 +21,9 @@ Maker = Callable[[Any, Mapping[str, Estimate], str], FlightReadings]  # (record,
 def makers() -> Mapping[type[Record], Maker]:
     """Return, by type of record, the function that makes flight readings from such a record.
 
-    The function takes the record, the calibration constants by name, and the stage. A package adds
-    one by an entry point in the group ``virtual_lab.flights``, with the name of its record in the
-    group ``virtual_lab.records``.
+    The function takes the record, the calibration constants by name, and the stage. Another package
+    adds a function by an entry point in the group ``virtual_lab.flights``; its name is that of the
+    record in the group ``virtual_lab.records``.
     """
     built_in = dict.fromkeys(("gates", "boards", "passages"), GateReadings.of)
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.flights")}

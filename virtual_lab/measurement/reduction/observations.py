@@ -1,12 +1,12 @@
 """From raw records to observations, before calibrations are applied.
 
-Repeated bench readings become one constant with a type A uncertainty, beside the calibration
-constants of type B; readings of each shot remain an array. The algebra that combines the two is
-`virtual_lab.measurement.reduction.shot_algebra`.
+Repeated bench readings become one constant with a type A uncertainty, in addition to the
+calibration constants of type B. Readings of each shot remain an array. Constants and readings are
+combined in `virtual_lab.measurement.reduction.shot_algebra`.
 
-Arrays of shots have one of three layouts, and `select` converts one to another: (shot,), as
-recorded; (laboratory, 1, shot), in which the axis of length 1 is that of the sets of constants;
-and (shot, 1, 1), in which each shot has its own constants.
+Arrays of shots have one of three layouts, which `select` converts: (shot,), as recorded;
+(laboratory, 1, shot), where the axis of length 1 is for the sets of constants; and (shot, 1, 1),
+where the constants may differ from shot to shot.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from virtual_lab.units import Array, Mask
 
 REPEATABILITY = "balls.repeatability"
 SLOPE_REPEATABILITY = "balls.slope_repeatability"
-# smallest relative difference of an odd swing from the usual one; a lost passage gives 1
+# smallest relative difference of an odd swing from the median; a lost passage gives 1
 UNEVEN = 0.25
 READ_WITH = (  # property, channel, instrument
     ("mass", "bat-mass", "scale"),
@@ -58,7 +58,8 @@ READ_WITH = (  # property, channel, instrument
 class BallReadings(AlignedArrays):
     """Readings of the balls on the scale and at the wall, with leading axes (laboratory, 1).
 
-    A hit that was not detected in both directions does not count, and its ball index is -1.
+    A hit that was not detected in both directions is ignored; its ball index is -1.
+
     """
 
     mass: Array  # mean scale reading of each ball [kg], (..., ball)
@@ -70,7 +71,7 @@ class BallReadings(AlignedArrays):
 
     @property
     def share(self) -> Array:
-        """Share of each hit in the mean of each ball, (..., hit, ball)."""
+        """Weight of each hit in the mean of each ball, (..., hit, ball)."""
         which = self.ball[..., None] == np.arange(self.mass.shape[-1])
         return np.asarray(which / which.sum(axis=-2, keepdims=True))
 
@@ -94,7 +95,7 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
 
     The constants are mass, length, barrel radius, balance (distance of the centre of mass from the
     tip), period, first and last amplitude, and number of swings. The period is that of small
-    swings: each release is corrected for its amplitudes, and those with an odd swing are left out,
+    swings: each release is corrected for its amplitudes. Releases with an odd swing are left out,
     see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,
     or has a reading that is not positive.
     """
@@ -134,8 +135,9 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
 def odd_swings(times: Array) -> Mask:
     """Return a mask of the swings far from the laboratory's median, (laboratory, release, swing).
 
-    A passage that was lost doubles a swing, one that was counted twice leaves a short one. `times`
-    are the passages, (laboratory, release, passage) [s], so there is one swing fewer than passages.
+    A lost passage doubles a swing; a passage that was recorded twice leaves a short swing. `times`
+    are the times of the passages, (laboratory, release, passage) [s]. There is one swing fewer than
+    passages.
     """
     swings = np.diff(times, axis=2)
     usual = np.median(swings, axis=(1, 2), keepdims=True)
@@ -146,8 +148,8 @@ def counted_releases(odd: Mask) -> Mask:
     """Return a mask of the releases without an odd swing, (laboratory, release).
 
     `odd` is a mask of swings, (laboratory, release, swing). If fewer than two releases of a
-    laboratory, or fewer than half of them, are free of odd swings, the mask is True for all its
-    releases, because the records do not show which are right.
+    laboratory, or fewer than half, have no odd swing, the mask is True for all its releases,
+    because the records do not show which are right.
     """
     even = ~odd.any(axis=2)
     too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
@@ -175,15 +177,15 @@ def reference_readings(block: SessionBlock) -> Array:
 def observe_balls(block: SessionBlock) -> BallReadings:
     """Return the readings of the balls from scale and wall, arrays (laboratory, 1, ...) [SI].
 
-    A hit that the gates did not detect in both directions has the ball index -1 and does not count.
-    Raises `InputError` for a record that is missing or unusable, and for a ball with fewer than two
-    hits that count.
+    A hit that the gates did not detect in both directions is ignored; its ball index is -1. Raises
+    `InputError` for a record that is missing or unusable, and for a ball with fewer than two
+    detected hits.
     """
     log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)
     raw = flights.raw
     has_both = np.isfinite(raw.speed_in) & np.isfinite(raw.speed_out)
-    # a hit that was not detected in both directions does not measure e0
+    # A hit that was not detected in both directions does not measure e0.
     ball = _by_laboratory(block, np.where(has_both, log.ball, -1).astype(np.intp))
     hits = (ball[..., None] == np.arange(mass.shape[1])).sum(axis=1)
     if hits.min() < 2:
@@ -225,7 +227,7 @@ def observe_impact(block: SessionBlock) -> ImpactReadings:
 
 
 def _reach(block: SessionBlock, log: ShotLog, speed: Array) -> Array:
-    """Return the ball's time over the bat's motion for one encoder count, (shot,)."""
+    """Return the time in which the ball travels as far as the bat moves per count, (shot,) [s]."""
     constants, owner = block.calibration, block.owner
     length = _read_repeats(block, "length").mean(axis=1)
     axis = length - constants["impact.pivot.from_knob"].value
@@ -234,7 +236,7 @@ def _reach(block: SessionBlock, log: ShotLog, speed: Array) -> Array:
 
 
 def _along(block: SessionBlock) -> Array:
-    """Return the offset along the bat of each impact from the set place, (shot,) [m]."""
+    """Return the offset of each impact from the set position along the bat, (shot,) [m]."""
     estimate = block.calibration.get("impact.cannon.along")
     return estimate.value[block.owner] if estimate else np.zeros(block.owner.shape)
 
@@ -251,10 +253,10 @@ def along_of(session: Session) -> float:
 def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
     """Return the type A uncertainties of each ball's mean e0 and of the slope of e0, by name.
 
-    Each is a constant with the value 0, (laboratory,), to be added to a mean or to the slope.
-    The scatter is that within each ball and speed, pooled over all wall hits of a laboratory;
-    differences between balls are no uncertainty, because the whole lot is measured. The slope
-    [s/m] has a constant only if the wall was hit at two or more speeds.
+    Each is a constant with the value 0, (laboratory,), to be added to a mean or to the slope. Its u
+    follows from the scatter within each ball and speed, pooled over all wall hits of a laboratory.
+    Differences between balls are not an uncertainty, because the whole lot is measured. There is a
+    constant for the slope [s/m] only if the wall was hit at two or more speeds.
     """
     raw, share = readings.flights.raw, readings.share
     share = share.reshape(-1, *share.shape[-2:])  # (laboratory, hit, ball)
@@ -264,7 +266,7 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
     balls, hits = share.shape[2], (share > 0).sum(axis=1)
 
     def within(values: Array) -> Array:
-        """Return values less the mean of their ball, (laboratory, hit)."""
+        """Return values minus the mean of their ball, (laboratory, hit)."""
         means = (values[:, None] @ share)[:, 0]
         ball_mean = (share > 0) @ means[..., None]
         return np.where(present, values - ball_mean[..., 0], 0.0)
@@ -342,7 +344,7 @@ def _rates(
         raise InputError(where, "times", None, "must increase in equal steps")
     if not np.isfinite(contact).any():
         return empty_rates(len(contact))
-    # counts come from one laboratory
+    # Counts come from a single laboratory.
     turn = block.calibration[f"impact.{channel}.counts_per_turn"].value[0]
     try:
         return fit(unwrap(record, turn, contact), contact)
@@ -365,7 +367,10 @@ def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightRe
 
 
 def _read_repeats(block: SessionBlock, channel: str) -> Array:
-    """Return the readings of a channel of one item, (laboratory, repeat), all above 0."""
+    """Return the readings of a channel with a single item, (laboratory, repeat).
+
+    Raises `InputError` if a reading is not above 0.
+    """
     readings = _table(block, channel)[:, 0]
     if readings.shape[1] < 2:
         raise InputError(

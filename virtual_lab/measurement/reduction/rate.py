@@ -12,7 +12,7 @@ from virtual_lab.aligned import AlignedArrays
 from virtual_lab.records import EncoderRecord, RateRecord
 from virtual_lab.units import Array
 
-WIDTHS = range(8, 33)  # widths of counters that start again [bit]
+WIDTHS = range(8, 33)  # widths of counters that can overflow [bit]
 MOST_MISFIT = 1.5  # largest misfit of a good fit [rms of counting and noise at rest]
 
 
@@ -53,10 +53,10 @@ class RateFit(AlignedArrays):
 def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
     """Return the record with the overflows of its counter removed.
 
-    A counter of n bits, with or without a sign, or of one turn (`counts_per_turn`) continues at the
-    other end of its range. A step of more than half the range is such an overflow. Each shot is
-    then shifted by whole ranges so that its count at `contact`, (shot,) [s], lies within half a
-    range of 0. A record without overflows is returned as it is.
+    The range of a counter is n bits, with or without a sign, or one turn (`counts_per_turn`); after
+    its end the counter continues at the other end. A step of more than half the range is such an
+    overflow. Each shot is then shifted by whole ranges so that its count at `contact`, (shot,) [s],
+    is within half a range of 0. A record without overflows is returned unchanged.
     """
     counts = record.counts
     steps = np.diff(counts)
@@ -78,8 +78,8 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
 def counting_noise(counts: Array) -> float:
     """Return the rms error caused by the resolution of an encoder's counts [counts].
 
-    It is s/√12, where s is the largest step of which all changes are multiples, at least 1. Counts
-    that are not whole numbers have s = 1.
+    It is s/√12, where s is the largest number, at least 1, of which all changes are multiples. For
+    counts that are not whole numbers, s is 1.
     """
     steps = np.diff(counts)
     if not np.array_equal(steps, np.rint(steps)):
@@ -113,8 +113,8 @@ def empty_rates(shots: int) -> RateFit:
 def summed_up(record: RateRecord) -> RateFit:
     """Return the rates that the encoder's own recorder computed [counts/s], (shot,).
 
-    The fields about the record and its fit, which the recorder does not keep, are NaN, and there
-    are no rings.
+    The fields about the record and its fit are NaN, because the recorder does not store them, and
+    there are no vibrations (rings).
     """
     return replace(
         empty_rates(len(record.rate)),

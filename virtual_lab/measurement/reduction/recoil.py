@@ -1,11 +1,12 @@
 """Encoder records: rate of recoil at contact, from a joint fit of rotation and vibration.
 
-The encoder shows the rigid rotation, slowed by bearing and air, plus the bending vibration (ring),
-whose rate at the pivot is as large as that of the rotation. All shots of a batch are at one bat, so
-they share frequencies and decays of the vibration; rotation, slowing, phases and amplitudes differ
-between shots and enter linearly. The shared parameters are found by variable projection (Golub &
-Pereyra 1973, Jacobian of Kaufman 1975). If the end of a record does not fit, a bat has met its
-stop. The fit of all shots then ends at the first time at which a bat is farthest.
+The encoder measures the rigid rotation, slowed by bearing and air, plus the bending vibration
+(ring), whose angular rate at the pivot is as large as that of the rotation. All shots of a batch
+are at one bat, so they share frequencies and decays of the vibration. Rotation, slowing, phases and
+amplitudes differ between shots and enter linearly. The shared parameters are fitted by variable
+projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). If the end of a record does not fit,
+the bat has hit its stop. The fit of all shots then ends at the first time at which a bat reaches
+its largest angle.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ class RecoilFit:
 
     polynomial_order: int = 3  # order of the rotation: rate and two terms of its slowing
     most_rings: int = 6
-    slowest_ring: float = 60.0  # lowest frequency of a bat; a slipping coupling looks slower [Hz]
+    slowest_ring: float = 60.0  # lowest frequency of a bat; a slipping coupling is slower [Hz]
     settling_time: float = 3e-3  # time after contact at which the forced motion is over [s]
-    # duration of contact, to whose end the rotation is extrapolated [s]; data of balls: 0.6 to
-    # 1.0 ms, about 0.7 at 60 mph. Friction reduces the rate by 1e-4 per millisecond.
+    # duration of contact, to the end of which the rotation is extrapolated [s]. Data of balls are
+    # 0.6 to 1.0 ms, about 0.7 ms at 60 mph. Friction reduces the rate by 1e-4 per millisecond.
     contact_duration: float = 0.7e-3
     first_decay: float = 5.0  # start value of the decay [1/s]
     greatest_decay: float = 300.0  # largest decay [1/s]
     peak_over_median: float = 20.0  # smallest peak of a vibration in the periodogram [median]
     most_steps: int = 10
-    shots_searched: int = 48  # number of shots that give the frequencies accurately enough
+    shots_searched: int = 48  # number of shots from which the frequencies are determined
     odd: float = 2.0  # residual beyond which a shot is not used for frequencies [median]
     turned: float = 3.0  # misfit at the end of a record that shows a bat at its stop (noise: 1.7)
     shots_together: int = 32  # number of shots whose residuals fit in the cache
@@ -57,7 +58,7 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
         Counts (shot, sample) at common times.
     contact
         Time of contact from the gates, shape (shot,) [s], on the encoder's clock; NaN if the gates
-        saw no contact.
+        did not detect the ball.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
     times, counts = record.times[tail], record.counts[:, tail]
     origin, span = times[0], times[-1] - times[0]
     clock = (times - origin) / span
-    # all shots have the same vibrations, so a few of a large batch give the frequencies
+    # All shots have the same vibrations, so some shots of a large batch give the frequencies.
     is_whole = bool(np.array_equal(counts[:1], np.rint(counts[:1])))
     no_ring = RECOIL.residual_of_counts if is_whole else RECOIL.residual
     searched = counts[: RECOIL.shots_searched].T
@@ -127,8 +128,8 @@ def _fit(record: EncoderRecord, contact: Array, tail: slice, until: int) -> tupl
 def _farthest(counts: Array) -> int:
     """Return the number of samples before the first bat rebounds from its stop.
 
-    A maximum count in the first half of the usual angle (a bat that was not hit, or an encoder that
-    jumps) is not treated as a stop, because the residual of that shot shows it.
+    A shot that reaches its largest count in less than half of the usual time (a bat that was not
+    hit, or an encoder that jumps) is ignored here; its residual reveals it.
     """
     farthest = np.abs(counts - counts[:, :1]).argmax(axis=1)
     usual = farthest[farthest > np.median(farthest) / 2]
@@ -140,7 +141,8 @@ def _rates(
 ) -> tuple[Array, Array, Array, Array]:
     """Return rates, their variances per squared count of noise, and sums of squared residuals.
 
-    The last two results, (shot,) like the others, are the sums over all samples and from `until`.
+    All results are (shot,). The third is the sum over all samples, the last is the sum from sample
+    `until` on.
     """
     orthogonal, triangle = np.linalg.qr(basis)
     weight = np.linalg.solve(triangle.T, row.T)
@@ -158,16 +160,17 @@ def _rates(
 def _find_rings(clock: Array, counts: Array, span: float, no_ring: float) -> tuple[Array, Array]:
     """Return the vibrations of the shots, and the basis of the fit.
 
-    Counting alone also causes spectral lines, in a residual with an rms of `no_ring` [counts].
+    The rounding to whole counts also causes spectral lines. They are ignored if the rms of the
+    residual is at most `no_ring` [counts].
     """
     return _search_rings(clock.tobytes(), np.asarray(counts.T, float).tobytes(), span, no_ring)
 
 
-@lru_cache(maxsize=32)  # a day at the bench is reduced after each entry, often with the same hits
+@lru_cache(maxsize=32)  # a bench day is reduced after each entry, often with the same hits
 def _search_rings(
     clock_bytes: bytes, counts_bytes: bytes, span: float, no_ring: float
 ) -> tuple[Array, Array]:
-    """Return the result of `_find_rings`: vibrations are added while the residual contains one."""
+    """Return the result of `_find_rings`. Vibrations are added while the residual contains one."""
     clock = np.frombuffer(clock_bytes)
     counts = np.frombuffer(counts_bytes).reshape(-1, clock.size).T
     rings = np.empty((0, 2))  # frequency and decay in units of 1/span
@@ -219,7 +222,7 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
         moves = clock[:, None] * basis[:, RECOIL.polynomial_order + 1 :]
         moves -= orthogonal @ (orthogonal.T @ moves)
         shares = _shares(coefficients[RECOIL.polynomial_order + 1 :])
-        # normal equations of changes that are sums of products of moves and shares
+        # normal equations for changes that are sums of products of moves and shares
         flat, between = shares.reshape(len(shares), -1), moves.T @ moves
         matrix = flat @ np.einsum("mn,pns->pms", between, shares).reshape(flat.shape).T
         step = np.linalg.lstsq(matrix, flat @ (moves.T @ residual).ravel(), rcond=None)[0]
@@ -231,10 +234,10 @@ def _refine(clock: Array, counts: Array, rings: Array, span: float) -> Array:
 
 
 def _shares(coefficients: Array) -> Array:
-    """Return the share of each move in the change of a parameter, (parameter, move, shot).
+    """Return the factor of each move in the derivative by each parameter, (parameter, move, shot).
 
-    The parameters are frequencies and decays. The moves are the columns of the vibrations times the
-    time, with `coefficients` (move, shot).
+    The parameters are frequencies and decays. A move is a column of a vibration multiplied by the
+    time. `coefficients` are those of the columns, (move, shot).
     """
     moves, shots = coefficients.shape
     shares = np.zeros((moves // 2, 2, moves // 2, 2, shots))

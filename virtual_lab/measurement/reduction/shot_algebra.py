@@ -1,8 +1,9 @@
 """The algebra of the test: constants and readings to r, e_A, e, e0 and BPF.
 
-Every function here broadcasts: a constant may be a number or a column of numbers (..., k, 1), a
+Every function here broadcasts. A constant may be a number or a column of numbers (..., k, 1), a
 reading is a row (..., n), and the result is (..., n) or (..., k, n). The uncertainty budget calls
-the same functions with shifted constants, a block of laboratories with a leading axis for them.
+the same functions with shifted constants. A block of laboratories has a leading axis for the
+laboratory.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ from virtual_lab.units import Array, Mask
 
 Constants = Mapping[str, Array]
 R = TypeVar("R", bound="SetResults")
-# beginnings of the names of constants that the flight of a ball depends on
+# prefixes of the names of constants on which the flight of a ball depends
 FLIGHT = ("bench.scale.", "hall.", "ball.radius")
-# the same with the constants of the instruments that time the flight
+# the same, including the constants of the instruments that time the flight
 AT_WALL, AT_BAT = (*FLIGHT, "balls."), (*FLIGHT, "impact.")
 ADDED = ("balls.restitution_", "balls.slope_")  # errors added to results of the flights
 HELD = tuple(f"impact.{name}." for name in ("pivot", "encoder", "swing", "cannon", "aim"))
@@ -76,15 +77,15 @@ class SetResults(AlignedArrays):
     """Results of each shot for every set of constants, shape (..., shot)."""
 
     place: Array  # impact position to which e_A refers, from the barrel tip [m]
-    # e0 of the lot's mean ball at the nominal relative speed; the results named `lot_...`
-    # refer to the same ball and speed
+    # e0 of the lot's mean ball at the nominal relative speed. All results named `lot_...` refer to
+    # this ball and speed.
     lot_ball_restitution: Array
     lot_recoil_factor: Array  # recoil factor r with the support named by the procedure
     asked_recoil_factor: Array  # lot_recoil_factor at the aimed position
     bat_performance_factor: Array
     lot_restitution: Array
     lot_collision_efficiency: Array
-    rebound_efficiency: Array  # e_A from the ball's rebound; NaN: the gates did not see it
+    rebound_efficiency: Array  # e_A from the ball's rebound; NaN: not detected
     recoil_efficiency: Array  # e_A from the bat's recoil; NaN: not recorded
 
     aligned: ClassVar = EVERY_FIELD
@@ -104,7 +105,7 @@ class ShotResults(SetResults):
     recoil_rate: Array  # angular rate of a bat that was at rest, at the end of contact [rad/s]
     recoil_factor: Array  # recoil factor r with the support named by the procedure
     ball_restitution: Array  # e0 of the ball at the relative speed of the shot
-    # e0 of the ball at the speed at which the procedure judges balls
+    # e0 of the ball at the speed to which the procedure's window for balls refers
     window_ball_restitution: Array
     collision_efficiency: Array  # e_A at `place`, corrected for the offset across the bat
     restitution: Array
@@ -166,9 +167,9 @@ def ball_masses(x: Constants, readings: BallReadings) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return mass [kg] and mean e0 of each ball, (..., ball), with the slope of e0 over speed.
 
-    The e0 is that at the mean nominal speed of the hits at the wall. Most sets of constants differ
-    only in constants that these hits do not depend on, so the hits are reduced only for the sets
-    that differ in one that matters.
+    The e0 refers to the mean nominal speed of the hits at the wall. Most sets of constants differ
+    only in constants on which these hits do not depend. The hits are therefore reduced only for
+    sets that differ in a constant on which they depend.
     """
     from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets
 
@@ -177,7 +178,7 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     at_wall = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
     drag = of_ball(drag_of(at_wall, sets.chosen(mass)), np.maximum(readings.ball, 0))
     flights = readings.flights.correct(at_wall, drag)
-    with np.errstate(all="ignore"):  # one nominal speed has no slope
+    with np.errstate(all="ignore"):  # the slope is NaN for a single nominal speed
         means, faster, nominal, slope = balls_of_sets(
             readings.mass,
             readings.ball,
@@ -201,13 +202,13 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
 
 class Sets(NamedTuple):
-    """Selected sets of constants (..., k, 1), and the selected set that represents each set."""
+    """Selection of different sets of constants (..., k, 1), and the way back to all sets."""
 
     rows: NDArray[np.intp] | None  # indices of the selected sets; None: all
     back: NDArray[np.intp]
 
     def chosen(self, values: Array) -> Array:
-        """Return the values for some sets, (..., k, n)."""
+        """Return the values for the selected sets only."""
         if self.rows is None or np.ndim(values) < 2:
             return values
         if is_certain(values):
@@ -215,12 +216,12 @@ class Sets(NamedTuple):
         return np.take(values, self.rows, axis=-2)
 
     def spread(self, values: Array) -> Array:
-        """Return the values for all the sets from those for some."""
+        """Return the values for all sets, (..., k, n), from the values for the selected sets."""
         return values if self.rows is None else np.take(values, self.back, axis=-2)
 
 
 def is_certain(values: Array) -> bool:
-    """Return whether a constant, `values` (..., k, 1), is one number in memory for all k sets."""
+    """Return whether `values` (..., k, 1) are broadcast from one number for all k sets."""
     return values.strides[-2] == 0
 
 
@@ -351,7 +352,7 @@ def shot_results(
 def _mean_of(values: Array, mask: Mask) -> Array:
     """Return the mean over the used balls, (..., 1), NaN without one.
 
-    The sum is that of the balls one after another, whatever the layout of the array.
+    The balls are added one after another, so the last bits do not depend on the array's layout.
     """
     used_values = np.where(mask, values, 0.0)
     total = sum(used_values[..., ball, None] for ball in range(used_values.shape[-1]))
@@ -383,7 +384,7 @@ def _turn(x: Constants, encoder: str) -> Array:
 
 
 def _sine_square(x: Constants, bat: BatProperties, flights: Flights) -> Array:
-    """Return sin² of the contact angle: per shot if its height is measured, else the mean."""
+    """Return sin² of the contact angle, per shot if its height is measured, otherwise the mean."""
     touching = (bat.barrel_radius + x["ball.radius"]) ** 2
     if "impact.aim.across_square" in x:
         return np.asarray(x["impact.aim.across_square"] / touching)

@@ -1,9 +1,8 @@
 """Encoder records of a swung bat: rate and angle at contact, from the rotation just before it.
 
-Ripple and droop of the drive are slow compared with the record, so a polynomial of low order in
-time fits the angle up to contact; each shot is fitted about its time of contact. A bat that is not
-square to the ball at the nominal time meets the ball a little before or after the time from the
-gates.
+Ripple and droop of the drive are slow compared with the record, so the angle up to contact is
+fitted by a polynomial of low order in time, about the time of contact of each shot. A bat that is
+not square to the ball at the time from the gates meets the ball a little earlier or later.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     """
     if not np.isfinite(contact).any():
         raise ValueError("the gates saw no incoming ball")
-    # a bat three degrees out of phase meets the ball at most 1 ms earlier
+    # A bat three degrees out of phase meets the ball at most 1 ms earlier.
     samples = np.searchsorted(record.times, contact - 1e-3)
     enough = np.isfinite(contact) & (samples >= 5 * (DEGREE + 1))
     if not enough.any():
         raise ValueError("the encoder record is too short before contact")
     fitted = np.full((7, contact.size), np.nan)  # rows in the order of the names below
-    # shots with the same number of samples before contact share the matrix of the fit
+    # Shots with the same number of samples before contact share the matrix of the fit.
     for number in np.unique(samples[enough]):
         shots = enough & (samples == number)
         before = record.counts[shots, :number]
@@ -72,8 +71,8 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
 def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Array, ...]:
     """Return the results at contact for records with common times, each (shot,).
 
-    The results are: rate, its u, angle, residual, rate from the later half of the record, u of its
-    difference from that of the whole, and the fitted time.
+    The results are rate, u of the rate, angle, residual, rate from the later half of the record, u
+    of the difference between the rates of half and whole, and fitted duration.
     """
     origin, span = times[-1], times[-1] - times[0]
     clock = (times - origin) / span
@@ -87,7 +86,7 @@ def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Arr
         return (beyond**powers * coefficients).sum(axis=0), (row * coefficients).sum(axis=0), row
 
     angle, rate, _ = at(contact)
-    sooner = reach * angle / (1 + rate * reach)  # ball and bat approach each other
+    sooner = reach * angle / (1 + rate * reach)  # because ball and bat approach each other
     angle, rate, row = at(contact - sooner)
     leverage = (np.linalg.solve(triangle.T, row) ** 2).sum(axis=0)
     variance = square / (times.size - DEGREE - 1)

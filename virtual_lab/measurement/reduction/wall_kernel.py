@@ -34,14 +34,14 @@ def balls_of_sets(
     """Return mean e0 and excess speed of each ball, the mean nominal speed, and the slope of e0.
 
     As a generalized ufunc it takes the first five arguments and returns the others. `masses` is
-    (..., ball) and only gives the number of balls; the other arguments are (..., hit), with the
-    ball of each hit and speeds in m/s. The first two results are (..., ball), the others (...). The
-    excess speed is the mean measured speed of a ball's hits minus the mean nominal speed of all
-    hits [m/s]. The slope of e0 over speed [s/m] is the one within each ball. Its instrumental
-    variable is the nominal speed, because the error of a measured speed is in e0, too: the slope is
-    the rise of e0 with the nominal speed, divided by that of the measured speed. A hit with a
-    negative ball index is ignored. The results of a ball without hits are NaN. The slope is NaN if
-    all hits have the same nominal speed.
+    (..., ball) and only gives the number of balls. The other arguments are (..., hit): the ball of
+    each hit, and speeds in m/s. The first two results are (..., ball), the others (...). The excess
+    speed is the mean measured speed of a ball's hits minus the mean nominal speed of all hits
+    [m/s]. The slope of e0 over speed [s/m] is computed within balls. The nominal speed is its
+    instrumental variable, because the error of a measured speed also affects e0: the slope is the
+    rise of e0 with nominal speed divided by the rise of measured speed with nominal speed. A hit
+    with a negative ball index is ignored. The results of a ball without hits are NaN. The slope is
+    NaN if all hits have the same nominal speed.
     """
     counts, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
