@@ -62,8 +62,8 @@ class PivotSpec(AxisSpec):
     friction: Annotated[float, Ge(0), Dimension("number")]  # coefficient of the loaded journal
     journal_radius: Annotated[float, Ge(0), Dimension("length")]
     clearance: Annotated[float, Ge(0), Dimension("length")]  # play of the journal in each direction
-    # moment of inertia about the axis of the parts that turn with the bat and that no record
-    # states, and its standard deviation between laboratories
+    # moment of inertia about the axis of parts that turn with the bat but are in no record, and its
+    # standard deviation between laboratories
     clamp_inertia: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
     clamp_spread: Annotated[float, Ge(0), Dimension("inertia")] = 0.0
 
@@ -148,7 +148,8 @@ class AstmPivotStation(RestingBatStation):
             clamp = of_owners(self.clamp, plan.owner)
             rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, flights, clamp)
             clock = self.gates.at(plan.owner).clock
-            # to the end of the record, or until an unslowed bat would reach its stop
+            # The span ends with the record, or earlier when a bat without friction would reach its
+            # stop.
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
             span = np.minimum(self.encoder.spec.duration - flights.leaving, turning) - GAP
@@ -173,7 +174,10 @@ class AstmPivotStation(RestingBatStation):
         return np.asarray(rate - self._friction_loss(rate, impulse, bat, axis))
 
     def _friction_loss(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
-        """Return the rate lost by friction under the impact load, (shot,) [rad/s]; 0 at the COP."""
+        """Return the rate lost by friction under the impact load, (shot,) [rad/s].
+
+        It is 0 for a hit at the centre of percussion.
+        """
         reaction = np.abs(impulse - bat.mass * (axis - bat.z_cm) * rate)
         loss = (
             self.holder.spec.friction
@@ -186,10 +190,11 @@ class AstmPivotStation(RestingBatStation):
     def _loose(self, impulse: Array, rate: Array, bat: RigidBat[Any]) -> tuple[Array, float]:
         """Return the additional rate, (shot,) [rad/s], and angle [rad] in the bearing's clearance.
 
-        While the bat takes up the clearance it moves as a free one. Its angular momentum about the
-        pivot is that of the pivoted bat throughout, so the clearance adds the angle clearance /
-        distance from pivot to centre of percussion, on either side of it, and no final rate. The
-        journal does not bounce.
+        While the bat takes up the clearance it moves like a free bat. Its angular momentum about
+        the pivot always equals that of the pivoted bat. For a hit on either side of the centre of
+        percussion, the clearance therefore adds an angle (clearance divided by the distance from
+        pivot to centre of percussion), but does not change the final rate. The journal does not
+        bounce.
         """
         lever = bat.length - self.holder.from_knob - bat.z_cm
         reaction = impulse - bat.mass * lever * rate
@@ -211,14 +216,14 @@ class AstmPivotStation(RestingBatStation):
         axis = body.length - self.holder.from_knob
         turn = modes.rotation(axis) * np.cos(tilt)[:, None]
         inertia = bat.inertia(axis)
-        # the recorder uses the clock of the gates, which has a small rate error
+        # The recorder uses the clock of the gates, which has a small rate error.
         ticks = self.encoder.spec.sample_times() / self.gates.clock
         displacements, velocities = collisions.modal_displacements, collisions.modal_velocities
         impulse = collisions.impulse * np.cos(tilt)
         start, rate = (
             (modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (displacements, velocities)
         )
-        rate = rate * inertia / (inertia + self.clamp)  # with the bat's angular momentum
+        rate = rate * inertia / (inertia + self.clamp)  # bat and clamp share the angular momentum
         rate = rate - self._friction_loss(rate, impulse, bat, flights.bat.axis)
         slip, play = self._loose(impulse, rate, bat)
         shots, at_ticks = coasting(
@@ -246,7 +251,7 @@ class AstmPivotStation(RestingBatStation):
             slipped = np.maximum(ticks - touch, 0.0)
             slipped *= slip[part, None]
             angles += np.clip(slipped, -play, play, out=slipped)
-            # during contact, a millisecond that no reduction uses, the angle grows smoothly
+            # During contact, a millisecond that no reduction uses, the angle grows smoothly.
             touching = np.clip((ticks[early] - touch) / (release - touch), 0.0, 1.0)
             angles[:, early] *= touching**2 * (3 - 2 * touching)
             stop, over = self.stop, angles > self.stop.angle

@@ -1,8 +1,8 @@
 """The ball cannon: a ball of 60 to 160 mph, a bat at rest on its pivot, and light boards.
 
-No instrument observes the bat. e_A is the rebound speed of the ball over its incoming speed, from
-all the edges of three light boards, which also measure the height of each ball above the bat's
-axis. The pivot holds the bat and has no effect on e_A.
+No instrument observes the bat. e_A is the rebound speed of the ball over its incoming speed. Both
+are computed from all edges of three light boards, which also measure the height of each ball above
+the bat's axis. The pivot holds the bat and has no effect on e_A.
 """
 
 from __future__ import annotations

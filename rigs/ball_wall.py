@@ -38,7 +38,7 @@ class BallWallSpec(CannonRigSpec):
     rest: Annotated[float, Ge(0), Dimension("time")]  # time between two hits of one ball
     # rebound speed relative to that from a rigid wall
     wall_restitution: Annotated[float, Gt(0), Le(1), Dimension("number")]
-    # its standard deviation between laboratories; no wall gives back more than a rigid one
+    # standard deviation of this ratio between laboratories; it is limited to at most 1
     wall_spread: Annotated[float, Ge(0), Le(0.1), Dimension("number")] = 0.0
 
 
@@ -82,7 +82,7 @@ class BallWallStation(FittedStation):
         return {"gates": self.gates, "air": self.air}
 
     def with_wall(self, restitution: Array | float) -> BallWallStation:
-        """Return the rig with a wall that gives `restitution` times the rebound of a rigid one.
+        """Return the rig with a wall whose rebound speed is `restitution` times a rigid wall's.
 
         In a block of laboratories `restitution` is an array (laboratory,), or a number for all.
         """
@@ -126,7 +126,7 @@ class BallWallStation(FittedStation):
         )
 
     def _loss(self, plan: ShotPlan, specimen: Specimen, speed: Array) -> Array:
-        """Return the loss of e0 by earlier hits, (shot,). Balls of an ideal rig do not age."""
+        """Return the loss of e0 caused by earlier hits, (shot,); 0 for an ideal rig."""
         ageing = specimen.balls.spec.ageing
         if ageing is None or self.ideal:
             return np.zeros(speed.shape)

@@ -1,4 +1,4 @@
-"""The bench: scale, rule, balance stand and pendulum measure the bat; the scale, the balls."""
+"""The bench: scale, rule, balance stand and pendulum for the bat, and the scale for the balls."""
 
 from __future__ import annotations
 
@@ -57,9 +57,9 @@ class BenchSpec(Spec):
     gravity: str
     repeats: Repeats
     releases: Repeats
-    reference: Mass  # reference mass, weighed before bat and balls and after them
+    reference: Mass  # reference mass, weighed before and after bat and balls
     hall: HallSpec
-    store: HallSpec | None = None  # store of the balls; None: they are kept as their sheet asks
+    store: HallSpec | None = None  # store of the balls; None: the humidity is that of their sheet
 
 
 class Bench:
@@ -131,7 +131,7 @@ class BenchStation(FittedStation):
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Measure the bat and weigh the balls that `plan` names.
 
-        Readings of a block are those of one laboratory after another.
+        Readings of a block are in the order of the laboratories.
         """
         bat = specimen.bat.rigid
         axis = bat.length - self.pendulum.true["pivot_from_knob"]

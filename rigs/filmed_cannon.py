@@ -2,8 +2,8 @@
 
 The camera is fixed above the bat and looks down on the plane of flight. It films the incoming ball,
 the bat and the rebound. The light boards time the same shots and measure the height of each ball,
-and therefore its distance from the camera. The impact position is a setting of the cannon; the bat
-stays where the camera was calibrated.
+which also gives its distance from the camera. The impact position is set at the cannon, so that the
+bat stays at the position for which the camera was calibrated.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class FilmedCannonSpec(BallCannonSpec):
     camera: str
     over: Annotated[
         float, Gt(0), Dimension("length")
-    ]  # distance from the tip of the camera's Y = 0
+    ]  # distance from the tip to the origin of the camera's Y
     spin_in: Spin  # standard deviation about each axis
     spin_out: Spin
 

@@ -1,7 +1,7 @@
 """The NCAA swing machine: a ball of 70 mph meets a bat that a drive rotates about its handle.
 
 At contact the bat should be square to the line of fire. If ball and bat are not synchronous, they
-meet closer to the light boards or farther away, and at an angle. An encoder on the shaft measures
+meet at an angle, and closer to the light boards or farther away. An encoder on the shaft measures
 rate and angle, and the light boards measure the incoming and the rebound speed of the ball.
 """
 
@@ -30,7 +30,7 @@ from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, S
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 
-GAP = 1e-3  # time before contact that a recorder of sums leaves out, as contact may be early [s]
+GAP = 1e-3  # time before contact that a recorder of sums leaves out; contact may be early [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ class NcaaSwingStation(CannonStation):
         launch = station.cannon.fire(plan.speed, streams, "ncaa-swing.launch", slots)
         swing = self._swing(plan, streams)
         axis = struck.bat.body.length - station.holder.from_knob
-        # the ball flies at a set distance from the pivot, so it meets an oblique bat farther out
+        # The ball flies at a set distance from the pivot, so it hits an oblique bat farther out.
         abreast = axis - plan.place - launch.along
         cosine, sine = np.cos(swing.angle), np.sin(swing.angle)
         lever = abreast / cosine

@@ -1,13 +1,14 @@
 """Many collisions at once: each scene has one lane, and all lanes are stepped together.
 
 Each loop runs over the lanes, so the compiler can process eight scenes per instruction.
-Coordinates, force law and integration scheme are those of `modal_kernel`. The step size follows
-the current stiffness. A step is shortened so that it ends on the next event of the lane: the
-largest compression while loading; release, or the previous largest compression if the compression
-grows again, while unloading; touch while flying. If a step overshoots the event, the next one
-goes backward. This is possible because each law is smooth beyond its end.
+Coordinates, force law and integration scheme are those of `modal_kernel`. The step size depends on
+the current stiffness. A step is shortened so that it ends on the next event of the lane. While
+loading, this event is the largest compression. While unloading it is the release or, if the
+compression grows again, the previous largest compression. In flight it is the touch. If a step
+overshoots the event, the next step goes backward, which is possible because each force law is
+smooth beyond its end.
 
-A finished lane takes the next scene, so no lane waits for the slowest, and no result depends on
+A finished lane takes the next scene, so no lane waits for the slowest one, and no result depends on
 the other scenes. A scene is marked as doubtful if one step may have hidden an event (a short loss
 of contact, a brief touch in flight) or if it took too many steps.
 
@@ -50,7 +51,7 @@ class Given(NamedTuple):
 
 
 class StepRule(NamedTuple):
-    """Settings common to all scenes: three of `InStep`, and the time window for new contacts."""
+    """Settings common to all scenes: three from `InStep`, and the time window for new contacts."""
 
     growth: float
     turn: float
@@ -71,13 +72,13 @@ CHUNK = 5  # modes per pass: divides 15 and 20, the usual numbers of modes
 ROW = LANES + 8  # distance of rows: whole cache lines, but not a power of two
 
 
-# start of each row of a block, with one number per lane; the rows of the modes come last
+# start of each row of a block; a row has one number per lane, and the rows of the modes are last
 Rows = namedtuple(
     "Rows",
     "s s_rate x rate bend jerk old_rate old_bend force u u_share log_k power c compliance time "
     "h h_mode h_grown ball event steps scene phase peak near turned reach loss softness head",
 )
-ModeRows = namedtuple("ModeRows", "p v g w2 size")  # rows of one mode, from its first row
+ModeRows = namedtuple("ModeRows", "p v g w2 size")  # rows of one mode, relative to its first row
 
 
 class Phases(NamedTuple):
@@ -227,7 +228,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         unloading = (not loading) & (not flying)
         jerk = (bend - w[AT.old_bend + j]) / h
         w[AT.jerk + j] = jerk
-        # decreasing quantity that is zero at the next event, and its derivatives
+        # A decreasing quantity that is zero at the next event, and its derivatives.
         filling = unloading & (rate > 0.0) & ((w[AT.turned + j] > 0.0) | (x > peak))
         upward = filling | flying
         sign = -1.0 if upward else 1.0
@@ -237,7 +238,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         square = first * first - 2.0 * second * miss
         to = 2.0 * miss / (np.sqrt(max(square, 0.0)) - first)
         ahead = (square >= 0.0) & ((to > 0.0) | (miss < 0.0)) & (first < 0.0)
-        # a ball that is reloaded, or is about to be, returns to its largest stiffness
+        # The stiffness of a ball that is, or soon will be, reloaded returns to its largest value.
         step = min(w[AT.h_mode + j], growth * w[AT.h_grown + j])
         rising = unloading & (rate + step * bend > 0.0)
         softness = w[AT.u + j] / (w[AT.power + j] * max(w[AT.force + j], LIMITS.least_force))
@@ -258,7 +259,7 @@ def _plan(w: Array, growth: float, window: float) -> None:
         event = EVENT.turned_back if turned else EVENT.none
         event = EVENT.reached if reached else event
         event = EVENT.clear if gone else event
-        # events that one step may have hidden: a touch, or two turns
+        # One step may have hidden a touch or two turns.
         missed = flying & (x > 0.0) & (rate < 0.0)
         slow = (rate - LIMITS.hidden * w[AT.near + j]) * jerk < 0.5 * bend * bend
         dipped = loading & (bend > 0.0) & (w[AT.old_bend + j] < 0.0) & slow
@@ -365,7 +366,7 @@ def _extreme(lane: Array) -> float:
 
 @njit(**SCALAR)
 def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> int:
-    """Apply the event of a lane to its scene i. Return the state of the scene, an `After`."""
+    """Apply the event at the end of a step to scene i. Return the scene's state, an `After`."""
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
     event, phase, rate = lane[AT.event], lane[AT.phase], lane[AT.rate]

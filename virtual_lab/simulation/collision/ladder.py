@@ -1,8 +1,8 @@
 """Choice of the collision model for a test: the fastest one whose error is small enough.
 
-Each model is a rung of the ladder. Its error is measured on probe scenes with a bat and a support.
-In a test both are nominal, because a model chosen for the individual bat, or its printed error,
-would reveal the bat's true stiffness.
+The models from fast to accurate are the rungs of a ladder. The error of a rung is measured on probe
+scenes with a bat and its support. In a test both are nominal, because a model chosen for the
+individual bat, or the printed error of such a model, would reveal the true stiffness of this bat.
 """
 
 from __future__ import annotations
@@ -45,19 +45,20 @@ SHARE = 0.1  # largest error of a model [share of the standard uncertainty of e_
 class Probing:
     """Settings of the probe that measures the errors of the rungs."""
 
-    places: tuple[float, float] = (3 * INCH, 9 * INCH)  # range that procedures strike [m from tip]
-    every: float = INCH / 8  # spacing that finds the largest error to 1 % for single contacts [m]
-    modes: int = 60  # number of modes that the modal rungs are compared with
-    reference_modes: int = 140  # number of modes that the reference is compared with
-    # factor on the truncation error: 1.5 for positions between the probed ones and the error of
-    # the many modes, times 1.25 for an individual bat two standard deviations softer than the
-    # nominal one (measured: 1.24)
+    places: tuple[float, float] = (3 * INCH, 9 * INCH)  # usual impact positions [m from the tip]
+    # spacing of positions [m], close enough for the largest error to 1 % if there is one contact
+    every: float = INCH / 8
+    modes: int = 60  # number of modes with which the modal rungs are compared
+    reference_modes: int = 140  # number of modes with which the reference model is compared
+    # factor on the truncation error: 1.5 for positions between the probed positions and for the
+    # error of the comparison, times 1.25 for an individual bat two standard deviations softer than
+    # the nominal bat (measured: 1.24)
     margin: float = 1.875
-    # factor for bats that the ball meets more than once, because e_A then varies within a tenth of
-    # an inch and jumps when a contact appears or disappears; the largest factor of 24 000 scenes
-    # on five bats, apart from one jump of 0.08
+    # factor if ball and bat meet more than once, because e_A then varies within a tenth of an inch
+    # and jumps where a contact appears or disappears. It is the largest factor of 24 000 scenes on
+    # five bats, apart from one jump of 0.08.
     meeting_margin: float = 20.0
-    stepping_error: float = 2e-6  # error of e_A from the stepping tolerance and shape splines
+    stepping_error: float = 2e-6  # error of e_A caused by stepping tolerance and shape splines
     surrogate_tolerance: float = 1.1e-5
 
 
@@ -68,7 +69,7 @@ PROBING = Probing()
 class Choice:
     """A collision model, its error of e_A, and the reason why it was chosen, in one sentence."""
 
-    name: str  # rung and number of modes
+    name: str  # name of the rung, and number of modes
     model: CollisionModel
     error: float
     meets_again: bool = False  # whether ball and bat meet twice in any scene of the probe
@@ -86,7 +87,7 @@ class Choice:
         return replace(self, model=_model(self.model.rung, count, body, support))
 
     def efficiency(self, scenes: Scenes) -> NDArray[np.float64]:
-        """Return e_A of the scenes, (n,), by the surrogate inside its box, else by the model."""
+        """Return e_A of the scenes, (n,), by the surrogate in its box, elsewhere by the model."""
         if self.surrogate is None:
             return self.model.collide(scenes).collision_efficiency
         inside = self.surrogate.box.inside(scenes)
@@ -110,10 +111,13 @@ def choose(
     """Return the collision model of a bat: the named rung, or the fastest accurate one.
 
     The result holds the model, its largest error of e_A on `probe` plus a margin, and the reason.
-    `probe` are scenes similar to those of the test. A named `rung` of `COLLISION_RUNGS` is used
-    whatever its error; ``modal`` has the default number of modes. Without a name, the error must
-    not exceed `SHARE` of `standard_uncertainty`, that of the e_A to be measured; if no other model
-    is that accurate, the reference model is used. Without either, the modal rung is used.
+    `probe` are scenes similar to those of the test. The model depends on the other arguments:
+
+    * A `rung` of `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of
+      modes.
+    * With `standard_uncertainty` only, that of the e_A to be measured, the fastest model whose
+      error is at most `SHARE` of it is used, or the reference model if there is none.
+    * With neither, the modal rung is used.
 
     Raises `InputError` for an unknown rung, an uncertainty that is not positive, or a probe that no
     rung can simulate.
@@ -154,7 +158,7 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     ]
 
 
-@lru_cache(maxsize=64)  # a block requests the models of its bats in each round
+@lru_cache(maxsize=64)  # a block needs the models of its bats in each round
 def _model(name: str, bending_modes: int, body: BatBody, support: Support) -> CollisionModel:
     if name == "rigid":
         return RigidModel.of(body, support)
@@ -236,7 +240,7 @@ def _check(name: str | None, uncertainty: float | None) -> None:
 
 
 class CollisionLaw(Protocol):
-    """The collision of a bat and balls, as the rigs of a test ask for it."""
+    """The collision of a bat and balls in the form that the rigs of a test use."""
 
     def __call__(self, body: BatBody, support: Support) -> CollisionModel:
         """Return the collision model of an individual bat with its support."""
@@ -263,8 +267,8 @@ class CollisionLaw(Protocol):
 class Ladder:
     """The collision models of one test. The rung is chosen once, for the nominal bat.
 
-    The rung therefore follows from the setup, and tests of one setup share it. Each result depends
-    only on its bat, support and scene, not on other scenes.
+    The rung therefore depends only on the setup, and all tests of one setup share it. The result of
+    a scene depends only on its bat, support and scene, not on other scenes.
     """
 
     nominal: BatBody
@@ -272,12 +276,12 @@ class Ladder:
     probe: Scenes
     standard_uncertainty: float | None  # u of e_A in the test; None selects the modal rung
     rung: str | None = None
-    box: Box | None = None  # range of the scenes if a surrogate is worth building
+    box: Box | None = None  # range of the scenes for a surrogate; None: no surrogate is built
     chosen: list[Choice] = field(default_factory=list)  # the choice, empty until first used
     fitted: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
 
     def with_box(self, box: Box) -> Ladder:
-        """Return the ladder for very many scenes within `box` of which only e_A is needed."""
+        """Return the ladder for very many scenes within `box`, if only their e_A is needed."""
         return replace(self, box=box, fitted={})
 
     @property
@@ -316,8 +320,8 @@ class Ladder:
     ) -> NDArray[np.float64]:
         """Return the true e_A of the scenes, (n,).
 
-        The model is that of the shots, or its surrogate. If that is the rigid model, the modal one
-        is used instead.
+        The model is that of the shots, or its surrogate. If the shots use the rigid model, the
+        modal model is used instead.
         """
         if self.box is not None and self.rung is None:
             return self.efficiencies(struck, support, scenes)
@@ -329,7 +333,7 @@ class Ladder:
         return ModalModel.of(body, support) if isinstance(model, RigidModel) else model
 
     def report(self) -> RungTaken:
-        """Return rung, error of e_A and reason, those of the surrogate if there is one."""
+        """Return rung, error of e_A and reason, of the surrogate if there is one."""
         model_choice = next(iter(self.fitted.values()), None) or self.choice
         return RungTaken(
             rung=model_choice.rung, error=model_choice.error, reason=model_choice.reason
@@ -337,7 +341,7 @@ class Ladder:
 
 
 def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) -> Array:
-    """Return e_A of the scenes of several models, (n,). Modal models are stepped together."""
+    """Return e_A of the scenes of several models, (n,). Modal models are integrated together."""
     e_A = np.empty(len(scenes))
     stepped = [(one, shots) for one, shots in models if isinstance(one, ModalModel)]
     if len(stepped) > 1:

@@ -4,10 +4,10 @@ Modes too stiff to vibrate during the contact deflect statically. Together they 
 in series with the ball (residual flexibility; R. H. MacNeal, Comput. Struct. 1 (1971) 581). With
 twenty modes the error of e_A is 3e-3 without this spring and 1e-4 with it.
 
-No damping acts during the millisecond of contact. The damping ratio of the bat acts on the
-vibration afterwards, and the torques of the bearing on the rotation. A dashpot at the pivot, weak
-or strong, would change e_A by 1e-5 at 8 in from the tip and by 8e-5 at 12 in, as a test of the
-reference model shows.
+There is no damping during the millisecond of contact. Afterward the damping ratio of the bat acts
+on the vibration, and the torques of the bearing on the rotation. A dashpot at the pivot, weak or
+strong, would change e_A by 1e-5 at 8 in from the tip and by 8e-5 at 12 in, according to a test with
+the reference model.
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ def collide_bats(
 ) -> list[Collisions]:
     """Return the collisions of several bats, one result per pair of model and scenes in `batch`.
 
-    All are integrated together by the first model's stepper. `tables` replace the values of each
-    model's splines at the impact positions, shape (n, N + 1) each, because splines are not worth
-    building for a few scenes.
+    All are integrated together by the stepper of the first model. For a few scenes, building the
+    splines of a model takes too long; `tables` then state the values at the impact positions, shape
+    (n, N + 1) for each model.
 
     Raises `InputError` for a position beyond the bat, and for a scene whose energy balance is off,
     whose e_A does not settle as the steps are halved, or that does not end.
@@ -139,7 +139,7 @@ def _collisions(
     rigid, flexible = modes.rigid, modes.count - modes.rigid
     states, most = final.states, struck.shapes.shape[1]
     s, s_rate = states[:, -2], states[:, -1]
-    # the impulse determines all rigid motion
+    # The impulse determines all rigid motion.
     impulse = (struck.speed - s_rate) / struck.inverse_mass
     drift = (struck.speed * final.time - s) / struck.inverse_mass
     displacements, velocities = np.empty_like(shape), np.empty_like(shape)

@@ -4,17 +4,18 @@ Coordinates: a force F on the bat drives each flexible mode i by ``p'' = F - w_i
 the modal displacement divided by the mode shape at the impact position. All rigid motion of ball
 and bat follows ``s'' = -F c`` with ``c = 1/m + sum of squared rigid shapes``, so momentum is
 conserved to rounding. The approach of ball and bat is ``x = s - sum(g_i p_i)`` with the squared
-shapes ``g_i``. The stiffer modes deflect by ``C F`` (residual flexibility) and the ball by ``u``,
-two springs in series: ``x = u + C F(u)``.
+shapes ``g_i``. The stiffer modes deflect by ``C F`` (residual flexibility) and the ball by ``u``.
+They are two springs in series: ``x = u + C F(u)``.
 
 Integration: a splitting Runge-Kutta-Nystrom scheme of order six with eleven stages. The force law
 has a corner at the largest compression and where a reloaded ball passes its previous largest
 compression. Steps end on these events to rounding, which preserves the order. ``u^a`` is not
 smooth at touch, so the steps start short and double.
 
-Ball: loading ``F = k u^a``. After the turning point ``F = F_max (u / u_max)^b``, for unloading and
-reloading, until u exceeds u_max (loading continues) or reaches 0 (release). After release the
-modes vibrate freely. If the surface can still catch the ball, a new contact begins.
+Ball: the force is ``F = k u^a`` while loading. After the turning point it is ``F = F_max (u /
+u_max)^b``, for unloading and reloading, until u exceeds u_max (loading continues) or reaches 0
+(release). After release the modes vibrate freely. If the surface reaches the ball again, a new
+contact begins.
 """
 
 from __future__ import annotations
@@ -53,8 +54,8 @@ class Limits(NamedTuple):
 
     root_tries: int = 60
     first_step: float = 1 / 256  # first step after touch, which then doubles [step]
-    # largest number of steps of a contact or a flight, over a second for a usual bat; without it
-    # a scene with NaN would never end
+    # largest number of steps of a contact or a flight, more than a second for a usual bat. Without
+    # this limit a scene with NaN would never end.
     most_steps: int = 200_000
     flight_step: float = 0.1  # smallest step of a flight; shorter touches are ignored [step]
 
@@ -83,7 +84,7 @@ def _force(x: float, law: Law) -> tuple[float, float]:
     coefficient, scale, power, compliance = law
     if x <= 0.0:
         return 0.0, x
-    # Newton's method cannot overshoot from this side of a convex function
+    # Newton's method cannot overshoot from this side of a convex function.
     u = x
     for _ in range(LIMITS.root_tries):
         force = coefficient * (u / scale) ** power
@@ -135,7 +136,7 @@ def _step_to(
 ) -> float:
     """Repeat the last step from `old` so that it ends on the event. Return its length [s].
 
-    Newton's method, restricted to the bracket [0, h].
+    The length is found by Newton's method within the bracket [0, h].
     """
     low, high = 0.0, h
     after, slope = _miss(event, bat, law, state, peak)
@@ -176,7 +177,7 @@ def _contact(
         _step(span, bat, law, state)
         before, rate = rate, _approach(r[1], g, v)
         turned = before * rate < 0.0
-        if turned:  # otherwise one step could hide a short excursion beyond the branch
+        if turned:  # after a turn, one step could hide a short excursion beyond the branch
             span = _step_to(StepEnd.TURN, span, bat, law, state, peak, y, old)
             rate = 0.0
         x = _approach(r[0], g, p)
@@ -215,10 +216,10 @@ def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
 def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array) -> float:
     """Integrate the flight from the release in `y` to the next touch. Return its duration [s].
 
-    The result is inf if there is no touch, and NaN after too many steps. The surface is never
-    faster than the sum of its modal speeds, so a step of the gap divided by that sum plus the
-    speed of the ball cannot skip a contact; h is the smallest step. No touch follows once the ball
-    is beyond the sum of the modal amplitudes, or after `limit` [s].
+    The result is inf if there is no touch, and NaN after too many steps. The speed of the surface
+    is at most the sum of its modal speeds. A step equal to the gap, divided by this sum plus the
+    speed of the ball, therefore cannot skip a contact; h is the smallest step. There is no touch
+    once the ball is farther than the sum of the modal amplitudes, or after `limit` [s].
     """
     _, g, w2 = bat
     p, v, r = state
@@ -289,7 +290,7 @@ def _follow(
         if isnan(wait):
             counts[2] = Failure.ENDLESS
     if 0.0 < wait < inf:
-        _copy(old, y)  # state at release, because this touch is too late to count
+        _copy(old, y)  # state at release, because this touch is too late
     return t, loss
 
 
@@ -299,8 +300,8 @@ def collide(
 ) -> tuple[Array, Array, Counts]:
     """Return final states, sums and counts of n collisions with N flexible modes.
 
-    The results are those of `collide_lanes`, but the counts, (n, 3), are contacts, reloads and a
-    `Failure`. The scenes are integrated one by one.
+    The scenes are integrated one by one. The results are those of `collide_lanes`, except that the
+    counts, (n, 3), are contacts, reloads and a `Failure`.
 
     Parameters
     ----------
@@ -314,7 +315,7 @@ def collide(
     steps
         Time steps [s], (n,).
     window
-        Time after the first touch within which a contact must begin to count [s].
+        Time after the first touch within which further contacts are simulated [s].
     """
     scenes, modes = g.shape
     states = np.zeros((scenes, 2 * modes + 2))

@@ -1,9 +1,9 @@
 """Contact patch: the ball presses on a length of the bat instead of a point.
 
 A point force on a Timoshenko beam does not converge with the number of modes, but a patch does.
-The pressure falls as a cosine toward the ends of the patch. The patch is symmetric about the
-impact position, so its moment arm is that of the impact position. Closer to an end of the bat than
-half its width, the patch shrinks on both sides equally, to a point at the tip.
+The pressure decreases as a cosine toward the ends of the patch. The patch is symmetric about the
+impact position, so its moment arm is that of the impact position. If it would extend beyond an end
+of the bat, it shrinks equally on both sides, to a point at the tip.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from virtual_lab.units import Array
 
 PATCH = 0.03  # full width of the patch [m]
 TILE = 256  # number of knots covered by one spline
-MARGIN = 40  # number of extra knots at each end, each of which reduces the end effect by 0.27
+MARGIN = 40  # number of extra knots at each end; each multiplies the end effect by 0.27
 
 
 def patch_shape(modes: Modes, z: Array, width: float) -> Array:
@@ -38,7 +38,7 @@ def patch_shape(modes: Modes, z: Array, width: float) -> Array:
 def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     """Return the result of `patch_shape` for each of several sets of modes of one bat.
 
-    Each array is (n, N), with the N of its set [kg^-1/2].
+    The arrays are (n, N) [kg^-1/2], where N is the number of modes of the set.
     """
     x, gauss = gauss_points(8)
     pressure = gauss * np.cos(np.pi / 2 * x)
@@ -57,10 +57,10 @@ def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
 class PatchTable:
     """Cubic splines of functions of the impact position, built on demand.
 
-    `values` takes positions (n,) [m] to (n, columns). It is smooth except where the patch starts to
-    shrink. `length` and `width` are those of the bat and of the patch [m]. A value depends only on
-    its position: the knots are those of the whole bat, and each spline extends far enough beyond
-    its tile that its ends have no effect.
+    The function `values` returns (n, columns) for positions (n,) [m]. It is smooth except where the
+    patch starts to shrink. `length` and `width` are those of the bat and of the patch [m]. The
+    result at a position does not depend on the other positions, because the knots are fixed for the
+    whole bat, and each spline extends so far beyond its tile that its ends have no effect.
     """
 
     values: Callable[[Array], Array]
@@ -92,7 +92,7 @@ class PatchTable:
     def _knots(self) -> list[Array]:
         """Knots of each part of the bat; the parts meet where the patch starts to shrink."""
         ends = sorted({0.0, self.width / 2, self.length - self.width / 2, self.length})
-        # knots 0.2 mm apart usually cause an error of e_A below 2e-8, at most 5e-7
+        # Knots 0.2 mm apart usually cause an error of e_A below 2e-8, at most 5e-7.
         return [
             np.linspace(low, high, max(150, round((high - low) / 2e-4)))
             for low, high in pairwise(ends)

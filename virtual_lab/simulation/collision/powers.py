@@ -1,7 +1,8 @@
 """Powers of many numbers at once: log2 and exp2 as polynomials that compilers can vectorise.
 
-``x^a = exp2(a log2 x)``. A mathematics library processes one number per call. These functions take
-a dozen multiply-adds on numbers in registers. Their error is a thousandth of the stepping error.
+``x^a = exp2(a log2 x)``. A mathematics library processes one number per call, but these functions
+consist of a dozen multiply-adds on numbers in registers. Their error is a thousandth of the
+stepping error.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 COMPILES = not config.DISABLE_JIT  # type: ignore[attr-defined]
-# Reassociation is off because it would cancel the additions that round. No cache of its own: the
-# calling kernel's cache holds the compiled code.
+# Reassociation is off because it would cancel the additions that round a number. These functions
+# have no cache, because the cache of the calling kernel contains their compiled code.
 SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 ROUND = 1.5 * 2.0**52  # addend that leaves the nearest integer in the low bits
 ROUND_BITS = np.uint64(0x4338000000000000)
@@ -57,7 +58,7 @@ def _widen(context: Any) -> Any:
     """
 
     def generate(context: Any, builder: Any, _: Any, __: Any) -> Any:
-        # bypasses the library's list of attributes, which lacks target attributes
+        # This bypasses the library's list of attributes, which lacks target attributes.
         set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return context.get_dummy_value()
 
@@ -67,7 +68,7 @@ def _widen(context: Any) -> Any:
 _bits: Any = intrinsic(_as_bits)
 _float: Any = intrinsic(_as_float)
 wide: Any = intrinsic(_widen)
-if not COMPILES:  # Python version; integers in arrays wrap around silently, as in registers
+if not COMPILES:  # in Python, integers in arrays wrap around silently, as in registers
     _bits = lambda x: np.array([x], np.float64).view(np.uint64)  # noqa: E731
     _float = lambda bits: bits.view(np.float64)[0]  # noqa: E731
     wide = lambda: None  # noqa: E731

@@ -1,9 +1,9 @@
 """The reference model: an independent solution of high accuracy, for tests and charts.
 
-Ball and modes each have a coordinate of their own. The motion is split into phases at the events
-and integrated by an adaptive Runge-Kutta method of order eight. This model shares only the contact
-patch with the modal model, not its time integration or its force law, which can be a different one
-here.
+The ball and each mode have a coordinate. The motion is split into phases at the events and
+integrated by an adaptive Runge-Kutta method of order eight. This model shares only the contact
+patch with the modal model, not the time integration and not the code of the force law. It can also
+use another force law.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ class ReferenceModel:
         return replace(run, contacts=run.contacts + 1)
 
     def _flight(self, scene: _Scene, run: _Run) -> _Run | None:
-        """Integrate the flight after a release to the next touch, None if there is none in time."""
+        """Integrate the flight from a release to the next touch; None without a touch in time."""
         end = min(WINDOW, scene.out_of_reach(run))
         phase = self._phase(scene, FLIGHT, run, end) if run.time < end else None
         return phase[0] if phase else None
@@ -132,7 +132,7 @@ class ReferenceModel:
     def _phase(
         self, scene: _Scene, branch: Branch, start: _Run, end: float
     ) -> tuple[_Run, Event] | None:
-        """Integrate one branch of the force law to its first event before `end`, else None."""
+        """Integrate one branch of the force law to its first event; None without one by `end`."""
         from scipy.integrate import solve_ivp
 
         try:
@@ -180,7 +180,7 @@ class _Scene:
 
     @property
     def sizes(self) -> Array:
-        """Typical size of each state variable, from a millisecond at the ball's speed."""
+        """Typical size of each state variable, for a millisecond at the speed of the ball."""
         n = len(self.shape) + 1
         energy = [self.mass * self.speed / 2]
         return self.speed * np.concatenate((np.full(n, 1e-3), np.ones(n), energy))

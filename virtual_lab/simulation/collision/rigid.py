@@ -1,4 +1,4 @@
-"""The rigid model in closed form: e is the ball's e0, and e_A follows from the recoil factor."""
+"""The rigid model in closed form: e is e0 of the ball, and e_A follows from the recoil factor."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class RigidModel:
         return cls(modes=modes_of(stiff, support, 0))
 
     def collide(self, scenes: Scenes) -> Collisions:
-        """Return the collisions of the scenes, with a separation speed of e0 times the approach."""
+        """Return the collisions of the scenes, with separation speeds of e0 times the approach."""
         scenes.require_on(self.modes.length)
         shape = self.modes.shape(scenes.impact_position)
         mass, speed, e0 = scenes.ball_mass, scenes.relative_speed, scenes.ball_restitution

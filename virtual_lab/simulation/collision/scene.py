@@ -1,7 +1,8 @@
 """Input and output of the collision models: arrays over n scenes.
 
-The bat is at rest before the collision. A moving bat is the same scene at the relative speed;
-``v_bat`` is added afterwards (Eq. 3). The ball hits the axis of the bat at right angles.
+A scene is one collision: impact position, relative speed, and properties of the ball. The bat is at
+rest before the collision. For a moving bat the scene has the relative speed, and ``v_bat`` is added
+afterward (Eq. 3). The ball hits the axis of the bat at right angles.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.modes import Modes
 from virtual_lab.units import Array
 
-# ranges of numbers that can be computed. A scene within them can still fail, with a message. The
-# ranges of real balls belong to their data sheets.
+# ranges of numbers for which a scene can be computed; within them a scene can still fail, with a
+# message. The ranges of real balls are in their data sheets.
 RANGES = {
     "relative_speed": (1e-9, 1e6),
     "ball_mass": (1e-6, 1e6),
@@ -62,8 +63,8 @@ class Scenes:
         Raises
         ------
         InputError
-            Shapes that do not broadcast to one axis, an empty batch, a number that is not
-            finite, or one outside its range.
+            The shapes do not broadcast to one axis, the batch is empty, or a number is not finite
+            or outside its range.
         """
         arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
         try:
@@ -147,7 +148,7 @@ class EnergySplit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collisions:
-    """Results of n collisions. The modal state is that at the last release."""
+    """Results of n collisions, with modal displacements and velocities at the last release."""
 
     collision_efficiency: Array  # (n,), negative if the ball continues forward
     modal_displacements: Array  # (n, N) [kg^1/2 m], in the order of the model's `modes`
@@ -156,12 +157,12 @@ class Collisions:
     impulse: Array  # (n,), impulse on the bat [N s]
     contacts: NDArray[np.int64]  # (n,), number of contacts, usually 1
     reloads: NDArray[np.int64]  # (n,), number of times the compression grew again before release
-    redone: NDArray[np.int64]  # (n,), 0 for the first try, 1 and 2 for finer steps, 3 one by one
+    redone: NDArray[np.int64]  # (n,), 0: first try, 1 and 2: finer steps, 3: one scene at a time
     energy: EnergySplit
 
 
 def concatenate(parts: Sequence[Collisions]) -> Collisions:
-    """Return the collisions of several parts of a batch in a row, as one batch.
+    """Return the collisions of several parts of a batch, one after another, as one batch.
 
     All parts must come from the same model. A single part is returned as it is.
     """

@@ -27,8 +27,9 @@ class Splitting:
     def limit(self) -> float:
         """Largest phase per step [rad] at which an oscillator is stable.
 
-        Both eigenvalues of a step are on the unit circle while half its trace is between -1 and 1.
-        Half the trace crosses -1 near a phase of pi, where an exact cosine would only touch it.
+        Both eigenvalues of a step are on the unit circle as long as half its trace is between -1
+        and 1. An exact integration would give half the trace cos(phase), which touches -1 at a
+        phase of pi; here it crosses -1 near this phase.
         """
         trace = self._half_trace
         roots = np.concatenate([(trace - sign).roots() for sign in (1, -1)])

@@ -1,10 +1,10 @@
 """Time integration of collisions: many scenes together, or one scene at a time.
 
-`InStep` is the fast method and checks its own results. A scene is integrated again with finer
-steps if its energy balance is off, if it came too close to an event, if the contact was long, or
-if ball and bat met or the compression turned more than once. If the results still differ by more
-than the finer steps explain, `OneByOne` integrates the scene, with steps halved until e_A no
-longer changes. If it never settles, the scene has failed and gives no result.
+`InStep` is the fast method and checks its results. A scene is integrated again with finer steps if
+its energy balance is wrong, if it came too close to an event, if the contact was long, or if ball
+and bat met or the compression turned more than once. If the results still differ by more than the
+finer steps explain, `OneByOne` integrates the scene, halving the steps until e_A no longer changes.
+If e_A does not converge, the scene has failed and gives no result.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.units import Array
 
 Counts = NDArray[np.int64]
-# time after first touch within which a contact must begin to count [s]. Ball and vibrating barrel
-# separate for good within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms.
-# A bat clamped at its handle swings back after 11 ms and hits a slow ball again. This is another
+# time after first touch within which further contacts are simulated [s]. Ball and vibrating barrel
+# separate finally within 6 ms: e_A of free and pinned bats is the same for windows up to 40 ms. A
+# bat clamped at its handle swings back after 11 ms and hits a slow ball again. This is another
 # collision, which changes e_A by up to 0.7.
 WINDOW = 0.01
-STAYS = 1e-6  # tolerance of a settled e_A, and of the energy balance [share of the energy]
+STAYS = 1e-6  # tolerance of a converged e_A, and of the energy balance [share of the energy]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ class CollisionBatch:
         return [slice(*pair) for pair in pairwise(ends)]
 
     def part(self, chosen: Counts | slice) -> Self:
-        """Return the `chosen` scenes, indices or a slice, of all bats."""
+        """Return the `chosen` scenes, indices or a slice. All bats are kept."""
         arrays = {name: getattr(self, name)[chosen] for name in self.__slots__ if name != "squares"}
         return replace(self, **arrays)
 
@@ -82,7 +82,7 @@ class CollisionBatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FinalStates:
-    """States after the last release, with the record of the integration; leading axis n."""
+    """States after the last release, and data on their integration; the leading axis is n."""
 
     states: Array  # (n, 2 N + 2): p, p', s, s' of `modal_kernel`
     time: Array  # (n,), time from first touch to last release [s]
@@ -115,7 +115,7 @@ class FinalStates:
         return replace(self, **{name: getattr(self, name)[chosen] for name in self.__slots__})
 
     def put(self, chosen: Counts, other: FinalStates) -> None:
-        """Overwrite the `chosen` scenes with those of `other`."""
+        """Overwrite the states of the `chosen` scenes with `other`."""
         for name in self.__slots__:
             getattr(self, name)[chosen] = getattr(other, name)
 
@@ -130,7 +130,7 @@ class Stepper(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneByOne:
-    """Integration scene by scene, to about 1e-10 in e_A; each event is met to rounding."""
+    """Integration scene by scene, to about 1e-10 in e_A; steps end on the events to rounding."""
 
     refinement: float = 1.0  # divisor of the steps
     mode_step: float = 0.7  # step times the highest angular frequency
@@ -165,10 +165,10 @@ class OneByOne:
     def settle(
         self, struck: CollisionBatch, other: FinalStates, window: float = WINDOW
     ) -> FinalStates:
-        """Integrate the scenes with steps halved until e_A settles.
+        """Integrate the scenes, halving the steps until e_A converges.
 
-        A scene that agrees with `other`, an earlier integration, has settled. A scene that never
-        settles gets the failure `UNSETTLED`.
+        A scene whose e_A agrees with `other`, an earlier integration, has converged. A scene that
+        does not converge gets the failure `UNSETTLED`.
         """
         states = replace(self, refinement=self.last_resort).follow(struck, window)
         remaining = np.flatnonzero(~self._stays(struck, states, other))
@@ -218,21 +218,22 @@ class InStep:
     ball_step: float  # step times the current angular frequency of the ball
     first: float  # first compression [share of the largest one on a wall]
     growth: float  # growth factor of the first steps
-    turn: float  # speed at which the approach counts as turned [share of the initial speed]
-    release: float = 1e-2  # compression that counts as released [share of the largest one]
-    # distance from a second touch at which a scene is doubtful, a tenth of it from a release
+    turn: float  # largest speed at which the approach has turned [share of the initial speed]
+    release: float = 1e-2  # largest compression of a released ball [share of the largest one]
+    # gap below which a missed second touch makes a scene doubtful; for a release a tenth of it
     # [share of the largest compression]
     brush: float = 0.03
     # duration above which phase errors of the modes accumulate without an energy error [s]
     long: float = 1.5e-3
     shorter: float = 2.5  # divisor of the steps in each further try
     tries: int = 3  # number of tries before `OneByOne`
-    # largest difference of two tries [tolerance]; the finer steps divide errors by ten times that
+    # largest difference of two tries [tolerance]; finer steps divide errors by ten times this
+    # number
     agree: float = 25.0
 
     def __post_init__(self) -> None:
         limit = self.splitting.limit
-        for name in ("mode_step", "ball_step"):  # ball on a stiff bat: an oscillator, too
+        for name in ("mode_step", "ball_step"):  # a ball on a stiff bat is an oscillator too
             if not 0 < getattr(self, name) <= limit:
                 allowed = f"allowed: above 0, to {limit:.4f}, the limit of stability"
                 raise InputError("modal", name, getattr(self, name), allowed)
@@ -300,7 +301,8 @@ class InStep:
             struck.squares,
             struck.bat,
             struck.shapes,
-            # one array type; numba would compile the kernel again for each mixture of types
+            # All arrays have one type; numba would compile the kernel again for each mixture of
+            # types.
             Given(*(np.require(each, np.float64, ["C", "W"]) for each in inputs)),
             (self.splitting.kicks, self.splitting.drifts),
             StepRule(self.growth, self.turn, self.brush, window),

@@ -1,8 +1,8 @@
 """The surrogate model: e_A of one bat and one type of ball as a Chebyshev interpolant.
 
-It is built on demand from another collision model over a box of impact position, log speed, e0 and
-ball mass. It is refined axis by axis until its error at independent points is small enough. It
-gives e_A only, so a rig that needs the vibration of the bat uses the modal model.
+It is built on demand from another collision model, over a box of impact position, log speed, e0 and
+ball mass. It is refined axis by axis until its error at independent points is small enough. It only
+returns e_A, so a rig that needs the vibration of the bat uses the modal model.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ AXES = ("impact_position", "relative_speed", "ball_restitution", "ball_mass")
 class Fitting:
     """Settings that determine the number of nodes of an interpolant and its check."""
 
-    line_nodes: int = 48  # number of nodes of the line along each axis that sets its node count
+    line_nodes: int = 48  # nodes on a test line along each axis, which determines its node count
     line_share: float = 0.1  # largest truncation error of a line [share of the tolerance]
     least_nodes: int = 3
     most_nodes: int = 12_000
@@ -59,7 +59,7 @@ class Box:
 
     @classmethod
     def about(cls, scenes: Scenes) -> Self:
-        """Return the smallest box that holds the scenes, widened where all values are equal.
+        """Return the smallest box that contains the scenes, widened where all values are equal.
 
         Raises `InputError` if the scenes have different force laws.
         """
@@ -127,7 +127,7 @@ class Surrogate:
     """An interpolant of e_A and its error."""
 
     box: Box
-    coefficients: Array  # coefficients of T_i T_j T_k T_l, one axis per variable
+    coefficients: Array  # coefficients of the products T_i T_j T_k T_l, one axis per variable
     error: float  # largest error of e_A at independent points, relative to the original model
     rung: str = "surrogate"
 
@@ -138,8 +138,8 @@ class Surrogate:
         Raises
         ------
         InputError
-            The ball is reloaded or hits the bat twice somewhere in the box, where e_A is not
-            smooth; or the tolerance needs more nodes than `Fitting` allows.
+            Somewhere in the box the ball is reloaded or hits the bat twice, so that e_A is not
+            smooth, or the tolerance requires more nodes than `Fitting` allows.
         """
 
         def value(unit: Array) -> Array:

@@ -36,7 +36,8 @@ def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
     first, second = np.zeros((a, BLOCK)), np.zeros((b, BLOCK))
     third, fourth = np.zeros((c, BLOCK)), np.zeros((d, BLOCK))
     inner, middle, total = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    # every block is full, so that the last bits of a value do not depend on its place in a block
+    # Every block is full, so that the last bits of a value do not depend on its position in a
+    # block.
     places = np.zeros((4, BLOCK))
     out = np.zeros(unit.shape[1])
     for start in range(0, unit.shape[1], BLOCK):

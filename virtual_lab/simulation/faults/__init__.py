@@ -1,4 +1,4 @@
-"""Faults of a real laboratory, simulated at the place where they occur."""
+"""Faults of a real laboratory, simulated where they occur: station, plan, specimen or record."""
 
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.day import FaultSet

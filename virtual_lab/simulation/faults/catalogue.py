@@ -1,4 +1,4 @@
-"""The catalogue of faults: errors of people and papers, of timing, and of the machine."""
+"""The catalogue of faults: errors of people and documents, of timing, and of the machine."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ def from_knob(record: Any, written: FaultContext) -> Arrays:
 
 
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
-    """Return pendulum amplitudes as entered from habit instead of the real, larger ones [rad].
+    """Return too small pendulum amplitudes, which the operator entered from habit [rad].
 
-    They are ``first_amplitude`` and ``last_amplitude``, each (release,), both reduced by the ratio
-    of the usual to the real amplitude at release.
+    The real amplitudes are larger. The result holds ``first_amplitude`` and ``last_amplitude``,
+    each (release,), multiplied by the ratio of the usual to the real amplitude at release.
     """
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
@@ -67,7 +67,7 @@ def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
 def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
     """Return the calibration with the moment of inertia of the pendulum's clamp entered as 0.
 
-    All other constants, and the u of this one, are unchanged.
+    All other constants, and the u of this constant, are unchanged.
     """
     key = "bench.pendulum.clamp_inertia"
     return {**constants, key: replace(constants[key], value=0.0)}
@@ -88,14 +88,14 @@ def not_conditioned(specimen: Specimen) -> Specimen:
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen in which ball 3 (counted from 0) is worn: e0 lower by 0.04."""
+    """Return a copy of the specimen in which ball 3, counted from 0, is worn: e0 is 0.04 lower."""
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
     return replace(specimen, balls=replace(specimen.balls, restitution=restitution))
 
 
 def crack(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen with a cracked bat: stiffness 10 % and f1 5 % lower.
+    """Return a copy of the specimen with a cracked bat, whose stiffness is 10 % and f1 5 % lower.
 
     The bat cracks between the bench and the first hit.
     """
@@ -130,7 +130,7 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 def swap(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times with those of shots 1 and 4 exchanged, by name: ``times`` [s].
 
-    Shots are counted from 0. The times are unchanged if the two are not in one round.
+    Shots are counted from 0. The times are unchanged if the two shots are not in one round.
     """
     slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
@@ -143,8 +143,7 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times without every second incoming ball at the gate nearest the bat.
 
-    The result has the name ``times`` [s]. The edges of the missed balls, those of shots 1, 3, 5, …
-    counted from 0, are NaN.
+    The result has the name ``times`` [s]. The edges of shots 1, 3, 5, …, counted from 0, are NaN.
     """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
@@ -187,10 +186,10 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
 
 
 def drifting(record: Any, written: FaultContext) -> Arrays:
-    """Return the wall's gate times with rebounds that become faster from hit to hit, as ``times``.
+    """Return the gate times at the wall with rebounds that become faster from hit to hit.
 
-    The e0 on the wall rises from the first hit to the last, by 6 % in total. The times are in
-    seconds.
+    The result has the name ``times`` [s]. The apparent e0 rises from the first to the last hit, by
+    6 % in total.
     """
     times, slot = record.times.copy(), written.plan.slot
     rebounds = times[:, Edge.OUT]
@@ -258,38 +257,39 @@ def _at_bat(name: str, channel: str, record: Callable[[Any, FaultContext], Array
 CATALOGUE: Mapping[str, Fault] = {
     fault.name: fault
     for fault in (
-        # timing of the ball: the recorder's clock runs fast, far beyond the limit of its data sheet
+        # The recorder's clock is fast, far beyond the limit of its data sheet.
         Fault(name="gate-clock", station=constant_off("gates", "clock", times=1 + 100e-6)),
         _at_bat("gate-doubles", "gates", cleared_twice),
         _at_bat("gate-misses", "gates", every_second_missed),
-        # the gate nearest the bat was moved toward the cannon after its survey
+        # The gate nearest the bat was moved toward the cannon after its survey.
         Fault(name="gate-moved", station=constant_off("gates", "distance", plus=1e-3)),
         Fault(name="sabot-trip", station=scraps_of_beams, channel="gates", record=scraps_ahead),
         Fault(name="wall-drift", stage=Stage.BALLS, channel="gates", record=drifting),
-        # machine at the bat: aim above the bat's axis, and aim too far from its tip
+        # The aim is above the bat's axis, or too far from its tip.
         Fault(name="aim-across", station=constant_off("cannon", "across", plus=0.3 * INCH)),
         Fault(name="aim-along", station=constant_off("cannon", "along", plus=0.5 * INCH)),
         _at_bat("bat-not-at-rest", "encoder", still_swinging),
-        # dry bearing: it drags, and under the impact rubs like a plain bearing [N m, 1]
+        # A dry bearing has a drag torque [N m], and under the impact the friction of a plain
+        # bearing.
         Fault(
             name="bearing-friction", station=sheet_off("pivot", constant_torque=1.0, friction=0.1)
         ),
         Fault(name="cannon-slow", plan=too_slow),
-        # half the counts per turn of its data sheet
+        # The encoder has half the counts per turn of its data sheet.
         Fault(name="encoder-half-counts", station=constant_off("encoder", "scale", times=0.5)),
         _at_bat("encoder-play", "encoder", loose),
         _at_bat("encoder-slip", "encoder", slipping),
         Fault(name="pivot-off", station=constant_off("pivot", "from_knob", plus=5e-3)),
-        # people and papers
+        # Errors of people and documents.
         _at_bench("balance-from-knob", "balance", from_knob),
-        # two digits transposed: 5.152 oz for 5.125 oz
+        # Two digits were transposed: 5.152 oz for 5.125 oz.
         _at_bench("ball-mass-typed", "ball-mass", misread(5.152 / 5.125)),
         Fault(name="ball-out-of-round", stage=None, channel="gates", record=out_of_round),
         Fault(name="ball-worn-out", stage=None, specimen=worn_out),
         Fault(name="balls-not-conditioned", stage=None, specimen=not_conditioned),
         Fault(name="bat-cracked", specimen=crack),
         Fault(name="clamp-forgotten", stage=None, calibration=clamp_forgotten),
-        # the scale showed ounces, and they were entered as grams
+        # The scale showed ounces, which were entered as grams.
         _at_bench("ounces-as-grams", "ball-mass", misread(1e-3 / OUNCE)),
         _at_bench("bat-ounces-as-grams", "bat-mass", misread(1e-3 / OUNCE)),
         Fault(
@@ -300,7 +300,7 @@ CATALOGUE: Mapping[str, Fault] = {
             record=usual_amplitude,
         ),
         _at_bat("records-swapped", "gates", swap),
-        # a dish of 2 g was left on it when bat and balls were weighed
+        # A dish of 2 g was left on the scale when bat and balls were weighed.
         Fault(
             name="scale-not-tared",
             stage=Stage.BENCH,

@@ -33,7 +33,7 @@ class FaultSet:
         Raises
         ------
         InputError
-            An unknown fault, or one that the rig cannot have.
+            A fault is unknown, or the rig cannot have it.
         """
         names = tuple(dict.fromkeys(names))
         for name in names:
@@ -79,7 +79,7 @@ class FaultSet:
     def play(
         self, stage: Stage, station: Station, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> RigOutput:
-        """Carry out a plan with the faults of this day. The log states the original plan."""
+        """Carry out a plan with the faults of this day. The log states the plan without faults."""
         done, specimen = self.done(stage, plan, specimen)
         play = station.play(done, specimen, draws)
         if done is not plan and "log" in play.records:

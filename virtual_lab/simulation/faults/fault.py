@@ -22,14 +22,14 @@ Standing = Callable[[Station], Station | None]
 
 
 class FaultContext(NamedTuple):
-    """Circumstances of a plan that was carried out, before its records are filed."""
+    """Context in which a record is changed: station, plan and random numbers."""
 
     stage: Stage
     station: Station
     plan: ShotPlan
     play: RigOutput
     draws: Draws
-    fault: str  # name of the fault, which its random numbers belong to
+    fault: str  # name of the fault, part of the names of its random numbers
 
     def chance(self, part: str = "", shape: tuple[int, ...] = ()) -> NDArray[np.float64]:
         """Return uniform random numbers from 0 to 1 for each shot, (shot, *shape)."""
@@ -37,7 +37,10 @@ class FaultContext(NamedTuple):
         return self.draws.uniform(name, shape, self.plan.slot) + 0.5
 
     def some(self, share: float) -> NDArray[np.bool_]:
-        """Return a mask of the shots with an intermittent fault, a `share` of them, (shot,)."""
+        """Return a mask of the shots in which an intermittent fault occurs, (shot,).
+
+        `share` is the mean share of these shots.
+        """
         return np.asarray(self.chance() < share)
 
 

@@ -1,9 +1,9 @@
 """Instruments: a data sheet, constants drawn once per laboratory, noise drawn for each shot.
 
-Each module holds a specification (the data sheet in ``data/instruments``) and the instrument of one
-laboratory, based on ``calibrated``. ``commission`` draws the true constants about those of the
-certificate, ``calibration()`` returns the constants that the laboratory knows, ``errors()`` returns
-the true constants, and a further method writes the raw records.
+Each module contains a specification (the data sheet in ``data/instruments``) and the instrument of
+one laboratory, based on ``calibrated``. ``commission`` draws the true constants about the constants
+of the certificate, ``calibration()`` returns the constants that the laboratory knows, ``errors()``
+returns the true constants, and another method writes the raw records.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentFactory:
-    """Factory of a laboratory's instruments, with its random numbers and the choice `ideal`."""
+    """Factory of a laboratory's instruments from its random numbers; `ideal` ones are exact."""
 
     draws: Draws
     ideal: bool

@@ -35,7 +35,8 @@ def write_edges(
 ) -> None:
     """Compute the recorded times of the edges in one direction, in place.
 
-    Near a board a flight is treated as a straight line. A beam that the ball misses has NaN.
+    Near a board a flight is treated as a straight line. The times of a beam that the ball misses
+    are NaN.
 
     Parameters
     ----------
@@ -135,7 +136,8 @@ def sum_up(
 def gain_memory(radius: float) -> Array:
     """Return an empty table for the gains of balls up to a radius [pitches], (row, 4).
 
-    It is the `memory` of `fill_gains`. All values are 0, which stands for no entry.
+    It is the argument `memory` of `fill_gains`. All values are 0, which means that there is no
+    entry yet.
     """
     return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 
@@ -144,11 +146,16 @@ def gain_memory(radius: float) -> Array:
 def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: Array) -> None:
     """Fill `gains`, (3, n), with the uncertainties of time and height per uncertainty of an edge.
 
-    Row 0 is the u of the passage's time per u of an edge's time, row 1 the u of the height per u of
-    the distance flown at an edge, row 2 the u of the height per u of a beam's threshold. They are
-    NaN if too few beams were broken. The gains depend on the number of broken beams that are
-    missing at the end of a board, and on the position of the ball's centre between two beams, in
-    `CENTRE_PHASES` steps. A ball above the board has the gains of its mirror image below.
+    The rows are:
+
+    * u of the passage's time per u of the time of an edge;
+    * u of the height per u of the distance flown at an edge;
+    * u of the height per u of the threshold of a beam.
+
+    They are NaN if too few beams were broken. The gains depend on the number of beams that the ball
+    would break beyond the end of a board, and on the position of the ball's centre between two
+    beams, in `CENTRE_PHASES` steps. A ball near the top of the board has the gains of its mirror
+    image near the bottom.
 
     Parameters
     ----------
@@ -167,7 +174,7 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
         above = max(floor(centre[i] + radius[i]) - (beams - 1), 0.0)
         most = float(int(2 * radius[i]) + 1)
         missing = max(below, above)
-        missing = missing if missing < most else most  # all beams missing: no ball
+        missing = missing if missing < most else most  # with all beams missing there is no ball
         place = -centre[i] if above > below else centre[i]
         phase = place - floor(place)
         phase = floor(phase * CENTRE_PHASES + 0.5) if phase >= 0.0 else 0.0
@@ -182,8 +189,9 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
 def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, float]:
     """Return the three gains of `fill_gains` if the lowest `missing` beams are missing.
 
-    The squared chords lie on a parabola, and its slope at the centre, by weighted least squares,
-    gives the height. The weight of a chord is limited to that of a tenth of the longest chord.
+    The squared chords form a parabola, and the height follows from its slope at the centre, by
+    weighted least squares. The weight of a chord is limited to the weight of a tenth of the longest
+    chord.
     """
     low, high = floor(phase - radius) + 1 + int(missing), ceil(phase + radius) - 1
     beam_count = high - low + 1

@@ -1,11 +1,11 @@
 """Calibration of an instrument: the constants on its certificate, and the true constants.
 
-A data sheet states each constant as a certificate does: a value, which differs from nominal, the
-standard deviation σ of the true constant about it, and the degrees of freedom ν of σ. The true
-constant of one instrument differs from the value by σ N(0, 1). The uncertainty on its certificate
-is itself an estimate, u = σ √(χ²_ν / ν), so that (true - value) / u has Student's t distribution
-with ν degrees of freedom. Without randomness the true constants are the values of the certificate,
-and u is σ.
+A data sheet states each constant like a certificate: a value, which may differ from nominal, the
+standard deviation σ of the true constant about this value, and the degrees of freedom ν of σ. The
+true constant of one instrument differs from the value by σ N(0, 1). The uncertainty on its
+certificate is itself an estimate, u = σ √(χ²_ν / ν), so (true - value) / u has Student's t
+distribution with ν degrees of freedom. Without randomness the true constants equal the values of
+the certificate, and u is σ.
 
 The constants of one laboratory are numbers. Those of a block are arrays (laboratory,), which are
 expanded to (shot,) when shots are simulated.
@@ -38,7 +38,7 @@ class CalibratedSpec(Spec):
     """A data sheet that states constants: NAME, NAME_u and optionally NAME_dof."""
 
     identity: InstrumentIdentity | None = None  # identity of the instrument, for certificates
-    # endings of the names of errors, besides _u
+    # endings of the names of errors, in addition to _u
     errors: ClassVar[tuple[str, ...]] = ("scatter", "jitter", "resolution", "repeatability")
     other_errors: ClassVar[tuple[str, ...]] = ()
 
@@ -71,8 +71,8 @@ S = TypeVar("S", bound=CalibratedSpec)
 def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
     """Return a constant as stated on a data sheet, with `sigma` as its u.
 
-    The unit is that of `value`. If `sigma` is 0 the constant is exact, and its degrees of freedom
-    are inf whatever `dof`.
+    `sigma` has the unit of `value`. If `sigma` is 0 the constant is exact, and its degrees of
+    freedom are inf whatever `dof` is.
     """
     return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
 
@@ -82,9 +82,9 @@ def drawn(
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
     """Return the constants on the certificate of an instrument, and its true constants, by name.
 
-    `sheet` holds value, σ and degrees of freedom of each constant, and `name` is that of the random
-    numbers. The values are in the units of `sheet`. For a block the certificate holds `Estimates`,
-    and the true constants are arrays, both (laboratory,).
+    `sheet` holds value, σ and degrees of freedom of each constant, and `name` is the name of the
+    random numbers. All values are in the units of `sheet`. For a block, the constants on the
+    certificate are `Estimates` and the true constants are arrays, both (laboratory,).
     """
     numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
     laboratories = numbers.shape[1:]
@@ -120,7 +120,7 @@ def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | flo
 def _share(chance: Array | float, dof: float) -> Array:
     """Return u / σ of a certificate, in the shape of the standard normal numbers `chance`.
 
-    A laboratory without randomness draws exactly 0, which means u = σ, not the median of χ².
+    A laboratory without randomness draws exactly 0. This gives u = σ, not the median of χ².
     """
     from virtual_lab.simulation.instruments.certificate_kernel import pieces_of, stated_shares
 

@@ -81,7 +81,7 @@ class Cannon(CalibratedInstrument[CannonSpec]):
     def mark(self, draws: Draws, name: str) -> AimMarks:
         """Return the marks on an aim paper of test shots before the test, read with a rule.
 
-        In a block the marks of each laboratory follow those of the previous one.
+        In a block the marks are in the order of the laboratories.
         """
         owner, marks = in_turn(self.laboratories, self.spec.marks)
         launch = self.at(owner).fire(np.full(marks.size, np.nan), draws.at(owner), name, marks)

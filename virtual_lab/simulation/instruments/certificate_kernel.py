@@ -2,8 +2,8 @@
 
 χ² is drawn as P⁻¹(ν/2, Φ(z)) from a standard normal number z. The cube root of χ²/ν is nearly
 linear in z (E. B. Wilson and M. M. Hilferty, Proc. Natl. Acad. Sci. 17 (1931) 684), so polynomials
-over short intervals of z give the ratio to rounding: to 1e-14, and with one degree of freedom to
-1e-14 for |z| up to 5 and 2e-11 beyond.
+over short intervals of z give the ratio with an error of 1e-14. With one degree of freedom the
+error is 1e-14 for |z| up to 5, and 2e-11 beyond.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The climate of the hall at the start and the end of a test, and the logger that shows it."""
+"""The climate of the hall at the start and the end of a test, and the logger that measures it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Pascal = Annotated[float, Ge(0), Dimension("pressure")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HallSpec(Spec):
-    """Temperature and relative humidity: mean, spread from day to day, change in a test.
+    """Temperature and relative humidity: mean, spread from day to day, and change during a test.
 
-    Of a store, the spread of the humidity is that from lot to lot.
+    For a store of balls, the spread of the humidity is that from lot to lot.
     """
 
     temperature: Annotated[float, Gt(0), Dimension("temperature")]
@@ -83,7 +83,7 @@ class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
     ) -> ClimateReadings:
         """Read the climate of a day on which the air has a density [kg/m³], start and end.
 
-        Readings of a block are those of one laboratory after another. `kept` is the mean relative
+        Readings of a block are in the order of the laboratories. `kept` is the mean relative
         humidity of a store, (laboratory,); None: it is drawn.
         """
         chance = draws.normal(name, 4)

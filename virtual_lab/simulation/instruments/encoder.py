@@ -1,7 +1,8 @@
 """The angle encoder on the pivot: integer counts at the sampling times of the recorder.
 
 It rotates with the section of the bat at the pivot, so it records both the rigid rotation and the
-bending vibration. Due to its mounting the recorded angle differs from the true one by a scale.
+bending vibration. Because of its mounting, the recorded angle differs from the true angle by a
+factor.
 """
 
 from __future__ import annotations
@@ -76,9 +77,10 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
 
         `rate` is the true rate [rad per recorded second]. The recorder fits a cubic to the counts
         of a `span` (shot,) that ends, or begins, at a time `gap` from contact [s]. The noise is
-        that of the slope of the cubic at contact, for n rounded counts: with Legendre polynomials
-        σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span. The rate before contact is NaN for a
-        swung bat, which has an `angle`, and otherwise 0; without `angle` the angle is NaN.
+        that of the slope of this cubic at contact, for n rounded counts. With Legendre polynomials
+        it is σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span. For a swung bat `angle` is its
+        angle at contact, and the recorded rate before contact is NaN. Otherwise the recorded angle
+        is NaN, and the rate before contact is 0.
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
         count = sqrt(1 / 12) if spec.whole_counts else 0.0
@@ -99,8 +101,9 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
     ) -> EncoderRecord:
         """Return the counts of a rotation that starts at a random phase of the encoder.
 
-        `turn` returns the true angles of a slice of the shots, (shot, sample) [rad]. These arrays
-        are overwritten. A few shots are processed at a time, so that they fit in the cache.
+        The function `turn` returns the true angles of a slice of the shots, (shot, sample) [rad];
+        these arrays are overwritten. A few shots are processed at a time, so that they fit in the
+        cache.
         """
         spec, per_angle = self.spec, self.scale * self.spec.counts_per_turn / tau
         times = spec.sample_times()

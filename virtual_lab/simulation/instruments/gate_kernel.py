@@ -31,9 +31,9 @@ def pass_gate(
 ) -> None:
     """Fill in time [s], height [m] and slope of the balls at a `distance` from the target.
 
-    All arrays are (shot,), and `flight` is the result of `Passage.way`, (5, shot). The time is that
-    before contact or after release. The height is above the line of fire, and the slope is height
-    per metre of distance.
+    All arrays are (shot,), except `flight`, the result of `Passage.way`, (5, shot). The time is
+    counted before contact for an incoming ball and after release for a rebound. The height is above
+    the line of fire, and the slope is height per metre of distance.
     """
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]

@@ -53,10 +53,10 @@ class Indicator(CalibratedInstrument[S]):
     def read(
         self, values: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
     ) -> Array:
-        """Return readings, (item, repeat), of displayed `values` (item,) without scatter.
+        """Return readings, (item, repeat), of items whose display without scatter is `values`.
 
-        The noise of a reading belongs to the number of its item in `items`, (item,), and to the
-        repeat. Without `items` they are numbered in turn, one laboratory of a block after another.
+        The noise of a reading depends on the number of its item in `items`, (item,), and on the
+        repeat. Without `items` the items are numbered from 0 in each laboratory of a block.
         """
         displayed = np.atleast_1d(np.asarray(values, dtype=float))
         if items is None:

@@ -50,7 +50,7 @@ class LightBoardSpec(GateSheet):
     sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of shots with fragments
     heights: Annotated[
         tuple[float, ...], Dimension("length")
-    ] = ()  # zeros of the boards; none: all at the line
+    ] = ()  # heights of the boards' zeros; if empty, all are on the line of fire
     height_dof: Freedom = inf
 
     def __post_init__(self) -> None:
@@ -131,7 +131,7 @@ class LightBoards(BallGates[LightBoardSpec]):
     def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Return the time and the height of the ball's centre at each board.
 
-        The noise is that of sums over the beams that the ball breaks. For a ball that rises or
+        The noise is that of a fit to the beams that the ball breaks. For a ball that rises or
         falls, an error of the height also causes an error of the time.
         """
         passage, contact, leaving, draws, name, slots = batch
@@ -140,7 +140,7 @@ class LightBoards(BallGates[LightBoardSpec]):
         spec = self.spec
         edge = sqrt(spec.edge_jitter**2 + spec.tick**2 / 12)
         boards = self._boards(passage)
-        # order (direction, quantity, board, shot); the noise is overwritten by the records
+        # The order is (direction, quantity, board, shot). The records overwrite the noise.
         noise = draws.normal(f"{name}.sums", (2, 2, len(spec.distances)), slots)
         records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
         for start, rows, out in zip((contact, leaving), records, (False, True), strict=True):

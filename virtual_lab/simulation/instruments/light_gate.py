@@ -1,8 +1,8 @@
 """Light gates: light curtains that time the two edges of a passing ball.
 
-The true position of a curtain differs from the surveyed one. The clock of the recorder has a rate
-error, adds jitter to each edge, and counts whole ticks. The mean of the two edges is the passage of
-the ball's centre, whatever the trip level of the curtain.
+The true position of a curtain differs from the surveyed position. The clock of the recorder has a
+rate error, adds jitter to each edge, and counts whole ticks. The mean of the two edges is the
+passage of the ball's centre, whatever the trip level of the curtain is.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ class LightGates(BallGates[LightGateSpec]):
             half_height=spec.half_height,
         )
         jitter = sqrt((spec.edge_jitter**2 + spec.tick**2 / 12) / 2)
-        # array of noise, which the kernel replaces by the times
+        # an array of noise, which the kernel replaces by the times
         times = draws.normal(f"{name}.sums", (2, len(spec.distances)), slots)
         for direction, start in enumerate((contact, leaving)):
             out = bool(direction)

@@ -19,12 +19,12 @@ class Passage:
     """Flights of a batch: arrays (shot,), or numbers common to all shots.
 
     Distances are measured from the target toward the cannon, heights from the line of fire. If no
-    instrument depends on the height of the incoming flight, it is level at height 0. Radius and
-    gravity are numbers for one laboratory and arrays (shot,) for a block.
+    instrument depends on the height of the incoming ball, its flight is level at height 0. Radius
+    and gravity are numbers for one laboratory and arrays (shot,) for a block.
     """
 
     speed_in: Array  # speed at the target [m/s]
-    speed_out: Array  # rebound speed along the line of fire [m/s]; no rebound unless positive
+    speed_out: Array  # rebound speed along the line of fire [m/s]; without rebound ≤ 0 or NaN
     drag: Array  # [1/m]
     radius: TrueConstant  # [m]
     gravity: TrueConstant  # [m/s^2]
@@ -83,7 +83,7 @@ class Passage:
     def way(self, *, out: bool) -> Array:
         """Return the flights in one direction as rows for compiled code, (5, shot).
 
-        The rows are 1/speed [s/m], NaN without a ball; κ for the rebound, -κ for the incoming
+        The rows are 1/speed [s/m], NaN without a ball; κ for the rebound or -κ for the incoming
         flight [1/m]; height; slope; plane.
         """
         speed = self.speed_out if out else self.speed_in

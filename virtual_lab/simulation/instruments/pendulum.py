@@ -87,8 +87,8 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
     ) -> PendulumRecord:
         """Return the record of `releases` of a bat of true `inertia` [kg m²] and `moment` [kg m].
 
-        `moment` is M d, and `gravity` is that of the hall [m/s²]. In a block the releases of each
-        laboratory follow those of the previous one.
+        `moment` is M d, and `gravity` is that of the hall [m/s²]. In a block the releases are in
+        the order of the laboratories.
         """
         spec, true = self.spec, self.true
         period = small_period(
@@ -97,7 +97,7 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
         amplitude = spec.release_amplitude * (1 - spec.amplitude_decay) ** np.arange(
             spec.swings + 1
         )
-        # the period of a decaying swing follows from the amplitude at its middle
+        # The period of a decaying swing follows from the amplitude at its middle.
         factor = amplitude_factor(np.sqrt(amplitude[:-1] * amplitude[1:]))
         passages = np.cumsum(np.multiply.outer(period, [0.0, *factor]), axis=-1)
         clock_times = np.asarray(true["clock"])[..., None] * passages

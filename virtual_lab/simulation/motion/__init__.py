@@ -1,1 +1,1 @@
-"""Motion of ball and bat before and after the collision: closed form, events or pymunk."""
+"""Motion of ball and bat before and after the collision, in closed form, by events or by pymunk."""

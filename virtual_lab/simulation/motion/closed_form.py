@@ -1,6 +1,6 @@
 """One contact of ball and bat between free flights, in closed form for all shots at once.
 
-This model has no stop, no frames and no second contact; `events` and `pymunk_scene` have them.
+This model has no stop, no frames and no second contact; the models `events` and `pymunk_scene` do.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Compiled event-driven motion of the shots, one shot at a time.
 
 An event is a contact of the ball with the bat, a bar or a post, or of the bat with its stop.
-Between events the motion is known in closed form, so the time of an event is a root. For a bar or
-post it is the root of a quadratic, because the ball flies straight in the horizontal plane. For the
-bat it is the root of the gap, found to rounding.
+Between events the motion is known in closed form, so the time of an event is the root of a
+function. For a bar or post this function is a quadratic, because the ball flies straight in the
+horizontal plane. For the bat it is the gap, whose root is computed to rounding.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _, BAT, BAT_AGAIN, STOP, FRAME = range(len(Target))
 PLAYED, EDGE, GRAZED, FOLLOWED, MANY = range(len(Obstacle) + 1)
 MOST = 100  # largest number of contacts in one record
 NEAR, PARTING, SHARP = TOUCHING.near, TOUCHING.parting, TOUCHING.sharp
-NEWTONS = 20  # largest number of Newton steps, each of which reduces the error by the taper's slope
+NEWTONS = 20  # largest number of Newton steps; each multiplies the error by the taper's slope
 OVER = 1e-6  # overlap with a bar or post above which the ball is on top of it [m]
 
 
@@ -95,7 +95,7 @@ class Scene(NamedTuple):
 
 
 class Log(NamedTuple):
-    """Motion of the shots: one row per piece of free motion, the first row being the start."""
+    """Motion of the shots: the start in the first row, then one row per contact."""
 
     rows: NDArray[np.int64]  # (shot,), number of rows so far
     kind: NDArray[np.int8]  # (row, shot)
@@ -187,11 +187,11 @@ def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[
 def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     """Return the time of the first touch of ball and bat before `until` [s], inf if there is none.
 
-    The steps have the bound of `touch.first_touch`, which misses no touch, however short.
+    The steps are bounded as in `touch.first_touch`, so that no touch is missed, however short.
     """
     near, time = _nearness(state, shot, scene), 0.0
     fast = hypot(state.vx, state.vz)
-    if near.gap <= NEAR and near.approach < 0:  # ball and bat are separating
+    if near.gap <= NEAR and near.approach < 0:  # if ball and bat are separating
         axis_distance = hypot(state.x, state.z - shot.axis)
         speeds = hypot(fast, state.vy) + abs(state.rate) * axis_distance
         contact_distance = shot.radius + _radius(shot.axis - axis_distance, scene)
@@ -236,7 +236,7 @@ def _next_solid(
         if low < high:
             path = (abs(beside) - contact_distance) / abs(along_x) if beside * along_x < 0 else inf
             if not low <= state.z + along_z * path <= high:
-                continue  # the posts are the ends of a bar
+                continue  # beyond the ends of a bar are the posts
         else:
             towards = -(beside * along_x + (state.z - low) * along_z)
             offset = beside * along_z - (state.z - low) * along_x
@@ -269,8 +269,9 @@ def _write(state: Moving, row: Array) -> None:
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
     """Continue the `shots` to the next contact with the bat or to their end, and log the events.
 
-    `shots` are indices, and `efficiency` is the e_A of the present contact of each, (len(shots),).
-    A shot whose `log.waits` is then True needs the e_A of its new contact to continue.
+    `shots` are indices, and `efficiency` is the e_A of the present contact of each shot,
+    (len(shots),). Afterward, `log.waits` is True for a shot that needs the e_A of a new contact to
+    continue.
     """
     for number in range(shots.size):
         i = shots[number]

@@ -67,7 +67,7 @@ class Pieces(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedShots:
-    """Pieces of n shots.
+    """The motion of n shots as pieces of free motion.
 
     `refused` holds the reason why a shot could not be simulated, or an empty string. A refused shot
     has no pieces.
@@ -84,12 +84,12 @@ class PlayedShots:
     def at(self, scene: ShotScene, times: ArrayLike) -> ShotState:
         """Return the states at `times` (s,) [s] as arrays (n, s), NaN for refused shots.
 
-        At a contact this is the state after it.
+        At the time of a contact it is the state after the contact.
         """
         moments = np.atleast_1d(np.asarray(times, dtype=float))
         whole = np.full((len(ShotState._fields), scene.shots, len(moments)), np.nan)
         for column, moment in enumerate(moments):
-            # pieces are sorted by time, so the last one that has begun overwrites the others
+            # Pieces are sorted by time, so the last piece that has begun overwrites the others.
             current = self.pieces.part(self.pieces.time <= moment)
             here = move(scene, current.state, moment - current.time, current.shot)
             whole[:, current.shot, column] = np.array(here)

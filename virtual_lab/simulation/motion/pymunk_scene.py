@@ -1,11 +1,11 @@
 """Motion of the shots in a pymunk space, one shot at a time.
 
 Each step uses the mean velocity of the exact motion, so its length does not affect the accuracy.
-The length is chosen so that at the current speeds no body can pass through another.
-Ball and bat never collide in pymunk. A step that would bring them together ends at their touch, and
-the velocities after the contact follow from the model's e_A and the angular momentum. The bat
-rebounds at its stop. Posts and bars are pymunk shapes: a swept circle finds the time of a contact,
-the step ends there, and pymunk computes the rebound of the ball.
+The length is chosen so that at the current speeds no body can pass through another. Ball and bat
+never collide in pymunk: a step in which they would meet ends at their touch, and the velocities
+after the contact are computed from the model's e_A and the angular momentum. The bat rebounds at
+its stop. Posts and bars are pymunk shapes. The time of a contact with them is found with a swept
+circle, the step ends at this time, and pymunk computes the rebound of the ball.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ OVERLAP = 1e-9  # overlap of ball and bar at the end of a step, which pymunk nee
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PymunkSettings:
-    """Settings of the pymunk space in SI units; its defaults are for pixels."""
+    """Settings of the pymunk space in SI units; the defaults of pymunk itself are for pixels."""
 
-    step: float | None = None  # step [s]; None uses the current speed; shorter is not better
+    # step [s]; None: computed from the current speed. A shorter step is not more accurate.
+    step: float | None = None
     iterations: int = 10
     slop: float = 1e-6  # tolerated overlap [m]
 
@@ -67,8 +68,8 @@ USUAL = PymunkSettings()
 def longest_step(scene: ShotScene, state: ShotState) -> float:
     """Return the longest safe step [s] for all shots, in which no ball can pass through an object.
 
-    Within it the distance of ball and object decreases by at most the sum of their radii. The step
-    is infinite if nothing moves.
+    Within such a step the distance of ball and object decreases by at most the sum of their radii.
+    The step is infinite if nothing moves.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def longest_step(scene: ShotScene, state: ShotState) -> float:
         Scene, and the state of its shots, (n,). Between contacts all speeds decrease.
     """
     bat, ball = scene.bat, np.hypot(state.vx, state.vz)
-    # largest lever arm at which the ball can meet the bat within a step
+    # largest lever arm at which ball and bat can meet within a step
     lever = np.hypot(state.x, state.z - bat.axis) + scene.ball_radius + bat.widest
     closing = ball + np.abs(state.rate) * np.minimum(lever, bat.axis)
     solids = [frame.spec.radius for frame in scene.frames]
@@ -140,9 +141,9 @@ class _Shot:
         self.space.iterations, self.space.collision_slop = settings.iterations, settings.slop
         self.ball = pymunk.Body(float(scene.ball_mass[0]), inf)
         circle = pymunk.Circle(self.ball, float(scene.ball_radius))
-        circle.elasticity = 1.0  # pymunk multiplies elasticities, so that of the object remains
+        circle.elasticity = 1.0  # pymunk multiplies elasticities; only the object's matters
         circle.filter = pymunk.ShapeFilter(categories=1)  # only the ball meets fixed objects
-        # centre and moment of inertia refer to the pivot, so the joint does no work
+        # Centre and moment of inertia refer to the pivot, so the joint does no work.
         self.bat = pymunk.Body(1.0, float(scene.bat.inertia))
         self.bat.position = (0.0, float(scene.bat.axis))
         joint = pymunk.PivotJoint(self.space.static_body, self.bat, self.bat.position)
@@ -179,7 +180,7 @@ class _Shot:
         arbiter.process_collision = self.ahead is not None and self.ahead.shape in arbiter.shapes
 
     def play(self) -> list[Pieces]:
-        """Return the pieces of the shot to the end of the record, none if it is refused."""
+        """Return the pieces of the shot up to the end of the record; empty if it is refused."""
         pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
         while self.now < self.end and not self.refused:
             step = min(self._longest(), self.end - self.now)
@@ -253,7 +254,7 @@ class _Shot:
             hit = solid.shape.segment_query(here, there, scene.ball_radius)
             if not (hit and hit.shape) or hit.normal.dot(path) >= 0:
                 continue
-            # the ball rolls over an object that it already overlaps by more than rounding
+            # A ball that already overlaps an object by more than rounding rolls over it.
             if solid.shape.point_query(here).distance < scene.ball_radius - 1e-6:
                 continue
             distance = hit.alpha * np.hypot(*path) + OVERLAP
@@ -281,7 +282,7 @@ class _Shot:
         return self._piece(Target.STOP)
 
     def _rebound(self, mean: Array) -> Pieces:
-        """Take the ball's velocity from pymunk, scaled from the step's mean to its end."""
+        """Return the piece after a rebound, with pymunk's velocity scaled to the step's end."""
         velocity = np.array(self.ball.velocity)
         if not (velocity - mean).any():
             raise RuntimeError(f"pymunk saw no contact with a frame at {self.now:.9g} s")

@@ -3,8 +3,8 @@
 Axes: x along the line of fire, z along the resting bat from its tip, y up. At angle 0 the bat's
 axis is at x = 0 and its tip at z = 0. Angle and rate are positive in recoil, so a bat swung toward
 the ball has a negative rate. The bat rotates about a vertical axis without friction, so its weight
-has no effect. The barrel is treated as a cylinder at the impact position: its taper moves the
-surface but does not tilt the normal.
+has no effect. At the impact position the barrel is treated as a cylinder: its radius is that of the
+tapered barrel, but the normal of its surface is not tilted.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class ShotState(NamedTuple):
 
     @classmethod
     def concatenate(cls, states: list[ShotState]) -> Self:
-        """Return one state with the shots of several states in a row."""
+        """Return one state with the shots of several states, one after another."""
         return cls(*np.concatenate([np.array(state) for state in states], axis=1))
 
     def part(self, chosen: Any) -> Self:
@@ -55,7 +55,7 @@ class ShotState(NamedTuple):
 
 @dataclass(frozen=True)
 class PivotedBat:
-    """A bat on a pivot at `axis` [m] from the tip, with its moment of inertia about it [kg m²].
+    """A bat on a pivot at `axis` [m from the tip], with its inertia about the pivot [kg m²].
 
     Both are numbers for all shots, or arrays (n,).
     """
@@ -85,7 +85,7 @@ class PivotedBat:
         return float(1.5 * np.abs(np.diff(d) / np.diff(z)).max())
 
     def radius(self, place: Array) -> Array:
-        """Return the radius [m] at distances from the tip; beyond an end, that of the end."""
+        """Return the radius [m] at distances from the tip; beyond an end it is constant."""
         return outer_diameter(self.profile, np.clip(place, 0.0, self.length)) / 2
 
 
@@ -108,7 +108,7 @@ class StopSpec(Spec):
 class FrameSpec(Spec):
     """The frame around each gate: two posts, with one bar above and one below the opening."""
 
-    bottom: Annotated[float, Dimension("length")]  # lower edge of the opening from the line of fire
+    bottom: Annotated[float, Dimension("length")]  # height of the opening's lower edge
     top: Annotated[float, Dimension("length")]
     tip_side: Annotated[float, Dimension("length")]  # edge of the opening, from the bat's tip
     knob_side: Annotated[float, Dimension("length")]
@@ -123,9 +123,9 @@ class FrameSpec(Spec):
 class GateFrame(NamedTuple):
     """A frame in the plane `x` of its gate. The line of fire is `up` [m] above the bat's axis.
 
-    Both are numbers for all shots, or arrays (n,). A ball that is not completely inside the opening
-    when it reaches the plane rebounds horizontally without friction. A ball that descends onto a
-    bar while it passes rolls over it.
+    `x` and `up` are numbers for all shots, or arrays (n,). A ball that is not completely inside the
+    opening when it reaches the plane rebounds horizontally without friction. A ball that descends
+    onto a bar while it passes rolls over the bar.
     """
 
     spec: FrameSpec
@@ -139,7 +139,7 @@ class GateFrame(NamedTuple):
 
     @property
     def heights(self) -> tuple[float, float, float, float]:
-        """Faces of the two bars from the lowest to the highest, from the line of fire [m]."""
+        """Heights of the faces of the two bars above the line of fire [m], from the lowest up."""
         spec, bar = self.spec, 2 * self.spec.radius
         return spec.bottom - bar, spec.bottom, spec.top, spec.top + bar
 
@@ -157,9 +157,9 @@ class GateFrame(NamedTuple):
 class ShotScene:
     """Input of n shots at one bat, each from time 0 to `duration` [s].
 
-    A number applies to all shots; an array has shape (n,). `efficiency` returns e_A for impact
+    A number applies to all shots; an array has the shape (n,). `efficiency` returns e_A for impact
     positions [m], normal relative speeds [m/s] and indices of shots, for first and later contacts.
-    The contacts are instantaneous here.
+    Contacts are instantaneous in a scene.
     """
 
     start: ShotState

@@ -20,9 +20,9 @@ Shots = NDArray[np.int_]
 class Touching:
     """Settings of the search for the first touch."""
 
-    near: float = 1e-7  # gap that counts as a touch, below the roundness of a barrel [m]
-    # time for which an opening gap stays open [opening rate times radii / squared speeds]; to close
-    # earlier, its curvature would have to exceed 8 squared speeds per radius
+    near: float = 1e-7  # largest gap of a touch, smaller than the deviations of a barrel [m]
+    # shortest time for which an opening gap stays open [opening rate times radii / squared speeds].
+    # To close earlier, the gap would need a curvature above 8 squared speeds per radius.
     parting: float = 0.25
     polishing: int = 4  # number of Newton steps within `near`, with a slope that omits the taper
     sharp: float = 1e-2  # smallest closing speed for Newton steps [share of the ball's speed]
@@ -56,12 +56,12 @@ def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotS
     """Return the states of the `shots` of a scene after a `time` of free motion, each (n,) [SI].
 
     `state`, `time` [s] and the indices `shots` are (n,). Drag slows the ball in the horizontal
-    plane, and gravity acts on its height. Both are exact. Contacts are not noticed.
+    plane, and gravity changes its height; both are exact. Contacts are ignored.
     """
     speed = np.hypot(state.vx, state.vz)
     drag = scene.ball_drag[shots]
     gravity = np.broadcast_to(scene.gravity, (scene.shots,))[shots]
-    # avoids 0 / 0 for a ball at rest
+    # This avoids 0 / 0 for a ball at rest.
     share = 1 / np.where(speed > 0, speed, 1.0)
     path = distance_after(time, speed, drag) * share
     share_of_speed = np.where(speed > 0, speed_after(time, speed, drag) * share, 1.0)
@@ -111,9 +111,9 @@ def rebound(
 ) -> ShotState:
     """Return the states of the `shots` after frictionless contacts with these values of e_A, (n,).
 
-    `near` is the situation at the contact. The ball's normal speed is reversed and multiplied by
-    e_A, and its speed along the surface does not change. The bat takes up the angular momentum
-    about its pivot.
+    `near` holds gap and relative motion at the contact. The ball's normal speed is reversed and
+    multiplied by e_A, and its speed along the surface does not change. The bat receives the angular
+    momentum about its pivot that the ball loses.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain
@@ -129,8 +129,8 @@ def rebound(
 def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.str_]:
     """Return the reason why each contact cannot be computed, (n,), an empty string if it can.
 
-    The reasons are those of `Obstacle`. `near` is the situation before the contact and `after` the
-    state after it.
+    The reasons are those of `Obstacle`. `near` holds gap and relative motion before the contact,
+    and `after` is the state after it.
     """
     edge = (near.place < 0) | (near.place > scene.bat.length)
     follows = nearness(scene, after).approach >= 0
@@ -156,10 +156,10 @@ def first_touch(
 ) -> Array:
     """Return the time of the first touch of ball and bat before `until` [s], (n,); inf if none.
 
-    Times count from `state`. The method is conservative advancement: ball and bat cannot meet
+    Times are counted from `state`. The method is conservative advancement: ball and bat cannot meet
     before a time equal to their gap divided by the largest possible closing speed, so no touch is
-    missed, however short. With `parting`, the search begins just after the start if the ball is
-    moving away from the bat, so that a contact at the start does not count.
+    missed, however short. With `parting`, a contact at the start is ignored: if the ball is moving
+    away from the bat, the search begins just after the start.
     """
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until
@@ -177,7 +177,7 @@ def first_touch(
         state_then = move(scene, state.part(active), time[active], shots[active])
         near = nearness(scene, state_then)
         going = near.gap > TOUCHING.near
-        # only gravity can increase the speed; distances change by at most the gap
+        # Only gravity can increase the speed, and distances change by at most the gap.
         upright = np.maximum(np.abs(state_then.vy), np.abs(drop[active]))
         spin, gap = np.abs(state_then.rate), np.maximum(near.gap, 0.0)
         sliding = np.abs(near.sliding) + 2 * spin * gap

@@ -16,9 +16,9 @@ def loss_of_restitution(
 ) -> Array:
     """Return the loss of e0 before each hit, without unit, caused by earlier hits on the ball.
 
-    It is (shot,), and 0 at the first hit of a ball. The hits are in order of time. `ball` holds the
-    number of the ball and `speed` its speed [m/s], both (shot,). `rest` is the time between two
-    hits of the same ball [s].
+    The result is (shot,), and 0 at the first hit of a ball. The hits are in the order of time.
+    `ball` holds the number of the ball of each hit and `speed` its speed [m/s], both (shot,).
+    `rest` is the time between two hits of the same ball [s].
     """
     in_turn = np.argsort(ball, kind="stable")  # sorts the hits by ball
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)

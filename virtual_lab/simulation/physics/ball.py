@@ -51,11 +51,11 @@ def wall_contact(
 ) -> WallContact:
     """Return the collision of a power-law ball with a rigid wall: compression, force and times.
 
-    The results have the common shape of the arguments, in SI. At speed 0 compression and force are
-    0 and the times NaN. The arguments are the mass of the ball, or reduced mass [kg], the approach
-    speed [m/s], k [N/m^a], a and e0. The energy gives ``u_max = ((a + 1) m v^2 / 2 k)^(1 / (a +
-    1))``. The compression takes the time ``u_max C(a + 1) / v``, and the expansion ``u_max C(b + 1)
-    / (e0 v)`` with the unloading exponent b; C is `_half_time`.
+    The results have the common shape of the arguments, in SI. At speed 0, compression and force are
+    0 and the times are NaN. The arguments are the mass of the ball (or the reduced mass) [kg], the
+    approach speed [m/s], k [N/m^a], a and e0. From the energy, ``u_max = ((a + 1) m v^2 / 2 k)^(1 /
+    (a + 1))``. The compression takes the time ``u_max C(a + 1) / v``, and the expansion ``u_max C(b
+    + 1) / (e0 v)`` with the unloading exponent b; C is `_half_time`.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))
@@ -114,7 +114,7 @@ class PowerLaw:
         k, a, b = self.stiffness, self.exponent, self.unloading
         if before is None or event is Event.FULL:
             return Branch(force=lambda u, _: k * u**a, ends={Event.TURN: -1})
-        # the peak is the end of the first loading, not of a reloading
+        # The peak is the end of the first loading, not of a reloading.
         peak = before.peak or compression
         top = k * peak**a
         down = event is Event.TURN
@@ -127,7 +127,7 @@ class PowerLaw:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HuntCrossley:
-    """Power law with a damping that grows with the compression; the force is never negative."""
+    """Power law with a damping that increases with the compression. The force is never negative."""
 
     stiffness: float  # k [N/m^a]
     exponent: float  # a
@@ -203,9 +203,9 @@ def _wall_damping(restitution: float) -> float:
         return 0.0
 
     def excess(p: float) -> float:
-        x = -expm1(-p) / e  # 1 - e x can approach zero, but its logarithm -p stays finite
+        x = -expm1(-p) / e  # 1 - e x can approach zero, but its logarithm -p remains finite
         return (1 + e) * x - log1p(x) - p
 
-    # x is about 1.5 (1 - e) near e = 1 and larger below, so this bound excludes the root at zero
+    # x is about 1.5 (1 - e) near e = 1 and larger for smaller e, so this bound excludes the root 0.
     low = -log1p(-0.1 * e * (1 - e))
     return -expm1(-float(brentq(excess, low, (1 + e) / e, xtol=1e-16))) / e

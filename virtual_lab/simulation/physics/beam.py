@@ -35,8 +35,8 @@ class Free:
 class Pinned:
     """A frictionless pivot through the bat at `z` [m], rigid or on a spring across the bat.
 
-    A rigid pivot allows rotation only. A pivot of finite stiffness [N/m] also lets the bat bounce
-    on its spring. This bounce is one more mode, the lowest after the rotation, and it is counted
+    A rigid pivot allows rotation only. On a pivot of finite stiffness [N/m] the bat can also bounce
+    on the spring. This bounce is an additional mode, the lowest after the rotation, and is treated
     as a bending mode.
     """
 
@@ -87,7 +87,7 @@ def support_words(support: Support) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """Properties of the bat per unit length, arrays of the shape of the positions z."""
+    """Properties of the bat per unit length, arrays with the shape of the positions z."""
 
     mass: Array  # rho A [kg/m]
     rotary_inertia: Array  # rho I [kg m]
@@ -99,8 +99,8 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
     """Return the outer diameter [m] at positions `z` from the barrel tip [m], in the shape of `z`.
 
     Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot, so
-    a straight barrel stays straight. Positions beyond the bat are not refused.
-    The end cubic is extrapolated there.
+    a straight barrel stays straight. For positions beyond the bat, the cubic of the nearest end is
+    extrapolated; no error is raised.
     """
     return _between_stations(profile, profile.outer_diameter, z)
 
@@ -236,7 +236,7 @@ def beam_of(
     return _beam(replace(body, hoop=None), support_z, order, element_size)
 
 
-@lru_cache(maxsize=1024)  # the bats of a block are requested in each round
+@lru_cache(maxsize=1024)  # the bats of a block are needed in each round
 def rigid_bat(body: BatBody) -> RigidBat[float]:
     """Return a bat as a rigid body: length, mass, and moments of mass about the tip [SI].
 
@@ -259,7 +259,7 @@ def _beam(body: BatBody, support_z: float | None, order: int, element_size: floa
     mass, stiffness = _assemble(mesh, body)
     for lump in body.lumps:
         _add_lump(mass, mesh, lump)
-    shift, turn = _shift(mesh), _turn(mesh, 0.0)  # about the tip, so the mass moves backward
+    shift, turn = _shift(mesh), _turn(mesh, 0.0)  # a turn about the tip moves the mass backward
     return Beam(
         length=float(mesh.boundaries[-1]),
         mass=float(shift @ mass @ shift),

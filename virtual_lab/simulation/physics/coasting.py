@@ -15,11 +15,11 @@ def coasting(
     """Return two arrays whose matrix product is the angle turned since release [rad].
 
     Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is valid at all
-    ticks from release on, not before. The angle solves dω/dt = -(constant + linear ω + quadratic
-    ω²), with the torques of bearing and air divided by the moment of inertia [rad/s², 1/s, 1/rad].
-    It is computed as a power series whose coefficients follow from a recurrence. The series is
-    exact to rounding while (linear + 2 quadratic ω) t is at most 1/4. Raises `ValueError` above
-    that.
+    ticks from release on, not before. The rate ω solves dω/dt = -(constant + linear ω + quadratic
+    ω²); the coefficients are the torques of bearing and air divided by the moment of inertia
+    [rad/s², 1/s, 1/rad]. The angle is computed as a power series with recursive coefficients. The
+    series is exact to rounding if (linear + 2 quadratic ω) t is at most 1/4; otherwise `ValueError`
+    is raised.
 
     `rate` is the angular rate at release [rad/s]. `rate` and `release` [s] have shape (shot,).
     `ticks` [s], shape (sample,), are common to all shots.
@@ -39,7 +39,7 @@ def coasting(
         powers.append(slope / (k + 1))
     series = np.stack([np.zeros_like(powers[0]), *powers])
     series[1:] /= np.arange(1, len(series))[:, None]
-    # expanded about one common time, the series is a product of two matrices
+    # Expanded about one common time, the series is a product of two matrices.
     middle = release.mean() if release.size else 0.0
     _shift(series, middle - release)
     return series.T, np.vander(ticks - middle, len(series), increasing=True).T

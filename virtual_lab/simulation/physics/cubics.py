@@ -1,6 +1,6 @@
-"""Piecewise cubics through points: one that never overshoots, and the smoothest one.
+"""Piecewise cubics through points: a monotone cubic, which never overshoots, and a cubic spline.
 
-scipy has both, but its interpolation loads four other packages of scipy, which a certificate does
+scipy has both, but its interpolation package loads four other packages, which a certificate does
 not need.
 """
 
@@ -15,14 +15,14 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True)
 class PiecewiseCubic:
-    """A cubic between each two knots; the first and the last one continue beyond the ends."""
+    """One cubic per interval between two knots; the first and the last extend beyond the ends."""
 
     knots: Array  # (n,), increasing
-    # (4, n - 1, …), from the third power of the distance to the left knot down to the constant
+    # (4, n - 1, …), from the third power of the distance from the left knot to the constant
     coefficients: Array
 
     def __call__(self, x: Array) -> Array:
-        """Return the values at `x`: its shape, followed by that of the value at one knot."""
+        """Return the values at `x`, in the shape of `x` followed by that of the value at a knot."""
         piece = np.clip(np.searchsorted(self.knots, x, side="right") - 1, 0, self.knots.size - 2)
         third, second, first, constant = self.coefficients[:, piece]
         step = np.asarray(x - self.knots[piece])

@@ -122,9 +122,9 @@ def modes_of(
 ) -> Modes:
     """Return the normal modes of a bat: rigid, `bending` bending modes, and hoop mode if hollow.
 
-    All have unit modal mass. The mesh is that of `beam_of`. With a pivot of finite stiffness the
-    bounce on its spring is the first bending mode, and the energy of that mode, including the
-    spring, counts as bending. Raises `InputError` if the support is beyond the bat, its spring is
+    All modes have unit modal mass. The mesh is that of `beam_of`. With a pivot of finite stiffness
+    the bounce on its spring is the first bending mode; its energy, including that of the spring, is
+    part of the bending energy. Raises `InputError` if the support is beyond the bat, its spring is
     too soft, or the mesh has fewer modes.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)

@@ -40,13 +40,13 @@ class ShellMode:
     """The lowest n = 2 mode of a hollow bat."""
 
     frequency: float  # [Hz]
-    modal_mass: float  # modal mass of a blow where the deflection is greatest [kg]
+    modal_mass: float  # modal mass for an impact where the deflection is greatest [kg]
     z: Array  # positions from the tip, (n,) [m]
     shape: Array  # deflection at `z`, (n,); 1 where it is greatest
 
     @property
     def modal_masses(self) -> Array:
-        """Modal mass of a blow at each `z`, (n,) [kg]; infinite where nothing moves."""
+        """Modal mass for an impact at each `z`, (n,) [kg]; infinite where nothing moves."""
         with np.errstate(divide="ignore"):
             return np.asarray(self.modal_mass / self.shape**2)
 
@@ -98,10 +98,10 @@ def shell_mode(body: BatBody, cap: Cap = "rigid") -> ShellMode:
         + coupling.T
     )
     mass = integrate(5 / 4 * material.density * h, W, W)
-    free = slice(1 if cap == "rigid" else 0, None)  # the first spline alone is not 0 at the tip
+    free = slice(1 if cap == "rigid" else 0, None)  # only the first spline is not 0 at the tip
     squares, vectors = eigh(stiffness[free, free], mass[free, free], subset_by_index=[0, 0])
     places = np.linspace(0.0, body.length, 1001)
-    shape = splines(places)[:, free] @ vectors[:, 0]  # has unit modal mass
+    shape = splines(places)[:, free] @ vectors[:, 0]  # shape of unit modal mass
     greatest = shape[np.argmax(np.abs(shape))]
     return ShellMode(
         frequency=float(np.sqrt(squares[0]) / (2 * np.pi)),

@@ -23,8 +23,8 @@ from virtual_lab.units import Array
 class TrueBat:
     """The true bat on the rig: the body of the data sheet with the material of an individual.
 
-    A block of laboratories has one bat for all, or one individual per laboratory. In a specimen of
-    shots `owner` is the index of the individual struck by each shot, `...` for a common bat.
+    A block of laboratories has one common bat, or one individual per laboratory. In a specimen of
+    shots, `owner` is the index of the individual that each shot hits; it is `...` for a common bat.
     """
 
     name: str
@@ -33,7 +33,7 @@ class TrueBat:
 
     @property
     def body(self) -> BatBody:
-        """The first body. All individuals have its shape."""
+        """The body of the first individual. All individuals have this shape."""
         return self.bodies[0]
 
     @property
@@ -72,7 +72,8 @@ class TrueBalls:
     """A lot of balls: mass [kg] and e0 at the reference speed of each ball, shape (ball,).
 
     `spec` holds the true radius and stiffness of the lot, and the true level and slope of its e0.
-    In a block of laboratories the arrays are (laboratory, ball), and these four (laboratory,).
+    In a block of laboratories the arrays are (laboratory, ball), and these four values are
+    (laboratory,).
     """
 
     spec: BallSpec
@@ -110,7 +111,7 @@ class TrueBalls:
         )
 
     def kept_at(self, humidity: float) -> TrueBalls:
-        """Return these balls after days at a relative humidity, 0 to 1, outside their store.
+        """Return these balls after a storage of days at another relative humidity, 0 to 1.
 
         Balls whose e0 does not depend on the humidity are returned unchanged.
         """
@@ -265,9 +266,9 @@ def _make_body(spec: BatSpec, density: float, modulus: float, tilt: float) -> Ba
 def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
     """Return the sheet of a ball with the properties of a lot, drawn at random [SI].
 
-    They are radius, stiffness, and level and slope of e0. In a block each laboratory has a lot, and
-    these four are arrays (laboratory,). `store` is the relative humidity in which the lot was kept,
-    None for that of the sheet.
+    These properties are radius, stiffness, and level and slope of e0. In a block each laboratory
+    has a lot, and the properties are arrays (laboratory,). `store` is the relative humidity in
+    which the lot was kept; None means the humidity of the sheet.
     """
     wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
     line, law = spec.restitution, spec.humidity
@@ -294,9 +295,9 @@ def draw_balls(
 ) -> TrueBalls:
     """Return `number` balls of a lot, drawn at random: mass [kg] and e0 of each, (ball,).
 
-    The e0 is that at the reference speed of the sheet. In a block the arrays are (laboratory,
-    ball). The properties of the lot are drawn by `lot`, by default by `draws`. `store` is the
-    relative humidity of the store of the lot, 0 to 1, (laboratory,); None: that of the sheet.
+    The e0 refers to the reference speed of the sheet. In a block the arrays are (laboratory, ball).
+    The properties of the lot are drawn from `lot`, by default from `draws`. `store` is the relative
+    humidity in which the lot is kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread

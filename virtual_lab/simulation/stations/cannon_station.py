@@ -63,9 +63,9 @@ def commission(
 ) -> dict[str, Any]:
     """Return the instruments of a rig, by the field names of its station.
 
-    Their errors are drawn at random, or are zero if the laboratory is ideal. `name` is the rig's
-    name for its random numbers. `gates` is the class of the gates and `sheet` that of their data
-    sheet. Raises `InputError` for an unknown data sheet.
+    Their errors are drawn at random, or are zero if the laboratory is ideal. `name` is the prefix
+    of the names of the rig's random numbers. `gates` is the class of the gates and `sheet` the
+    class of their data sheet. Raises `InputError` for an unknown data sheet.
     """
     fit = factory.commission
     return {
@@ -129,8 +129,8 @@ class CannonStation(FittedStation):
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return the result of an error-free test with the pivot at its nominal position.
 
-        In an ideal laboratory the pivot is at its surveyed position instead, because e_A depends
-        on that position by 1e-5 and an ideal test must show the algebra alone.
+        In an ideal laboratory the pivot is at its surveyed position instead. The difference changes
+        e_A by 1e-5, but an ideal test must have no error except that of the algebra.
         """
         nominal = self.holder.spec.nominal_from_knob
         hung = self.holder.spec.from_knob if self.ideal else nominal

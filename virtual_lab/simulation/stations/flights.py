@@ -81,15 +81,16 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
     """Return the flights at a pivoted bat at rest, (shot,), by the plan's model of the motion.
 
     The closed form is used unless the ball may hit a frame on its way in, or the bat may return
-    from its stop and hit the ball again. Such shots are simulated event by event. If the plan
-    demands pymunk, it simulates all shots. The results of a scene replace the speeds, slopes and
-    heights of its flight. The collision is that of a level ball, as in the closed form. A frame on
-    the way back needs no scene, because no gate beyond it can detect the ball.
+    from its stop and hit the ball again. Such shots are simulated as scenes, event by event. If the
+    plan requests pymunk, it simulates all shots. The results of a scene replace the speeds, slopes
+    and heights of the flight. The collision is that of a level ball, as in the closed form. A ball
+    that may hit a frame on its way back needs no scene, because no gate beyond this frame can
+    detect it.
 
     Raises
     ------
     InputError
-        A shot that pymunk cannot simulate.
+        pymunk cannot simulate a shot.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
     pymunk, count = plan.motion is MotionRung.PYMUNK, len(beyond)
@@ -101,7 +102,8 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
     subset = replace(
         passage, **_columns(passage, count, shots), **_common_constants(passage, shots)
     )
-    # without obstacles on the way back one millisecond is enough, since the ball has left the bat
+    # Without obstacles on the way back one millisecond is enough, because the ball has left the
+    # bat.
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
     blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
     scene = scene_of(subset, blows, around.at(shots), after)
@@ -156,9 +158,9 @@ def scene_of(
 def _beyond_closed_form(
     passage: Passage, bat: RestingBat, around: Surroundings
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return two masks: shots that may need a scene, and balls that a frame may stop on return.
+    """Return two masks: shots that may need a scene, and rebounds that a frame may stop.
 
-    Both are conservative bounds, so the closed form is valid for all other shots.
+    Both are conservative, so the closed form is valid for all other shots.
     """
     frame, radius, count = around.frame, passage.radius, len(bat.place)
 
@@ -172,7 +174,7 @@ def _beyond_closed_form(
         high = height + np.maximum(rise, 0.0) >= frame.top - flights.radius
         return np.asarray(low | high)
 
-    # rare cases are tested with the worst values of the batch first
+    # Rare cases are first tested with the worst values of the batch.
     gate, height, largest = around.gates[..., 0], passage.height, np.max(radius)
     most = {name: np.max(getattr(passage, name)) for name in ("radius", "drag", "gravity")}
     worst = np.array([np.min(height), np.max(height)])
@@ -193,13 +195,13 @@ def _beyond_closed_form(
 
 
 def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.bool_] | bool:
-    """Return a mask of the balls that a bat returning from its stop may hit, as a bound."""
+    """Return a conservative mask of the balls that a bat returning from its stop may hit."""
     lever, speed = bat.axis - bat.place, passage.speed_out
 
     def soonest(rate: Any, speed: Any) -> Any:
         """Return the earliest time of a second contact [s].
 
-        The bat must first return to its rest position if the ball rebounded.
+        If the ball rebounded, the bat must first return to its rest position.
         """
         came = 1 + 1 / np.float64(stop.restitution)
         return stop.angle / rate * np.where(speed > 0, came, 1.0)
@@ -229,7 +231,7 @@ def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool
 
 
 def _stop_at_frames(passage: Passage, around: Surroundings, chosen: NDArray[np.bool_]) -> Passage:
-    """Return the flights, which end at the first frame that a rebounding ball does not clear."""
+    """Return the flights, ending at the first frame that the rebounding ball does not clear."""
     shots = np.flatnonzero(chosen)
     if not shots.size:
         return passage
@@ -281,7 +283,7 @@ def _all_met(played: PlayedShots) -> NDArray[np.int_]:
 def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
     """Return the shots that hit other objects than the bat, or the bat twice.
 
-    A refused shot stays in closed form. This is a hit on the edge of the tip, which the collision
+    A refused shot stays in closed form. It is a hit on the edge of the tip, which the collision
     model can compute but a scene cannot.
     """
     mask = ~np.isin(played.pieces.struck, (Target.START, Target.BAT))
@@ -289,7 +291,7 @@ def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
 
 
 class _Turns(NamedTuple):
-    """Rows of pieces, one per shot, or the number of pieces if a shot has none."""
+    """Row numbers of pieces, one per shot; the total number of pieces if there is no such piece."""
 
     first: NDArray[np.int_]  # first contact, with the bat or another object
     back: NDArray[np.int_]  # start of the rebound, after the last contact with the bat

@@ -25,11 +25,11 @@ from virtual_lab.simulation.physics.truth import TrueOutcome, TrueRecoil
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.units import Array
 
-CONTACT_TIME = 0.7e-3  # duration of a contact if no record is fine enough to show it [s]
+CONTACT_TIME = 0.7e-3  # typical duration of a contact, used if the instruments write sums [s]
 
 
 class Blows(NamedTuple):
-    """Collisions of balls and bat, arrays (shot,); with the bat's vibration at full detail only."""
+    """Collisions of balls and bat, arrays (shot,); the bat's vibration only with full detail."""
 
     scenes: Scenes
     efficiency: Array  # e_A
@@ -79,10 +79,10 @@ def blows_of(
 ) -> Blows:
     """Return the collisions of the scenes, (shot,), with a bat whose pivot is `at` from its knob.
 
-    Distances are in metres. If the instruments write sums (`detail`), only e_A is computed, and a
-    shift of the pivot by a fraction of a millimetre does not change it. All laboratories then share
-    a pivot at `surveyed` from the knob, the contact time is a typical one, and there is no
-    vibration.
+    Distances are in metres. If the instruments write sums (`detail`), only e_A is computed; the
+    contact time is a typical one, and there is no vibration. A shift of the pivot by a fraction of
+    a millimetre does not change e_A, so in this case the pivot of all laboratories is at `surveyed`
+    from the knob.
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
@@ -102,9 +102,10 @@ def thrown_back(
 ) -> tuple[Array, Array]:
     """Return the ball's rebound speed along the line of fire [m/s] and its slope [m/m], (shot,).
 
-    A frictionless ball keeps its speed along the surface of the barrel. Relative to the bat, its
-    normal speed after the contact is e_A times that before. `tilt` is the contact angle [rad], and
-    both speeds are in m/s. The slope is NaN for a rebound speed of 0.
+    A frictionless ball keeps its speed along the surface of the barrel. Its normal speed after the
+    contact is e_A times the normal relative speed before, plus the change of frame for a moving
+    bat. `tilt` is the contact angle [rad], and both speeds are in m/s. The slope is NaN for a
+    rebound speed of 0.
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
@@ -118,11 +119,11 @@ def error_free(
 ) -> TrueOutcome:
     """Return the true results for the lot's mean ball at the plan's positions, (shot,).
 
-    The speeds are the nominal ones of the plan. e_A and the impulse are those of a collision with
-    a bat that is held by `support`. (The support matters: e_A of softball-34 at 6.5 in is .0007
-    smaller on a pivot than free, because the ball is in contact until the reflection from the
-    handle returns.) From this impulse e and r are computed twice: for a rigid bat that is free
-    (`free`), and for one on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). The result
+    The speeds are the nominal speeds of the plan. e_A and the impulse are those of a collision with
+    a bat that is held by `support`. (The support matters: e_A of softball-34 at 6.5 in is 0.0007
+    smaller on a pivot than free, because the ball is still in contact when the reflection from the
+    handle returns.) From this impulse e and r are computed twice: for a rigid free bat (`free`),
+    and for a rigid bat on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). The result
     has both, whatever `support` is. This function uses no equation of the reduction.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
@@ -172,7 +173,7 @@ def wall_restitution(scenes: Scenes) -> Array:
     over the compression by Gauss's rule.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
-    share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # denser near zero compression
+    share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # dense near zero compression
     e0, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
     part_size = 256  # scenes per part, so that their forces fit in the cache
     for first in range(0, len(scenes), part_size):

@@ -38,10 +38,10 @@ class Reality(Enum):
 
     REAL = "real"
     NOISE_FREE = "noise-free"  # no randomness, but vibration, counts, drag and friction
-    IDEAL = "ideal"  # neither; all individuals and instruments equal their nominal values
+    IDEAL = "ideal"  # noise-free, and all individuals and instruments have their nominal values
 
     def draws(self, seed: int, *branch: int, laboratory: int | Slots = 0) -> Draws:
-        """Return the random numbers of one or n laboratories, or of a `branch` of them.
+        """Return the random numbers of one or n laboratories, or of a `branch` of their seed.
 
         All are 0 unless the reality is real.
         """
@@ -51,7 +51,7 @@ class Reality(Enum):
 class MotionRung(Enum):
     """Model of the motion of ball and bat through flight, contact and rebound."""
 
-    CLOSED_FORM = "closed-form"  # all shots at once; event-driven where a ball hits other objects
+    CLOSED_FORM = "closed-form"  # all shots at once; by events if a ball hits other objects
     PYMUNK = "pymunk"  # one scene per shot
 
 
@@ -81,7 +81,7 @@ class Stage(Enum):
 class Specimen:
     """The specimen on a rig: true bat, true balls, and the models of their collision.
 
-    A block of laboratories has one bat for all or one per laboratory, and one lot of balls per
+    A block of laboratories has one common bat or one bat per laboratory, and one lot of balls per
     laboratory.
     """
 
@@ -90,7 +90,7 @@ class Specimen:
     collision: CollisionLaw
 
     def at(self, plan: ShotPlan) -> Specimen:
-        """Return the specimen for the shots of a plan, in which ball i is that of shot i."""
+        """Return the specimen for the shots of a plan, in which ball i is the ball of shot i."""
         bat, balls = self.bat.of_shots(plan.owner), self.balls.of_shots(plan.owner, plan.ball)
         return replace(self, bat=bat, balls=balls)
 
@@ -99,9 +99,10 @@ class Specimen:
 class ShotPlan:
     """Plan of the operator: ball, nominal speed [m/s] and set impact position [m] of each shot.
 
-    `slot` is the number of each shot in its laboratory, which its random numbers belong to. `owner`
-    is the index of that laboratory in its block, `...` for a single laboratory. A rig that swings
-    its bat rotates it at `turn_rate` [rad/s], a number or (shot,); other rigs leave it at rest.
+    `slot` is the number of each shot in its laboratory, on which its random numbers depend. `owner`
+    is the index of that laboratory in its block; it is `...` for a single laboratory. A rig that
+    swings the bat rotates it at `turn_rate` [rad/s], a number or (shot,); other rigs ignore
+    `turn_rate`.
     """
 
     slot: Slots
@@ -179,7 +180,7 @@ class FilmingStation(Station, Protocol):
 
 @runtime_checkable
 class StoringStation(Station, Protocol):
-    """A station beside a store in which the balls are kept."""
+    """A station with a store in which the balls are kept."""
 
     def store_humidity(self, draws: Draws) -> Array | None:
         """Return the relative humidity of the store, 0 to 1, (laboratory,), None without one."""
@@ -191,16 +192,16 @@ class WallStation(Station, Protocol):
     """A station that fires at a wall, which can be less than rigid."""
 
     def with_wall(self, restitution: Array | float) -> WallStation:
-        """Return the station with a wall that gives `restitution` times a rigid wall's rebound."""
+        """Return the station with a wall of `restitution`, relative to a rigid wall's rebound."""
         ...
 
 
 class Rig(Protocol):
     """A machine before it is commissioned in a laboratory.
 
-    A rig that sets ``blocks = True`` can be commissioned in a block of laboratories at once, whose
-    instruments write sums. Its station then has arrays of constants and carries out the shots of
-    all laboratories together. Any other rig is simulated in one laboratory after another.
+    A rig that sets ``blocks = True`` can be commissioned in a block of laboratories at once, if
+    their instruments write sums. Its station then has arrays of constants and carries out the shots
+    of all laboratories together. Any other rig is simulated in one laboratory after another.
     """
 
     @property
@@ -252,7 +253,7 @@ def find_rig(name: str, stage: Stage) -> Rig:
     Raises `InputError` if there is none of that name, or if it serves another stage.
     """
     point = _entry_points().get(name)
-    # only this rig is loaded: others may need modules that the test does not
+    # Only this rig is loaded, because other rigs may need modules that this test does not.
     rig: Rig | None = point.load() if point else None
     if rig is None or rig.stage is not stage:
         fitting = [key for key, rig in installed_rigs().items() if rig.stage is stage]

@@ -1,10 +1,10 @@
 """Images of stitched balls in flight and spin: the exact expected values before noise.
 
 An opaque ball hides the background, so the image of a region is mu = b (1 - cover) + radiance.
-`cover` is the share of a pixel's background light that the ball blocks, and `radiance` is the
-light of the ball itself. Both are integrals over the disc of the sphere, computed with a quadrature
-whose density follows the blur. The blur of the lens (a Gaussian), the square pixel and the motion
-are exact. The shading assumes parallel rays.
+`cover` is the share of a pixel's background light that the ball blocks, and `radiance` is the light
+of the ball itself. Both are integrals over the disc of the sphere, computed by a quadrature whose
+density depends on the blur. The effects of the lens blur (a Gaussian), the square pixel and the
+motion are exact. The shading assumes parallel rays.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SAMPLING = Sampling()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Light:
-    """Light on the ball: the share `ambient` from all directions, the rest from one lamp.
+    """Light on the ball: the share `ambient` comes from all directions, the rest from one lamp.
 
     `toward` points from the ball to the lamp in axes of the camera; (0, 0, -1) is light from the
     camera. `softness` is 0 for a distant lamp and 1 for one as large as half the sky.
@@ -107,7 +107,7 @@ def render_balls(
     light
         Light on the ball; ambient light by default.
     orientation
-        Axes of the ball at mid-exposure as rows, in axes of the camera, (region, 3, 3) or (3, 3).
+        Axes of the ball at mid-exposure as rows, in camera axes, (region, 3, 3) or (3, 3).
     turn
         Rotation vector of the ball over the exposure, (region, 3) or (3,) [rad].
     times
@@ -148,7 +148,7 @@ def render_balls(
     lamp = light or Light()
     toward = np.broadcast_to(lamp.toward, (regions, 3))
     if view is not None:
-        # shading and seams of the side that faces the camera
+        # rotation that shows shading and seams of the side that faces the camera
         rotation = np.asarray(view, dtype=np.float64)
         turns, toward = (np.einsum("rji,rj->ri", rotation, vector) for vector in (turns, toward))
         axes = axes @ rotation
@@ -166,7 +166,7 @@ def render_balls(
     warp, path, times, body, turned, lit = (
         np.require(
             part, np.float64, ["C", "W"]
-        )  # one array type, so that the kernel is compiled once
+        )  # arrays of one type, so that the kernel is compiled only once
         for part in (outline, course, when, axes, turns, shades)
     )
     render(
@@ -213,7 +213,7 @@ def _gauss(blur: float, sigma: float) -> Array:
 def _table(sigma: float) -> Pixels:
     """Return a Gaussian of `sigma` [px] at eight half-pixel steps, flat (phase, point).
 
-    The node lies a phase beyond the fourth point. The last phase is the end of the previous one.
+    The node is a fraction of a step (its phase) beyond the fourth point.
     """
     from virtual_lab.simulation.instruments.camera.ball_kernel import LANES, NODE_PHASES
 

@@ -1,8 +1,8 @@
-"""Compiled rendering of a shaded sphere: spread over a fine grid, blurred, gathered into pixels.
+"""Compiled rendering of a shaded sphere: its light is spread over a grid, then summed into pixels.
 
 The image of a node of the disc is a Gaussian. Part of its variance is applied when the nodes are
 spread over a grid of half pixels. The rest, with the square pixel and the motion, is applied when
-the grid is gathered into pixels.
+the grid points are summed into pixels.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from virtual_lab.units import Array
 
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
-NODE_PHASES = 256  # number of positions of a node between two grid points in the table
+NODE_PHASES = 256  # number of tabulated positions of a node between two grid points
 REACH = 4.2  # half width of the blur [standard deviations]
 
 
@@ -44,7 +44,7 @@ class KernelLook(NamedTuple):
     nodes: Array  # (node, 4): x, y, z on the unit sphere, share of the disc
     surface: Array  # (4,): albedo; contrast, width and neck of the seam
     table: Pixels  # flat: Gaussian at eight grid points for each phase of a node
-    blur: float  # remaining blur of the lens, without that of `table` [px]
+    blur: float  # blur of the lens that `table` does not include [px]
     gauss: Array  # (2, point): nodes and weights along a segment of the path
     size: int  # number of columns of the grid
 
@@ -70,7 +70,8 @@ def _bump(u: float) -> float:
 def _albedo(x: float, y: float, z: float, look: Array) -> float:
     """Return the albedo at a unit vector (x, y, z) in axes of the ball.
 
-    The seam is the curve x^2 - y^2 + neck z = 0. The distance to it is of first order, in radii.
+    The seam is the curve x^2 - y^2 + neck z = 0. The distance to it [radii] is computed to first
+    order.
     """
     white, contrast, width, neck = look[0], look[1], look[2], look[3]
     square = x * x - y * y
@@ -90,7 +91,7 @@ def _albedo(x: float, y: float, z: float, look: Array) -> float:
 
 @njit(**FAST)
 def _spread(warp: Array, body: Array, light: Array, look: KernelLook, grid: Pixels) -> None:
-    """Fill `grid` with alternate rows of the disc and of its radiance."""
+    """Fill `grid` with rows of the disc and rows of its radiance, in alternation."""
     nodes, surface, table, size = look.nodes, look.surface, look.table, look.size
     for k in range(grid.size):
         grid[k] = 0

@@ -1,4 +1,4 @@
-"""The camera of one laboratory: its frames of the flights, and the records it writes."""
+"""The camera of one laboratory: frames of the flights, and the records that it writes."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ class Camera(CalibratedInstrument[CameraSpec]):
     ) -> Frames:
         """Return the frames of a batch of shots that show the centre of the ball.
 
-        With `whole` the other frames are returned, too. The camera runs freely, so the time of the
-        contact between two frames is random.
+        With `whole` the frames without the ball are returned too. The camera runs freely, so the
+        contact occurs at a random time between two frames.
         """
         spec, lens, clock = self.spec, self.lens, self.clock
         lift = np.array([0.0, 0.0, self.plane])
@@ -142,7 +142,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     ) -> Pixels:
         """Return the expected electrons in the windows whose first pixels are `corners` (n, 2).
 
-        `behind` (n, row, column) are those without ball and bat, with steady lamps.
+        `behind` (n, row, column) are the electrons without ball and bat, for steady lamps.
         """
         spec = self.spec
         balls = render_balls(
@@ -238,7 +238,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         )
 
     def _track(self, frames: Frames, draws: Draws, name: str, slots: Slots) -> TrackRecord:
-        """Return positions as a tracker would write them, with 1.1 times the smallest possible u.
+        """Return positions as if from an ideal tracker, with 1.1 times the smallest possible u.
 
         For an edge of contrast C in noise of variance V, the Cramér-Rao bound of a disc is
         V/C² · 2s/(√π R) at rest and V/C² · L/(4R) along a blur L ≫ s. V is the variance of the

@@ -32,8 +32,8 @@ def whole_frames(
 ) -> Iterator[tuple[float, Frame]]:
     """Yield time stamp [s] and grey values (row, column) of each frame of the first shot.
 
-    These are all frames that the camera records, with or without the ball, or `count` of them at
-    equal steps. The stamps are those of the camera's clock.
+    All frames that the camera records are yielded, with or without the ball, or only `count` frames
+    at equal steps. The time stamps are those of the camera's clock.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)
@@ -88,8 +88,8 @@ def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -
     """Write grey frames as a lossless film, FFV1 in MP4, with their time stamps in ``NAME.csv``.
 
     `frames` yields the time stamp [s] and the grey values (row, column), of 8 or 16 bits, of each
-    frame; `rate` is the number of frames per second. Because video writers can lose frames
-    silently, the film is opened again, its frames are counted, and the first one is compared.
+    frame. `rate` is the number of frames per second. Because video writers can lose frames without
+    an error, the film is read again: its frames are counted, and the first frame is compared.
 
     Raises `InputError` if there are no frames or the film does not contain what was written.
     """
@@ -145,9 +145,9 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
 def write_preview(path: Path, small: Sequence[Frame], full_scale: float) -> None:
     """Write small frames as an animated WebP in slow motion, 25 frames per second.
 
-    `small` holds the frames, (row, column) each, in grey values up to `full_scale`. The brightest
-    pixel of all becomes white, and the tones are square roots. Raises `InputError` if there are no
-    frames, or if the file cannot be written.
+    `small` holds the frames, (row, column) each, in grey values up to `full_scale`. Tones are the
+    square roots of grey values, scaled so that the brightest pixel of all frames is white. Raises
+    `InputError` if there are no frames, or if the file cannot be written.
     """
     import cv2
 

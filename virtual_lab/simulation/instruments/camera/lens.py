@@ -83,9 +83,9 @@ class TrueLens:
     def outlines(self, centres: ArrayLike, radius: float) -> Outlines:
         """Return the images of spheres with `centres` (n, 3) in axes of the rig [m].
 
-        A sphere appears within a cone about the direction to its centre; the sine of its half angle
-        is radius / distance. The lens maps the cross-section of the cone, a disc, to pixels. The
-        stored map is exact to second order about the centre, and to third order on the rim.
+        A sphere fills a cone about the direction to its centre; the sine of the half angle of this
+        cone is radius / distance. The lens maps the cross-section of the cone, a disc, to pixels.
+        The returned map is exact to second order about the centre, and to third order on the rim.
         """
         place = self.to_camera(centres)
         far = np.linalg.norm(place, axis=1)

@@ -46,7 +46,7 @@ class FilmedBat:
 def background(spec: CameraSpec) -> Pixels:
     """Return the expected electrons per pixel of the background in an exposure, (row, column).
 
-    The lamps are taken as steady; `flicker` returns their variation.
+    The lamps are assumed to be steady; `flicker` returns their variation.
     """
     sensor, light = spec.sensor, spec.light
     x = (np.arange(sensor.columns) + 0.5) / sensor.columns - 0.5
@@ -57,9 +57,9 @@ def background(spec: CameraSpec) -> Pixels:
 
 
 def flicker(spec: CameraSpec, time: Array, phase: Array) -> Array:
-    """Return the brightness of the lamps relative to their mean, in the common shape.
+    """Return the brightness of the lamps relative to their mean, in the arguments' common shape.
 
-    `time` is in s, and `phase` is that of the flicker at time 0, in turns.
+    `time` is in s. `phase` is the phase of the flicker at time 0, in turns.
     """
     turns = spec.light.flicker_frequency * time + phase
     return np.asarray(1 + spec.light.flicker * np.sin(2 * np.pi * turns))

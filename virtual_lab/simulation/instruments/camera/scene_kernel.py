@@ -44,7 +44,7 @@ def hide_behind(
     blur: float,
     electrons: Pixels,
 ) -> None:
-    """Draw a bat into `electrons` (region, row, column) [e], in place of the background there.
+    """Draw a bat into `electrons` (region, row, column) [e], where it replaces the background.
 
     `near` and `far` (region, station, 2) are its left and right edges in pixels, from the pivot to
     the tip, and `corners` (region, 2) the first pixel (x, y) of each region. `light` is the

@@ -64,8 +64,8 @@ class Sensor(CalibratedInstrument[SensorSpec]):
 
         They are integers of 8 or 16 bits, or floats if the sensor does not digitise. `electrons`
         are the expected electrons of each pixel [e] in regions whose first pixels (x, y) are
-        `corners` (region, 2). The noise belongs to the numbers `slots` of the regions, 0, 1, … by
-        default. Dark current flows for `exposure` [s].
+        `corners` (region, 2). The noise of a region depends on its number in `slots`, by default 0,
+        1, …. Dark current flows for `exposure` [s].
         """
         from virtual_lab.simulation.instruments.camera.sensor_kernel import (
             Electronics,

@@ -14,7 +14,8 @@ from virtual_lab.units import Array
 Pixels = NDArray[np.float32]
 FAST: dict[str, Any] = {"cache": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 DIM = np.float32(25)  # number of electrons below which the noise is exactly Poisson, not Gaussian
-# reciprocals, because a product is faster than a quotient; no dim pixel has more electrons
+# reciprocals of electron numbers up to the largest of a dim pixel; a product is faster than a
+# quotient
 INVERSE = 1 / np.maximum(np.arange(128), 1)
 
 
@@ -37,7 +38,7 @@ def expect(
 
     Return whether any pixel has fewer than 25 electrons, so that its noise is Poisson. `response`
     is the map of the sensor, and `corners` (region, 2) are the first column and row of each region
-    in it. Beyond the sensor the response is 1. `dark` electrons are added to each pixel.
+    in this map. Outside the sensor the response is 1. `dark` electrons are added to each pixel.
     """
     dim = 0
     rows, columns = response.shape

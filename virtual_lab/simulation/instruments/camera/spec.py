@@ -182,7 +182,7 @@ class CameraSpec(CalibratedSpec):
         return self.sensor.quantum_efficiency * self.clock.exposure
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return the calibrated constants except those of the sensor, with lengths on it in pixels.
+        """Return the calibrated constants of lens, pose and clock; lengths on the sensor in pixels.
 
         ``place`` is the position of the pinhole in axes of the rig, ``tilt`` the rotation from the
         vertical view, and ``plane`` the height of the line of fire.

@@ -2,8 +2,8 @@
 
 A chessboard is the product of two square waves. Each is blurred across its edges in closed form,
 with lens and pixel as one Gaussian. Both remain odd functions about a corner, so the corners do not
-move. Markers are blurred in the same way, cell by cell. In the first view the board lies in the
-plane that the calibration uses for the ball.
+move. Markers are blurred in the same way, cell by cell. In the first view the board is in the plane
+that the calibration uses for the ball.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _drawn(
 
 
 def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Array:
-    """Return the share of ink of the markers in each pixel, at positions u, v [squares]."""
+    """Return the share of each pixel that is ink of the markers, at positions u, v [squares]."""
     ids = board.marker_at()
     column = np.clip(np.floor(u).astype(int), 0, board.columns - 1)
     row = np.clip(np.floor(v).astype(int), 0, board.rows - 1)
@@ -108,7 +108,7 @@ def _markers(board: Board, u: Array, v: Array, wide: Array, high: Array) -> Arra
 
 
 def _shares(place: Array, width: Array, cells: int) -> list[tuple[NDArray[np.intp], Array]]:
-    """Return the three cells nearest to each pixel in a row of cells, and its share of each."""
+    """Return the three cells nearest to each pixel in a row, and the pixel's share in each."""
     nearest = np.clip(np.floor(place), -1, cells)
     before = 1 - _share(place - nearest, width)
     after = _share(place - nearest - 1, width)
@@ -127,7 +127,7 @@ def _inks(dictionary: str, count: int) -> Array:
 
 
 def _wave(place: Array, width: Array, number: int) -> Array:
-    """Return a square wave of ±1 with sign changes at 1, 2 … number - 1, blurred by `width`."""
+    """Return a square wave of ±1 with sign changes at 1, 2, …, number - 1, blurred by `width`."""
     nearest = np.clip(np.rint(place), 1, number - 1)
     sign = np.where(nearest % 2 == 0, 1.0, -1.0)
     return np.asarray(sign * (2 * _share(place - nearest, width) - 1))
