@@ -265,6 +265,14 @@ def test_a_fault_of_half_the_size_moves_half_as_far(days) -> None:
     assert (half["b"], half["c"]) == (9, 2.0)
 
 
+def test_all_stages_of_a_day_have_one_air_and_one_gravity(days) -> None:
+    stations = days._laboratory(np.arange(2), RecordDetail.SUMMED).stations.values()
+    for part, constant in (("air", "drag_coefficient"), ("hall", "gravity")):
+        values = [getattr(each, part).true[constant] for each in stations]
+        assert len(values) == 3 and values[0][0] != values[0][1]
+        np.testing.assert_array_equal(values, [values[0]] * 3)
+
+
 def sized_set(name: str, size: float) -> FaultSet:
     return FaultSet(faults=(sized(CATALOGUE[name], size),))
 

@@ -261,10 +261,10 @@ def _restated(
     named = [name for name, each in station.instruments().items() if each is old]
     part = named[0] if named else _field_name(station, old)
     spec = replace(old.spec, **statement.sheets.get(f"{stage.value}.{part}", {}))
-    name = constant_name(stage, part)
+    prefix = constant_name(stage, f"{part}.")
+    name = prefix.rstrip(".")  # of the hall for its air and gravity, which all stages share
     fresh = type(old).commission(spec, draws, f"twin.{name}")
     exact = fresh.exact()
-    prefix = f"{constant_name(stage, f'{part}.')}"
     sheet = {
         key.removeprefix(prefix): estimate
         for key, estimate in statement.calibration.items()
