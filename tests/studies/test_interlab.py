@@ -13,7 +13,7 @@ import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.streams import Quiet, Selected, Streams
-from virtual_lab.studies.interlab.expected import expected_scatter, summarise
+from virtual_lab.studies.interlab.expected import ExpectedScatter, expected_scatter, summarise
 from virtual_lab.studies.interlab.findings import _precision
 from virtual_lab.studies.interlab.playing import Play
 from virtual_lab.studies.interlab.study import Factors, LotFactor, read_interlab
@@ -169,6 +169,15 @@ def test_a_scatter_is_compared_with_that_of_the_study() -> None:
     assert "is what laboratories differ by" in stored.explain((3.31**0.5) * s_R, 5)
     assert "is larger than that" in stored.explain((3.33**0.5) * s_R, 5)
     assert "is smaller than that" in stored.explain(0.01 * s_R, 5)
+
+
+def test_a_study_with_one_lot_is_summarised_without_a_scatter_of_lots() -> None:
+    common = {"bat": "r161", "procedure": "bbcor", "result": "as found"}
+    found = {"s_r": 0.003, "s_L": 0.004, "s_R": 0.005, "lot": 0.0035, "wall": 0.001}
+    (row,) = summarise(common | {"term": term, "found": str(sd)} for term, sd in found.items())
+    assert (row["lots"], row["cause"]) == (None, "lot")
+    said = ExpectedScatter(**row).explain(0.005, 5)
+    assert "repeats 0.003, laboratories 0.004; largest cause: lot" in said
 
 
 @pytest.mark.parametrize(

@@ -269,7 +269,8 @@ def test_all_stages_of_a_day_have_one_air_and_one_gravity(days) -> None:
     stations = days._laboratory(np.arange(2), RecordDetail.SUMMED).stations.values()
     for part, constant in (("air", "drag_coefficient"), ("hall", "gravity")):
         values = [getattr(each, part).true[constant] for each in stations]
-        assert len(values) == 3 and values[0][0] != values[0][1]
+        assert len(values) == 3
+        assert values[0][0] != values[0][1]
         np.testing.assert_array_equal(values, [values[0]] * 3)
 
 

@@ -21,7 +21,7 @@ class ExpectedScatter:
     bat: str
     procedure: str
     repeats: float
-    lots: float
+    lots: float | None  # None: the study has one lot per laboratory, part of `laboratories`
     laboratories: float
     reproducibility: float
     cause: str  # factor with the largest effect
@@ -32,6 +32,7 @@ class ExpectedScatter:
 
         square = (results - 1) * (found / self.reproducibility) ** 2
         above = float(chdtrc(results - 1, square))
+        lots = "" if self.lots is None else f"lots {self.lots:.2g}, "
         verdict = "is what laboratories differ by"
         if above < UNLIKELY:
             verdict = f"is larger than that (p = {above:.1g})"
@@ -39,7 +40,7 @@ class ExpectedScatter:
             verdict = f"is smaller than that (p = {1 - above:.1g})"
         return (
             f"Simulated laboratories scatter by s_R {self.reproducibility:.2g} (virtual-lab "
-            f"interlab, {self.bat}: repeats {self.repeats:.2g}, lots {self.lots:.2g}, laboratories "
+            f"interlab, {self.bat}: repeats {self.repeats:.2g}, {lots}laboratories "
             f"{self.laboratories:.2g}; largest cause: {self.cause}); the scatter here {verdict}"
         )
 
@@ -60,8 +61,7 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the rows of the stored table from the terms of studies, one per bat and procedure.
 
     For a procedure that converts to a standard ball, the converted result is used. Raises
-    `KeyError` for a study with one lot per laboratory, and `ValueError` for a study in which no
-    factor was simulated alone.
+    `ValueError` for a study in which no factor was simulated alone.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:
@@ -76,7 +76,7 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
                 bat=bat,
                 procedure=procedure,
                 repeats=sds["s_r"],
-                lots=sds["s_lot"],
+                lots=sds.get("s_lot"),
                 laboratories=sds["s_L"],
                 reproducibility=sds["s_R"],
                 cause=max(sds.keys() & set(FACTORS), key=lambda name: sds[name]),
@@ -88,6 +88,6 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def _read(row: Mapping[str, str]) -> ExpectedScatter:
     words = ("bat", "procedure", "cause")
     values: dict[str, Any] = {
-        key: text if key in words else float(text) for key, text in row.items()
+        key: text if key in words else float(text) if text else None for key, text in row.items()
     }
     return ExpectedScatter(**values)
