@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import virtual_lab as vl
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 from virtual_lab.video.clips.calibration_file import read_calibration
@@ -45,6 +46,10 @@ def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> N
     drawing = cv2.imread(str(folder / "cal.png"))
     assert drawing.shape[1] > 1000
     assert drawing.std() > 10
+    found = vl.calibrate(folder / "board/pictures", board=BOARD[1])
+    figure = found.plot()
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert len(figure.axes[0].collections[0].get_offsets()) == len(found.camera.solved.places)
     again = CliRunner().invoke(cli, words)
     assert isinstance(again.exception, InputError)
     assert "exists already" in str(again.exception)

@@ -117,6 +117,19 @@ def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
         assert document["speed_in_mps"]["u"] > share * document["speed_in_mps"]["value"]
 
 
+def test_a_track_shows_its_picture(folder: Path, tmp_path: Path) -> None:
+    """It has every position of a flight, and is that of the result folder."""
+    track = vl.track(folder / "clip.mp4", calibration=folder / "cal.toml", ball="28mm")
+    figure = track.plot(tmp_path / "own.png")
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    flights = [each for each in figure.axes[0].lines if str(each.get_label()).startswith("flight")]
+    assert sum(len(each.get_xdata()) for each in flights) == (track.places["flight"] != "").sum()
+    track.save(tmp_path / "found")
+    track.save(tmp_path / "found", overwrite=True)
+    stored, own = (cv2.imread(str(tmp_path / name)) for name in ("found/track.png", "own.png"))
+    assert (stored == own).all()
+
+
 # baseball: diameter from its circumference, and drag with C_d 0.45, k = ρ C_d A / 2m
 BASEBALL = 9.125 * 0.0254 / np.pi
 DRAG = 1.2 * 0.45 * np.pi * BASEBALL**2 / 4 / (2 * 5.125 * 0.028349523)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from virtual_lab.output.page_figure import PageFigure
     from virtual_lab.video.calibration.calibrating import Calibrated
     from virtual_lab.video.follow.following import FollowedClip
 
@@ -97,6 +98,25 @@ class Track:
         from virtual_lab.video.show.course import course_of, course_rows
 
         return _table(course_rows(course_of(self.clip)))
+
+    def plot(self, path: str | Path | None = None) -> PageFigure:
+        """Return the picture of the course, as in ``track.png``, which a notebook shows.
+
+        It shows a frame with the ball's positions, and below it positions, speeds and residuals
+        against time.
+
+        Parameters
+        ----------
+        path
+            File to write; its name ends in .png, .svg or .pdf.
+        """
+        from virtual_lab.video.show.pictures import Pictures
+        from virtual_lab.video.show.track_text import track_title
+
+        figure = Pictures(self.clip).draw(track_title(self.clip))
+        if path is not None:
+            figure.savefig(path)
+        return figure
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write track, result, plot, contact sheet, and a film on request into a new folder.
@@ -293,6 +313,21 @@ class Calibration:
 
         return calibration_text(self.camera)
 
+    def plot(self, path: str | Path | None = None) -> PageFigure:
+        """Return the picture of the residuals of the board's corners, which a notebook shows.
+
+        Parameters
+        ----------
+        path
+            File to write; its name ends in .png, .svg or .pdf.
+        """
+        from virtual_lab.video.show.calibration import draw_calibration
+
+        figure = draw_calibration(self.camera)
+        if path is not None:
+            figure.savefig(path)
+        return figure
+
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the .toml file that `track` reads, and a picture of the residuals beside it.
 
@@ -309,11 +344,11 @@ class Calibration:
             A file exists already, or the folder cannot be written.
         """
         from virtual_lab.files import new_files
-        from virtual_lab.video.show.calibration import calibration_toml, draw_calibration
+        from virtual_lab.video.show.calibration import calibration_toml
 
         target = Path(path)
         with new_files(target.parent, overwrite=overwrite) as draft:
-            draw_calibration(self.camera, draft / target.with_suffix(".png").name)
+            self.plot(draft / target.with_suffix(".png").name)
             (draft / target.name).write_text(calibration_toml(self.camera), encoding="utf-8")
         return target
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from virtual_lab.output.rounding import with_uncertainty
-from virtual_lab.output.style import STYLE
+from virtual_lab.output.style import page_figure
 from virtual_lab.video.calibration.calibrating import Calibrated, lengths_of
 from virtual_lab.video.calibration.plane import relative_u_of
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 NOTES = {
     "matrix": "pixels",
@@ -92,14 +95,10 @@ def _entry(key: str, value: Any) -> str:
     return f"{key} = {json.dumps(value)}{note}"
 
 
-def draw_calibration(result: Calibrated, path: Path) -> None:
-    """Draw the residual of each corner as PNG."""
-    from matplotlib import style
-    from matplotlib.figure import Figure
-
+def draw_calibration(result: Calibrated) -> PageFigure:
+    """Return a figure of the residual of each corner."""
     solved, (wide, high) = result.solved, result.model.image_size
-    with style.context(STYLE, after_reset=True):
-        figure = Figure(figsize=(7.6, 6.6 * high / wide + 0.8), dpi=150, layout="constrained")
+    with page_figure(6.6 * high / wide + 0.8, 7.6) as figure:
         axes = figure.add_subplot()
         arrows = axes.quiver(
             *solved.places.T,
@@ -119,4 +118,4 @@ def draw_calibration(result: Calibrated, path: Path) -> None:
         axes.set(xlim=(-0.5, wide - 0.5), ylim=(high - 0.5, -0.5), aspect="equal")
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
         axes.set_title("residuals of the corners\norange: plane view", loc="left")
-        figure.savefig(path)
+    return figure

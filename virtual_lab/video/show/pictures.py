@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.output.style import STYLE, as_drawn
+from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.still import warp_back
 from virtual_lab.video.follow.following import FollowedClip
@@ -20,6 +20,8 @@ from virtual_lab.video.show.course import course_of, names_of, spots
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from virtual_lab.output.page_figure import PageFigure
 
 Image = NDArray[np.uint8]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colours of flights
@@ -141,24 +143,19 @@ class Pictures:
         drift = np.array([one["drift_x_px"], one["drift_y_px"], 0.0, 0.0]) * self.scale
         return warp_back(picture, drift, (0, 0), picture)
 
-    def draw(self, title: str, path: Path) -> None:
-        """Draw the course as PNG: the picture, places and speeds, residuals."""
-        from matplotlib import style
-        from matplotlib.figure import Figure
-
-        with style.context(STYLE, after_reset=True):
-            rows, columns = self.clip.shape
-            heights = [min(6.0, 7.2 * rows / columns)]
-            heights += [1.3, 1.3, 0.9, 0.9] if self.names else []
-            size = (7.6, sum(heights) + 1.2)
-            figure = Figure(figsize=size, dpi=150, layout="constrained")
+    def draw(self, title: str) -> PageFigure:
+        """Return a figure of the course: the picture, positions and speeds, residuals."""
+        rows, columns = self.clip.shape
+        heights = [min(6.0, 7.2 * rows / columns)]
+        heights += [1.3, 1.3, 0.9, 0.9] if self.names else []
+        with page_figure(sum(heights) + 1.2, 7.6) as figure:
             axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
             self._draw_picture(axes[0])
             if self.names:
                 self._draw_motion(axes[1:])
             figure.legend(loc="outside lower center", ncols=6, markerscale=1.5)
             figure.suptitle(as_drawn(title), fontsize=9, wrap=True)
-            figure.savefig(path, pil_kwargs={"compress_level": 3})
+        return figure
 
     def _draw_picture(self, axes: Axes) -> None:
         rows, columns = self.clip.shape

@@ -165,7 +165,8 @@ def save_track(
         write_table(flight_rows(track), draft / "speeds.csv")
         text = json.dumps(track_document(track), indent=2, allow_nan=False)
         (draft / "result.json").write_text(text + "\n", encoding="utf-8")
-        pictures.draw(track_title(track), draft / "track.png")
+        figure = pictures.draw(track_title(track))
+        figure.savefig(draft / "track.png", pil_kwargs={"compress_level": 3})
         pictures.write_sheet(draft / "sheet.png")
         if film:
             pictures.write_film(draft / "track.webp")
