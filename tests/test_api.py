@@ -163,7 +163,7 @@ def test_a_scan_is_plotted_over_the_position_with_its_curve() -> None:
     shots = scanned.shots
     used = shots["weight"].to_numpy() != 0
     assert axes.get_xlabel() == "impact position from the tip, in"
-    assert lines["in the result"].get_xdata().tolist() == shots["place_in"][used].tolist()
+    assert lines["in the result"].get_xdata().tolist() == shots["impact_position_in"][used].tolist()
     ((place,), (value,)) = lines["impact position of the result"].get_data()
     curve = lines["fitted curve"].get_data()
     assert np.interp(place, *curve) == pytest.approx(scanned.value, abs=2e-5)

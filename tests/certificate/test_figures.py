@@ -69,18 +69,18 @@ def test_a_scan_has_its_curves_and_means_along_the_barrel(scan: CertificateDocum
     for each, points in zip(along.quantities, curves, strict=True):
         same_shape(-points[:, 1], np.array(each.curve))
         same_shape(points[:, 0], np.array(along.curve_in))
-    valid = [(row.place_in, row.metric) for row in scan.shots if not row.reason]
+    valid = [(row.impact_position_in, row.value) for row in scan.shots if not row.reason]
     places, values = np.array(valid).T
     fitted = np.polyval(np.polyfit(places, values, along.degree), along.curve_in)
     assert along.quantities[-1].curve == pytest.approx(fitted, abs=1e-5)
     for row, mean, u in zip(
         scan.places, along.quantities[-1].mean, along.quantities[-1].u, strict=True
     ):
-        own = values[np.isclose(places, row.place_in)]
+        own = values[np.isclose(places, row.impact_position_in)]
         assert mean == pytest.approx(own.mean())
         assert u == (pytest.approx(own.std(ddof=1) / own.size**0.5) if own.size > 1 else None)
-    assert scan.metric.place_in is not None
-    read = np.interp(scan.metric.place_in, along.read_in, along.read)
+    assert scan.metric.impact_position_in is not None
+    read = np.interp(scan.metric.impact_position_in, along.read_in, along.read)
     assert read == pytest.approx(scan.metric.value, abs=2e-3)
 
 
@@ -91,7 +91,10 @@ def test_batted_speed_along_the_barrel_is_that_at_the_speeds_of_the_rules(
     assert scan.along is not None
     assert scan.bat.length_m.value is not None
     found = {each.name: np.array(each.mean) for each in scan.along.quantities}
-    e_a, place = found["collision_efficiency"], np.array([row.place_in for row in scan.places])
+    e_a, place = (
+        found["collision_efficiency"],
+        np.array([row.impact_position_in for row in scan.places]),
+    )
     lever = scan.bat.length_m.value / INCH - 6 - place
     bat = 66 * MPH * lever / (scan.bat.length_m.value / INCH - 12)
     assert found["batted_speed"] == pytest.approx(e_a * 70 * MPH + (1 + e_a) * bat, rel=1e-3)
@@ -184,15 +187,15 @@ def test_the_hits_stand_where_the_document_has_them(
     last = replace(document.shots[-1], reason="x", used=False)
     spoilt = replace(document, shots=(*document.shots[:-1], last))
     (hits, _) = plots(hits_figure(spoilt))
-    dots = [(row.shot + 1, row.metric) for row in spoilt.shots]
+    dots = [(row.shot + 1, row.value) for row in spoilt.shots]
     stands(hits, hits.discs["black"], dots[:-1])
     stands(hits, hits.discs["cross"], dots[-1:])
     (along, _) = plots(hits_figure(scan))
     for fill, used in (("black", True), ("white", False)):
         rows = [row for row in scan.shots if row.used == used and not row.reason]
-        stands(along, along.discs[fill], [(row.place_in, row.metric) for row in rows])
+        stands(along, along.discs[fill], [(row.impact_position_in, row.value) for row in rows])
     assert [*hits.across.values()] == [str(row.shot + 1) for row in document.shots]
-    unseen = replace(document.shots[2], metric=None)
+    unseen = replace(document.shots[2], value=None)
     gap = replace(document, shots=(*document.shots[:2], unseen, *document.shots[3:]))
     (hits, _) = plots(hits_figure(gap))
     assert len(hits.discs["black"]) == len(document.shots) - 1
@@ -224,7 +227,7 @@ def test_the_result_stands_against_its_limit_with_students_density(
         value=value,
         u=u,
         interval_95=(value - 0.9 * half, value + half),  # intervals by draws may be asymmetric
-        degrees_of_freedom=dof,
+        dof=dof,
         limit=value + u,
     )
     risk = risk_of(metric, "PASS", eligible=True)
@@ -266,7 +269,7 @@ def test_bars_along_the_barrel_are_one_u_to_either_side(
     scan: CertificateDocument = request.getfixturevalue(rules)
     along = scan.along
     assert along is not None
-    places = [row.place_in for row in scan.places]
+    places = [row.impact_position_in for row in scan.places]
     drawn = plots(certificate_figures(scan)["along_figure"])
     for plot, each in zip(drawn, along.quantities, strict=True):
         size = MPH if each.name == "batted_speed" else 1.0

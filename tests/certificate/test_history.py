@@ -41,7 +41,7 @@ def earlier(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def hits(document: dict[str, Any]) -> tuple[float, float]:
     """Return u and degrees of freedom of the scatter of the hits."""
     (row,) = (line for line in document["budget"] if line["component"] == "hits")
-    return row["contribution"], row["degrees_of_freedom"]
+    return row["contribution"], row["dof"]
 
 
 def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None:

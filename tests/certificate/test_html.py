@@ -354,7 +354,7 @@ def test_a_certificate_is_printed_from_its_own_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "key", "value", "said"),
     [
-        ("pass", "schema", 1, "schema = 1; allowed: 5"),
+        ("pass", "schema", 1, "schema = 1; allowed: 6"),
         ("pass", "verdict", "GOOD", "verdict = 'GOOD'"),
         ("pass", "colour", "red", "colour; unknown key"),
         ("pass", "metric.name", "bat_factor", "metric.name = 'bat_factor'.*did you mean bat_perf"),
@@ -413,7 +413,7 @@ def test_a_certificate_that_contradicts_itself_is_refused(
 def test_the_schema_of_a_certificate_has_its_name() -> None:
     schema = json_schema()
     assert "CertificateDocument" in schema["title"]
-    assert schema["$id"].endswith(":certificate:5")
+    assert schema["$id"].endswith(":certificate:6")
     assert "2020-12" in schema["$schema"]
     assert schema["additionalProperties"] is False
 
@@ -459,7 +459,7 @@ def test_a_figure_shows_the_numbers_to_scale() -> None:
     document = certificate(quick())
     rows = [row for row in document.shots if not row.reason]
     shown = points(hits_figure(document), "circle")[: len(rows)]
-    values = np.array([row.metric for row in rows])
+    values = np.array([row.value for row in rows])
     heights = np.array([-y for _, y in shown])
     scaled = (heights - heights.min()) / np.ptp(heights)
     assert scaled == pytest.approx((values - values.min()) / np.ptp(values), abs=0.002)

@@ -14,8 +14,8 @@ from rocrate.rocrate import ROCrate
 
 import virtual_lab as vl
 from virtual_lab.certificate.columns import SHOTS
+from virtual_lab.files.column_units import UNITS, unit_of
 from virtual_lab.records import record_types
-from virtual_lab.records.column_units import UNITS, unit_of
 from virtual_lab.records.record import AXES
 from virtual_lab.units import DIMENSIONS
 

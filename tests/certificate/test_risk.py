@@ -32,19 +32,19 @@ def decided(value: float, **changes: object) -> MetricStated:
         value=value,
         u=0.01,
         interval_95=(value - 0.02, value + 0.02),
-        degrees_of_freedom=None,
+        dof=None,
         u_type_a=0.01,
         u_type_b=0.0,
         unit="",
         limit=1.15,
-        place_in=6.0,
+        impact_position_in=6.0,
     )
     return replace(stated, **changes)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("dof", [1.0, 2.5, 14.2, None])
 def test_a_result_of_few_degrees_of_freedom_has_the_tails_of_student(dof: float | None) -> None:
-    told = risk_of(decided(1.14, degrees_of_freedom=dof), "PASS", eligible=True)
+    told = risk_of(decided(1.14, dof=dof), "PASS", eligible=True)
     expected = stats.norm(1.14, 0.01) if dof is None else stats.t(dof, 1.14, 0.01)
     assert told is not None
     assert told.probability == pytest.approx(expected.sf(1.15), rel=1e-9)

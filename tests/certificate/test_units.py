@@ -17,7 +17,7 @@ RATIOS = {
     "ball_restitution",
     "bat_performance_factor",
     "collision_efficiency",
-    "degrees_of_freedom",
+    "dof",
     "difference",
     "drop",
     "error",
@@ -63,7 +63,7 @@ def has_unit(path: tuple[str, ...]) -> bool:
     """Return whether the keys state the unit of a number."""
     if any(SUFFIX.search(key) or key in RATIOS for key in path) or path[-1] == "shots":
         return True
-    if path == ("shots", "metric") or path[0] in OF_RATIOS:
+    if path == ("shots", "value") or path[0] in OF_RATIOS:
         return True
     if path[:2] in WITH_UNIT or path == ("along", "degree"):
         return True

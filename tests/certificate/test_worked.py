@@ -332,7 +332,7 @@ def test_the_pages_result_is_the_documents(case: str) -> None:
     assert agrees(found[1], high - value)
     assert has_two_digits(found[1])
     assert agrees(found[2], (high - value) / u)
-    assert agrees(found[3], told["degrees_of_freedom"])
+    assert agrees(found[3], told["dof"])
     (found,) = re.findall(r"interval ([\d.]+) to ([\d.]+)", text)
     assert agrees(found[0], low)
     assert agrees(found[1], high)
@@ -404,11 +404,11 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
     told, rows = document(case), rows_under(case, "Hits")
     size = MPH if told["metric"]["name"] == "batted_speed" else 1.0
     columns = ["shot"]
-    columns += ["place_in"] if told["places"] else []
+    columns += ["impact_position_in"] if told["places"] else []
     columns += ["speed_mph"]
     columns += ["bat_speed_mph"] if told["nominal_bat_speed_mph"] else []
     columns += ["recoil_rad_per_s", "recoil_efficiency"] if told["ring"] else []
-    columns += ["rebound_efficiency", "metric"]
+    columns += ["rebound_efficiency", "value"]
     assert len(rows) == len(told["shots"])
     for row, shot in zip(rows, told["shots"], strict=True):
         assert len(row) == len(columns) + 1
@@ -418,7 +418,7 @@ def test_the_pages_hits_are_the_documents(case: str) -> None:
             elif shot[key] is None:
                 assert shown in {"not seen", "–"}
             else:
-                assert agrees(shown, shot[key] / (size if key == "metric" else 1.0)), key
+                assert agrees(shown, shot[key] / (size if key == "value" else 1.0)), key
         assert row[-1] == (f"invalid: {shot['reason']}" if shot["reason"] else "valid")
 
 
@@ -497,7 +497,7 @@ def test_the_pages_budget_is_the_documents(case: str) -> None:
     assert len(lines) == len(shown) > 0
     for (_, kind, u, moved, share), line in zip(lines, shown, strict=True):
         number, _, unit = u.partition(" ")
-        assert kind == line["type"]
+        assert kind == line["evaluation"]
         assert agrees(number, line["u"] / SIZES[unit])
         assert has_two_digits(number)
         assert agrees(moved, line["contribution"] / size)
@@ -538,7 +538,7 @@ def test_the_pages_swing_laws_are_the_documents() -> None:
         low, _, high = interval.partition(" to ")
         assert agrees(low, row["interval_95"][0] / MPH)
         assert agrees(high, row["interval_95"][1] / MPH)
-        assert agrees(place, row["place_in"])
+        assert agrees(place, row["impact_position_in"])
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -567,7 +567,7 @@ def test_the_text_has_the_documents_numbers(case: str) -> None:
     laws = re.findall(r"^    ([\d.]+) +([\d.]+) \(u ([\d.]+)\) +([\d.]+)$", text, re.MULTILINE)
     assert len(laws) == len(told["swing_range"])
     for shown, row in zip(laws, told["swing_range"], strict=True):
-        numbers = (row["exponent"], row["value"] / MPH, row["u"] / MPH, row["place_in"])
+        numbers = (row["exponent"], row["value"] / MPH, row["u"] / MPH, row["impact_position_in"])
         assert all(map(agrees, shown, numbers))
     width = told["width_m"]
     found = re.findall(

@@ -845,11 +845,11 @@ def worked(records: Path) -> Row:
             "value": result.value,
             "u": result.u,
             "interval_95": result.interval,
-            "degrees_of_freedom": result.dof,
+            "dof": result.dof,
             "u_type_a": result.part("A"),
             "u_type_b": result.part("B"),
             "limit": limit,
-            "place_in": test.place / INCH,
+            "impact_position_in": test.place / INCH,
         },
         **{name: {"value": each.value, "u": each.u} for name, each in quantities.items()},
         "bat": {
@@ -889,8 +889,8 @@ def worked(records: Path) -> Row:
             line.name: {
                 "value": line.value,
                 "u": line.u,
-                "type": line.kind,
-                "degrees_of_freedom": line.dof,
+                "evaluation": line.kind,
+                "dof": line.dof,
                 "sensitivity": line.sensitivity,
                 "contribution": abs(line.moved),
                 "share_percent": 100 * line.moved**2 / total,
@@ -920,7 +920,7 @@ def _swing(test: Test, moved: dict[str, tuple[Row, Row]], exponent: float) -> Ro
         "value": of.value,
         "u": of.u,
         "interval_95": of.interval,
-        "place_in": place / INCH,
+        "impact_position_in": place / INCH,
     }
 
 
@@ -928,7 +928,7 @@ def _place(test: Test, metric: np.ndarray, at: float) -> Row:
     hits = metric[test.valid & (test.set == at)]
     n, mean = len(hits), sum(hits) / len(hits)
     s = sqrt(sum((each - mean) ** 2 for each in hits) / (n - 1)) if n > 1 else None
-    return {"place_in": at / INCH, "hits": n, "mean": mean, "s": s}
+    return {"impact_position_in": at / INCH, "hits": n, "mean": mean, "s": s}
 
 
 def _shot(test: Test, metric: np.ndarray, n: int) -> Row:
@@ -937,13 +937,13 @@ def _shot(test: Test, metric: np.ndarray, n: int) -> Row:
     return {
         "shot": n,
         "ball": int(test.ball[n]),
-        "place_in": test.set[n] / INCH,
+        "impact_position_in": test.set[n] / INCH,
         "speed_mph": best["speed"][n] / MPH,
         "bat_speed_mph": best["bat_speed"][n] / MPH if swung else None,
         "recoil_rad_per_s": best["rate"][n] if turned else None,
         "recoil_efficiency": best["recoiled"][n] if turned else None,
         "rebound_efficiency": best["rebound"][n],
-        "metric": metric[n],
+        "value": metric[n],
         "used": bool(test.weights[n]),
     }
 
@@ -961,21 +961,22 @@ def _speed_u(distances: np.ndarray, times: np.ndarray) -> np.ndarray:
 def _readings(test: Test, metric: np.ndarray) -> dict[str, np.ndarray]:
     """Return the columns of ``readings.csv`` that are numbers."""
     best, times = test.best, test.times
+    speed = test.rules["metric"] == "batted_speed"
     columns = {
         "ball": test.ball,
         "ball_mass_oz": best["mass"] / OUNCE,
-        "place_in": test.set / INCH,
+        "impact_position_in": test.set / INCH,
         "gate_time_in_us": 1e6 * (times[:, 0, -1] - times[:, 0, 0]),
         "gate_time_out_us": 1e6 * (times[:, 1, 0] - times[:, 1, -1]),
         "speed_mph": best["speed"] / MPH,
-        "rebound_mph": best["back"] / MPH,
+        "rebound_speed_mph": best["back"] / MPH,
         "collision_efficiency": best["e_a"],
         "rebound_efficiency": best["rebound"],
         "recoil_factor": best["r"],
         "restitution": best["e"],
         "ball_restitution": best["e0"],
         "bat_performance_factor": best["bat_performance_factor"],
-        f"metric_{test.rules['metric']}": metric,
+        f"metric_{test.rules['metric']}{'_m_per_s' if speed else ''}": metric,
         "weight": test.weights,
         "used": test.weights != 0,
         "valid": test.valid,
@@ -983,7 +984,7 @@ def _readings(test: Test, metric: np.ndarray) -> dict[str, np.ndarray]:
     gates = times.shape[2]
     if gates > 2:
         far = np.array([test.known[f"impact.gates.distance_{k}"].value for k in range(gates)])
-        for way, name in enumerate(("speed_u_mph", "rebound_u_mph")):
+        for way, name in enumerate(("speed_u_mph", "rebound_speed_u_mph")):
             columns[name] = np.abs(_speed_u(far, times[:, way])) / MPH
     for name, record in (("encoder", test.encoder), ("swing", test.swing)):
         if record is not None:

@@ -26,7 +26,10 @@ from virtual_lab.studies.coverage import coverage_table, plot_tenths, sample
 HERE = Path(__file__).parent
 SEED, BLOCK = 1, 768  # laboratories per block
 TABLES = {"coverage-*.csv": "this test alone", "history-*.csv": "with ten earlier tests"}
-TENTHS = {"by_u": "tenths by u, smallest first", "by_dof": "tenths by ν, fewest first"}
+TENTHS = {
+    "coverage_by_u": "tenths by u, smallest first",
+    "coverage_by_dof": "tenths by ν, fewest first",
+}
 FEWEST = 4_000  # laboratories, so that a tenth is known to a per cent
 
 
@@ -35,12 +38,12 @@ def rows_of(pattern: str) -> dict[str, dict[str, Any]]:
     (path,) = HERE.glob(pattern)
     with path.open(encoding="utf-8") as lines:
         rows = [row for row in csv.DictReader(lines) if row["quantity"] == "metric"]
-    known = [row for row in rows if row["by_u"] and int(row["laboratories"]) > FEWEST]
+    known = [row for row in rows if row["coverage_by_u_1"] and int(row["laboratories"]) > FEWEST]
     return {row["procedure"]: row for row in known}
 
 
 def tenths(row: dict[str, Any], key: str) -> list[float]:
-    return [float(part) for part in row[key].strip("()").split(",")]
+    return [float(row[f"{key}_{number}"]) for number in range(1, 11)]
 
 
 def draw(path: str) -> None:

@@ -77,8 +77,11 @@ def studied(monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(study, "true_curve", curve)
 
     def run(tests: list[Any]) -> Rows[Coverage]:
+        rules = SimpleNamespace(spec=SimpleNamespace(metric="bat_performance_factor"))
         shared = SimpleNamespace(
-            laboratory=lambda _: opened, each_block=lambda take, *_: map(take, tests)
+            setup=SimpleNamespace(rules=rules),
+            laboratory=lambda _: opened,
+            each_block=lambda take, *_: map(take, tests),
         )
         monkeypatch.setattr(study, "replace", lambda given, **_: given)
         monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
@@ -104,7 +107,7 @@ def test_the_edge_of_an_interval_is_students(studied: Any) -> None:
 def test_bounds_are_clopper_and_pearsons_of_95_percent(studied: Any) -> None:
     """19 of 20: .7513 to .9987 (tables of exact binomial limits; beta quantiles .025 and .975)."""
     (row, *_) = studied([laboratory(0.1), *[laboratory(0.0)] * 19])
-    assert (row.low, row.high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
+    assert (row.coverage_low, row.coverage_high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
 
 
 def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
@@ -117,8 +120,8 @@ def test_tenths_go_by_u_and_by_degrees_of_freedom(studied: Any) -> None:
         missed = k >= 10 or k % 2
         tests.append(laboratory(-9.0 if missed else 0.0, 0.01 * (k + 1), dof=40.0 - k))
     for row in studied(tests):
-        assert row.by_u == (0.5,) * 5 + (0.0,) * 5
-        assert row.by_dof == (0.0,) * 5 + (0.5,) * 5
+        assert [*row.coverage_by_u.values()] == [0.5] * 5 + [0.0] * 5
+        assert [*row.coverage_by_dof.values()] == [0.0] * 5 + [0.5] * 5
 
 
 def test_errors_and_z_agree_with_a_hand_calculation(studied: Any) -> None:
@@ -141,8 +144,8 @@ def test_the_bias_expected_of_a_parabola_is_half_its_bend_times_the_scatter(stud
     """
     tests = [laboratory(0.0, stray=stray) for stray in (2e-3, 0.0, 2e-3, 0.0)]
     for row in studied(tests):
-        assert row.expected == pytest.approx(-4e-5, rel=1e-6)
-        assert row.expected_se == 0
+        assert row.expected_bias == pytest.approx(-4e-5, rel=1e-6)
+        assert row.expected_bias_se == 0
 
 
 def test_a_test_without_a_result_counts_apart_and_its_hits_count(studied: Any) -> None:

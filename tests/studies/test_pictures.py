@@ -26,9 +26,10 @@ def panels(result: StudyResult) -> list[Any]:
 def test_the_coverage_picture_shows_its_table() -> None:
     """The interval is not symmetric; of 100 laboratories per tenth, 90 to 99 hold the value."""
     about = NOTHING | {"quantity": "metric", "laboratories": 1000}
-    shares = {"coverage": 0.96, "low": 0.90, "high": 0.98}
+    shares = {"coverage": 0.96, "coverage_low": 0.90, "coverage_high": 0.98}
     by_u, by_dof = (0.9, None, *[0.95] * 8), (1.0, *[0.94] * 9)
-    row = Coverage(**about | shares | {"by_u": by_u, "by_dof": by_dof})
+    tenths_of = {"coverage_by_u": dict(enumerate(by_u)), "coverage_by_dof": dict(enumerate(by_dof))}
+    row = Coverage(**about | shares | tenths_of)
     quantities, tenths = panels(CoverageTable(name="coverage", title="", rows=[row]))
     ((limits,),) = (bar.get_segments() for bar in quantities.collections)
     assert quantities.lines[0].get_xdata() == pytest.approx([96])

@@ -101,7 +101,9 @@ def test_every_form_says_that_nothing_was_verified(results: Path, tmp_path: Path
 def test_a_name_without_glyphs_costs_no_report(results: Path, tmp_path: Path) -> None:
     """The PDF shows code points instead, and says so."""
     found = vl.report(results / "bats", pdf=True)
-    odd = replace(found, rows=(replace(found.rows[0], laboratory="中文 1\u20e3"), *found.rows[1:]))
+    odd = replace(
+        found, rows=(replace(found.rows[0], laboratory_name="中文 1\u20e3"), *found.rows[1:])
+    )
     (sheet,) = PdfReader(odd.save(tmp_path / "report") / "report.pdf").pages
     text = re.sub(r"\s+", "", sheet.extract_text())
     assert "[U+4E2D][U+6587]1[U+20E3]" in text
@@ -120,7 +122,8 @@ def test_repeats_scatter_as_their_values_do(results: Path) -> None:
 
 def compared(**known: Any) -> ComparedCertificate:
     empty = dict.fromkeys((each.name for each in fields(ComparedCertificate)), None)
-    told = {"number": "1", "folder": "f", "verdict": "PASS", "metric": "e", "unit": "", "flags": ""}
+    told = {"certificate": "1", "folder": "f", "verdict": "PASS", "marginal": False}
+    told |= {"metric": "e", "unit": "", "flag_names": ""}
     return ComparedCertificate(**(empty | told | known))
 
 
@@ -148,7 +151,7 @@ def test_a_row_has_the_certificates_numbers_in_the_unit_of_its_metric() -> None:
     assert (row.limit, row.unit, row.metric) == (pytest.approx(85), "mph", "v_f")
     assert document.risk is not None
     assert row.risk == document.risk.probability
-    assert (row.flags, row.valid_hits) == ("balls-mixed", document.valid_hits)
+    assert (row.flag_names, row.valid_hits) == ("balls-mixed", document.valid_hits)
 
 
 def test_an_invalid_test_states_no_value() -> None:
@@ -185,10 +188,10 @@ def test_every_form_has_every_certificate(results: Path, tmp_path: Path) -> None
     text = re.sub(r"\s+", " ", sheet.extract_text())
     for row in rows:
         for form in (page, text):
-            assert row["number"] in form
-            assert row["laboratory"] in form
+            assert row["certificate"] in form
+            assert row["laboratory_name"] in form
         assert float(row["low"]) < float(row["value"]) < float(row["high"])
-    assert [row["laboratory"] for row in rows] == ["Riverside", "Hilltop"]
+    assert [row["laboratory_name"] for row in rows] == ["Riverside", "Hilltop"]
 
 
 def test_the_figure_shows_results_and_limit_to_scale(results: Path) -> None:

@@ -38,12 +38,12 @@ def test_coverage_of_a_few_laboratories_is_95_percent(bat: str, procedure: str) 
         assert row.coverage >= 25 / 30
         assert abs(row.mean_z) < 4 * 1.3 / sqrt(LABORATORIES)
         assert 0.65 < row.sd_z < 1.35 * (1.3 if procedure == "bbcor" else 1.0)
-        assert row.low < row.coverage < row.high or row.coverage == 1
+        assert row.coverage_low < row.coverage < row.coverage_high or row.coverage == 1
         assert row.coverage + row.above + row.below == pytest.approx(1)
         many = np.array([len(part) for part in np.array_split(np.arange(row.laboratories), 10)])
-        for parts in (row.by_u, row.by_dof):
-            assert many @ parts / many.sum() == pytest.approx(row.coverage)
-        assert abs(row.bias - row.expected) < 4 * row.bias_se
+        for parts in (row.coverage_by_u.values(), row.coverage_by_dof.values()):
+            assert many @ [*parts] / many.sum() == pytest.approx(row.coverage)
+        assert abs(row.bias - row.expected_bias) < 4 * row.bias_se
 
 
 def test_the_effect_of_every_term_agrees_with_its_stated_value() -> None:

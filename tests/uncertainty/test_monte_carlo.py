@@ -76,7 +76,7 @@ def test_a_certificate_by_draws_also_states_the_combined_u_of_its_lines(
     document = by_draws(monkeypatch, 1)
     lines = document.budget
     first = sqrt(sum(line.contribution**2 for line in lines))
-    wider = [dof / (dof - 2) if (dof := line.degrees_of_freedom) else 1.0 for line in lines]
+    wider = [dof / (dof - 2) if (dof := line.dof) else 1.0 for line in lines]
     drawn = sqrt(sum(w * line.contribution**2 for w, line in zip(wider, lines, strict=True)))
     assert document.metric.u == pytest.approx(drawn, rel=0.04)
     assert "√(ν/(ν − 2)) times the u of its source" in document.evaluation

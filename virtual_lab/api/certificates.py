@@ -98,10 +98,14 @@ class Certificate:
 
     @cached_property
     def shots(self) -> pd.DataFrame:
-        """One row per shot: instrument readings and reduced results."""
+        """Instrument readings and reduced results, one row per shot."""
         import pandas as pd
 
-        return pd.DataFrame(self._shot_columns)
+        from virtual_lab.certificate.tables import shot_units
+
+        table = pd.DataFrame(self._shot_columns)
+        table.attrs["units"] = shot_units(self._shot_columns)
+        return table
 
     @cached_property
     def budget(self) -> pd.DataFrame:

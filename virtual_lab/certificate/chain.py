@@ -60,7 +60,7 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
     for row in differences(there, here, CERTIFICATE):
         if elsewhere and not (row.key.startswith(RESULT) or COPIED.match(row.key)):
             continue
-        allowed = f"its records give {row.found}; for details: virtual-lab verify {folder}"
+        allowed = f"its records give {row.expected}; for details: virtual-lab verify {folder}"
         raise InputError(str(folder / CERTIFICATE), row.key, row.stated, allowed)
     return stated, certification
 

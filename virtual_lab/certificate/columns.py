@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from virtual_lab.files.column_units import unit_of
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
-from virtual_lab.records.column_units import unit_of
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.units import suffix
 
 Getter = Callable[[Certification], Any]
 
@@ -30,7 +32,7 @@ class InPrint(NamedTuple):
 
 
 class ShotColumn(NamedTuple):
-    """A column. Its name ends in its unit; ``{}`` in the name is replaced by the metric."""
+    """A column. Its name ends in its unit; ``{}`` stands for the metric with its SI unit."""
 
     name: str
     meaning: str
@@ -92,10 +94,10 @@ SHOTS = (
     _C("ball", "number of the ball", lambda c: c.readings.ball, "ball"),
     _C("ball_mass_oz", "mass of the ball", _shots("ball_mass")),
     _C(
-        "place_in",
+        "impact_position_in",
         "impact position set with the rule, from the barrel tip",
         lambda c: c.readings.place,
-        "place_in",
+        "impact_position_in",
         InPrint("Place", "in", 2),
     ),
     _C(
@@ -115,14 +117,14 @@ SHOTS = (
         "speed_mph",
         InPrint("Speed", "mph", 2, otherwise="not seen"),
     ),
-    _C("rebound_mph", "speed of the ball at the bat, after contact", _shots("rebound_speed")),
+    _C("rebound_speed_mph", "speed of the ball at the bat, after contact", _shots("rebound_speed")),
     _C(
         "speed_u_mph",
         "standard uncertainty of the speed from the scatter of the readings alone",
         _speed_u("speed_in"),
     ),
     _C(
-        "rebound_u_mph",
+        "rebound_speed_u_mph",
         "standard uncertainty of the rebound speed from the scatter of the readings alone",
         _speed_u("speed_out"),
     ),
@@ -177,13 +179,13 @@ SHOTS = (
     ),
     _C("video_speed_u_mph", "standard uncertainty of this speed", _video_u("speed_in")),
     _C(
-        "video_rebound_mph",
+        "video_rebound_speed_mph",
         "speed of the ball after contact from video",
         _video(lambda c: c.filmed.flights.speed_out),
     ),
-    _C("video_rebound_u_mph", "standard uncertainty of this speed", _video_u("speed_out")),
-    _C("video_place_in", "impact position from video", _video(lambda c: c.filmed.place)),
-    _C("video_place_u_in", "standard uncertainty of this position", _video_u("place")),
+    _C("video_rebound_speed_u_mph", "standard uncertainty of this speed", _video_u("speed_out")),
+    _C("video_impact_position_in", "impact position from video", _video(lambda c: c.filmed.place)),
+    _C("video_impact_position_u_in", "standard uncertainty of this position", _video_u("place")),
     _C(
         "video_angle_deg",
         "angle of the ball's approach from video",
@@ -191,11 +193,11 @@ SHOTS = (
     ),
     _C("video_angle_u_deg", "standard uncertainty of this angle", _video_u("angle")),
     _C(
-        "video_efficiency",
+        "video_collision_efficiency",
         "collision efficiency e_A from video",
         _video(lambda c: c.shots.rebound_efficiency),
     ),
-    _C("video_efficiency_u", "standard uncertainty of this e_A", _video_u("efficiency")),
+    _C("video_collision_efficiency_u", "standard uncertainty of this e_A", _video_u("efficiency")),
     _C(
         "collision_efficiency",
         "collision efficiency e_A from the instrument that the procedure names",
@@ -229,9 +231,9 @@ SHOTS = (
     _C("bat_performance_factor", "bat performance factor e / e0", _shots("bat_performance_factor")),
     _C(
         "metric_{}",
-        "metric of the procedure [SI]",
+        "metric of the hit [SI]",
         lambda c: c.shot_metric,
-        "metric",
+        "value",
         InPrint("", symbol="metric", otherwise="–"),
     ),
     _C("weight", "weight of the hit in the result", lambda c: c.outcome.weights),
@@ -251,4 +253,6 @@ def shot_columns(metric: str) -> dict[str, ShotColumn]:
 
     `metric` is the name of the procedure's metric, which is part of some column names.
     """
-    return {each.name.format(metric): each for each in SHOTS}
+    unit = METRICS[metric].si_unit
+    metric_name = f"{metric}_{suffix(unit)}" if unit else metric
+    return {each.name.format(metric_name): each for each in SHOTS}

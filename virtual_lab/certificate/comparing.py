@@ -29,7 +29,7 @@ class Mismatch:
     file: str = column("file", form="")
     key: str = column("key", form="")
     stated: str = column("stated", form="")
-    found: str = column("expected", form="")
+    expected: str = column("expected", form="")
     state: RowState = "altered"  # "differs" if another program, which may be right, made it
 
 
@@ -89,7 +89,7 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
         stated = read_json(path)
         layout = same_text(path)
     except InputError as fault:
-        yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
+        yield Mismatch(file=path.name, key=fault.key, stated="", expected=fault.allowed)
         return
     rows = list(differences(stated, here, path.name))
     yield from rows or compared_text(path.name, layout, text)
@@ -103,10 +103,10 @@ def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
     lines = zip_longest(stated.split("\n"), here.split("\n"))
     for number, (there, expected) in enumerate(lines, start=1):
         if there != expected:
-            stated, found = (cut_short((line or "").strip(" ")) for line in (there, expected))
-            if stated == found:  # they differ in blanks only
-                stated, found = repr(there), repr(expected)
-            yield Mismatch(file=file, key=f"line {number}", stated=stated, found=found)
+            words = [cut_short((line or "").strip(" ")) for line in (there, expected)]
+            if words[0] == words[1]:  # they differ in blanks only
+                words = [repr(there), repr(expected)]
+            yield Mismatch(file=file, key=f"line {number}", stated=words[0], expected=words[1])
             return
 
 
@@ -119,22 +119,22 @@ def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
     except InputError as fault:
-        yield Mismatch(file=path.name, key=fault.key, stated="", found=fault.allowed)
+        yield Mismatch(file=path.name, key=fault.key, stated="", expected=fault.allowed)
         return
     except csv.Error as fault:
-        yield Mismatch(file=path.name, key="CSV", stated="", found=f"cannot be read: {fault}")
+        yield Mismatch(file=path.name, key="CSV", stated="", expected=f"cannot be read: {fault}")
         return
     if [len(row) for row in stated] != [len(row) for row in found]:
         shapes = (f"{len(rows) - 2} rows of {len(rows[0])} columns" for rows in (stated, found))
         there, expected = shapes
-        yield Mismatch(file=path.name, key="", stated=there, found=expected)
+        yield Mismatch(file=path.name, key="", stated=there, expected=expected)
         return
     for number, (row, right) in enumerate(zip(stated, found, strict=True)):
         for cell, expected, name in zip(row, right, found[0], strict=False):
             if not _same_cell(cell, expected):
                 key = f"row {number - 1}, {name}" if number else "columns"
                 yield Mismatch(
-                    file=path.name, key=key, stated=cut_short(cell), found=cut_short(expected)
+                    file=path.name, key=key, stated=cut_short(cell), expected=cut_short(expected)
                 )
 
 
@@ -158,14 +158,14 @@ def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterato
                 there, here = (
                     _value(each[name]) if name in each else "" for each in (stated, expected)
                 )
-                yield Mismatch(file=file, key=inner, stated=there, found=here)
+                yield Mismatch(file=file, key=inner, stated=there, expected=here)
             else:
                 yield from differences(stated[name], expected[name], file, inner)
     elif isinstance(stated, list) and isinstance(expected, list) and len(stated) == len(expected):
         for number, (there, here) in enumerate(zip(stated, expected, strict=True)):
             yield from differences(there, here, file, f"{key}[{number}]")
     elif not _same(stated, expected):
-        yield Mismatch(file=file, key=key, stated=_value(stated), found=_value(expected))
+        yield Mismatch(file=file, key=key, stated=_value(stated), expected=_value(expected))
 
 
 def _same(stated: Any, expected: Any) -> bool:

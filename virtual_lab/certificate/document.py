@@ -27,8 +27,7 @@ from virtual_lab.records.origin import Simulated
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.uncertainty.decision import conformity
 
-SCHEMA = 5
-READABLE = range(3, SCHEMA + 1)  # schemas that `verify` reads
+SCHEMA = 6
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 SUPPLIED = "Computed by this program from records supplied by {}; not verified."
 OPTIONAL = (  # not stated where the metric is the same quantity
@@ -124,7 +123,7 @@ class MetricStated(Spec):
     """Standard uncertainty of the value, in `unit`."""
     interval_95: tuple[Real, Real] | None
     """Ends of the 95 % coverage interval, in `unit`."""
-    degrees_of_freedom: Real | None
+    dof: Real | None
     """Effective degrees of freedom of u (Welch and Satterthwaite); null: infinite."""
     u_type_a: Uncertainty | None
     """Part of u from the scatter of readings (type A), in `unit`."""
@@ -134,7 +133,7 @@ class MetricStated(Spec):
     """SI unit of value, u, interval and limit; empty: a pure number."""
     limit: Real | None
     """Largest value that passes, in `unit`; null: the procedure has no limit."""
-    place_in: Real | None
+    impact_position_in: Real | None
     """Impact position to which the value refers, from the barrel tip; null: no result."""
 
 
@@ -230,7 +229,7 @@ class SwingRow(Spec):
     """Standard uncertainty of the value."""
     interval_95: tuple[Real, Real]
     """Ends of the 95 % coverage interval."""
-    place_in: Real
+    impact_position_in: Real
     """Impact position of the largest value, from the barrel tip."""
 
 
@@ -238,7 +237,7 @@ class SwingRow(Spec):
 class PlaceRow(Spec):
     """One impact position of a scan: number of hits, mean and scatter of their metric."""
 
-    place_in: Real
+    impact_position_in: Real
     """Impact position, from the barrel tip."""
     hits: Whole
     """Number of valid hits there."""
@@ -318,13 +317,13 @@ class ShotRow(Spec):
 
     shot: Whole
     ball: Whole
-    place_in: Real
+    impact_position_in: Real
     speed_mph: Real | None
     bat_speed_mph: Real | None
     recoil_rad_per_s: Real | None
     recoil_efficiency: Real | None
     rebound_efficiency: Real | None
-    metric: Real | None
+    value: Real | None
     used: YesNo
     reason: str
 
@@ -453,9 +452,9 @@ class BudgetLine(Spec):
     """Value of the input, in SI."""
     u: Uncertainty
     """Standard uncertainty of the input, in SI."""
-    type: Literal["A", "B"]
+    evaluation: Literal["A", "B"]
     """Evaluation: A from readings, B from other information."""
-    degrees_of_freedom: Real | None
+    dof: Real | None
     """Degrees of freedom of u; null: infinite."""
     sensitivity: Real
     """Partial derivative of the metric by the input, in SI."""
@@ -685,7 +684,7 @@ def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated
     value, u, limit = metric.value, metric.u, metric.limit
     if value is None or not u or limit is None or not eligible or verdict == "INVALID":
         return None
-    dof = inf if metric.degrees_of_freedom is None else metric.degrees_of_freedom
+    dof = inf if metric.dof is None else metric.dof
     conforming = conformity(value, u, upper=limit, dof=dof)
     if verdict == "PASS":
         return RiskStated(of="false acceptance", probability=1 - conforming)
@@ -700,15 +699,26 @@ def statement_of(laboratory: str | None) -> str:
     return SIMULATED if laboratory is None else SUPPLIED.format(laboratory)
 
 
+def require_schema(parsed: Mapping[str, Any], where: str) -> None:
+    """Raise `InputError` for a certificate of another schema than `SCHEMA`.
+
+    `parsed` are its values of JSON, `where` names the file.
+    """
+    if parsed.get("schema") != SCHEMA:
+        allowed = (
+            f"allowed: {SCHEMA}, the only schema that this version reads; make the certificate "
+            "again with 'virtual-lab reduce RECORDS'"
+        )
+        raise InputError(where, "schema", parsed.get("schema"), allowed)
+
+
 def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
     """Return the document of parsed JSON.
 
     `where` names the file. Raises `InputError` for another schema, an unknown or missing key, a
     value that is not allowed, or a key that contradicts the others.
     """
-    if parsed.get("schema") != SCHEMA:
-        allowed = f"allowed: {SCHEMA}; make the certificate again with 'virtual-lab reduce RECORDS'"
-        raise InputError(where, "schema", parsed.get("schema"), allowed)
+    require_schema(parsed, where)
     document = validate(parsed, where, CertificateDocument)
     for key, value, allowed in _contradictions(document):
         raise InputError(where, key, value, allowed)
@@ -728,7 +738,7 @@ def _contradictions(document: CertificateDocument) -> Iterator[tuple[str, Any, s
     if len({each is None for each in result}) > 1:
         yield "metric", None, "needs value, u, u_type_a, u_type_b and interval_95, or null for all"
     for key, stated in (
-        ("metric.place_in", metric.place_in),
+        ("metric.impact_position_in", metric.impact_position_in),
         ("v_rel_mph", document.v_rel_mph),
         ("impact_position_in", document.impact_position_in),
     ):

@@ -65,11 +65,11 @@ def along_figure(document: CertificateDocument) -> str:
     assert along is not None
     pitch = (RIGHT - LEFT + 42) / len(along.quantities)
     panels: list[Panel] = []
+    places = [row.impact_position_in for row in document.places]
     for number, each in enumerate(along.quantities):
         symbol, unit, size = printed_size(each.name)
         means = [value / size for value in each.mean]
         bars = [(u or 0.0) / size for u in each.u]
-        places = [row.place_in for row in document.places]
         edge = 0.04 * (places[-1] - places[0])
         ends = [mean + sign * u for mean, u in zip(means, bars, strict=True) for sign in (-1, 1)]
         panel = Panel(
@@ -94,8 +94,8 @@ def along_figure(document: CertificateDocument) -> str:
     names = ", ".join(printed_size(each.name)[0] for each in along.quantities)
     description = (
         f"{names} at {len(document.places)} impact positions from "
-        f"{document.places[0].place_in:g} to {document.places[-1].place_in:g} in from the tip: "
-        "means with their standard uncertainty from the scatter, and a polynomial of degree "
+        f"{places[0]:g} to {places[-1]:g} in from the tip: means with their "
+        "standard uncertainty from the scatter, and a polynomial of degree "
         f"{along.degree} fitted to all valid hits"
     )
     return figure(panels, 150, "along", f"{names} along the barrel", description)
@@ -308,9 +308,9 @@ def encoder_figure(trace: EncoderTrace) -> str:
 def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> Panel:
     metric, unit_si = document.metric, METRICS[document.metric.name].unit_si
     scan = bool(document.places)
-    across = [row.place_in if scan else row.shot + 1.0 for row in document.shots]
-    measured = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.metric]
-    heights = [row.metric / unit_si for _, row in measured if row.metric is not None]
+    across = [row.impact_position_in if scan else row.shot + 1.0 for row in document.shots]
+    measured = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.value]
+    heights = [row.value / unit_si for _, row in measured if row.value is not None]
     interval = [bound / unit_si for bound in metric.interval_95 or ()]
     if not document.states_result and metric.limit is not None:
         heights.append(metric.limit / unit_si)
@@ -333,13 +333,13 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
         panel.band(interval[0], interval[1], "95 % interval")
         panel.level(metric.value / unit_si, "result" if scan else "mean")
     for label, rows, fill, cross in _kinds(measured, scan):
-        points = [(x, row.metric / unit_si) for x, row in rows if row.metric is not None]
+        points = [(x, row.value / unit_si) for x, row in rows if row.value is not None]
         if points:
             xs, ys = zip(*points, strict=True)
             panel.dots(xs, ys, label, fill=fill, cross=cross)
     if not scan:
         for x, row in zip(across, document.shots, strict=True):
-            if row.metric is None:
+            if row.value is None:
                 panel.note(x + 0.12, panel.y[0], " no value", anchor="start", upright=True)
     return panel
 
@@ -393,7 +393,7 @@ def _put_density(
     low, high = panel.y
     steps = (*np.linspace(low, high, 201).tolist(), *(value + u * n / 8 for n in range(-36, 37)))
     heights = sorted(each for each in steps if low <= each <= high)
-    dof, base = document.metric.degrees_of_freedom, -0.2
+    dof, base = document.metric.dof, -0.2
     across = [base + 1.2 * _density((each - value) / u, dof) for each in heights]
     panel.line(across, heights, width=0.7)
     if document.risk is None or limit is None:

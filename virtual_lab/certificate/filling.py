@@ -241,8 +241,8 @@ def budget_lines(budget: Budget) -> list[BudgetLine]:
             component=part.name,
             value=part.value,
             u=part.u,
-            type="A" if part.evaluation == "A" else "B",
-            degrees_of_freedom=_finite_or_none(part.dof),
+            evaluation="A" if part.evaluation == "A" else "B",
+            dof=_finite_or_none(part.dof),
             sensitivity=part.sensitivity,
             contribution=part.contribution,
             share_percent=100 * part.contribution**2 / variance if variance else 0.0,
@@ -258,12 +258,12 @@ def _metric(certification: Certification) -> MetricStated:
         value=metric.value if metric else None,
         u=metric.u if metric else None,
         interval_95=metric.interval_95 if metric else None,
-        degrees_of_freedom=_finite_or_none(metric.dof) if metric else None,
+        dof=_finite_or_none(metric.dof) if metric else None,
         u_type_a=metric.u_type_a if metric else None,
         u_type_b=metric.u_type_b if metric else None,
         unit=METRICS[procedure.metric].si_unit,
         limit=procedure.metric_limit,
-        place_in=float(certification.outcome.place[0] / INCH) if metric else None,
+        impact_position_in=float(certification.outcome.place[0] / INCH) if metric else None,
     )
 
 
@@ -288,7 +288,7 @@ def _places(certification: Certification) -> list[PlaceRow]:
         hits = certification.shot_metric[valid & (place == at)]
         rows.append(
             PlaceRow(
-                place_in=float(at / INCH),
+                impact_position_in=float(at / INCH),
                 hits=int(hits.size),
                 mean=float(hits.mean()),
                 s=float(hits.std(ddof=1)) if hits.size > 1 else None,
@@ -500,7 +500,7 @@ def _swing(result: SwingResult) -> SwingRow:
         value=result.budget.value,
         u=result.budget.u,
         interval_95=result.budget.interval_95,
-        place_in=result.place / INCH,
+        impact_position_in=result.place / INCH,
     )
 
 

@@ -264,7 +264,7 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
                 "value": _number(row.value / unit_si, places),
                 "u": digits(row.u / unit_si),
                 "interval": f"{low} to {high}",
-                "place": f"{row.place_in:.2f}",
+                "place": f"{row.impact_position_in:.2f}",
             }
         )
     return rows
@@ -333,7 +333,7 @@ def _format_result(metric: MetricStated, unit_si: float) -> dict[str, object]:
     if len(numbers) < len(values) or metric.interval_95 is None:
         return {}
     value, u, u_type_a, u_type_b, low, high = numbers
-    expanded, dof = high - value, metric.degrees_of_freedom
+    expanded, dof = high - value, metric.dof
     places, certain = decimals(expanded), digits(u) == "0"
     return {
         "uncertain": not certain,
@@ -435,7 +435,7 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
     for name, column in ((each.row, each.printed) for each in SHOTS if each.printed):
         values = [getattr(row, name) for row in document.shots]
         blank = column.otherwise is None and all(value is None for value in values)
-        if blank or (name == "place_in" and not document.places):
+        if blank or (name == "impact_position_in" and not document.places):
             continue
         of_metric = column.symbol == "metric"
         size = metric.unit_si if of_metric else 1.0
@@ -473,7 +473,7 @@ def _along(document: CertificateDocument) -> dict[str, object] | None:
         for each, (_, _, size) in zip(document.along.quantities, sizes, strict=True)
     ]
     for number, place in enumerate(document.places):
-        row = [_number(place.place_in, 2), str(place.hits)]
+        row = [_number(place.impact_position_in, 2), str(place.hits)]
         for each, (_, _, size), few in zip(document.along.quantities, sizes, fewest, strict=True):
             mean, u = each.mean[number] / size, each.u[number]
             if u is None:
@@ -540,7 +540,7 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     lines = [
         {
             **_input(row.component, row.u),
-            "type": row.type,
+            "type": row.evaluation,
             "contribution": f"{row.contribution / unit_si:.{places}f}",
             "share": f"{row.share_percent:.1f}",
         }
@@ -552,7 +552,7 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
             {
                 "words": f"All others ({len(small)}), each below 1 %",
                 "u": "",
-                "type": ", ".join(sorted({row.type for row in small})),
+                "type": ", ".join(sorted({row.evaluation for row in small})),
                 "contribution": f"{contribution:.{places}f}",
                 "share": f"{sum(row.share_percent for row in small):.1f}",
             }

@@ -13,7 +13,7 @@ from typing import Any, get_args, get_type_hints
 from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.document import SCHEMA, CertificateDocument, ShotRow
 from virtual_lab.errors import DISTRIBUTION
-from virtual_lab.records.column_units import PURE, unit_of
+from virtual_lab.files.column_units import PURE, unit_of
 
 
 def json_schema() -> dict[str, Any]:

@@ -67,7 +67,7 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")
     except InputError as fault:
-        yield Mismatch(file=SUMS, key="", stated="", found=fault.allowed)
+        yield Mismatch(file=SUMS, key="", stated="", expected=fault.allowed)
         return
     here = {*_list_files(folder)}
     stated = [(name, digest) for digest, _, name in (line.partition("  ") for line in lines[:-1])]
@@ -77,9 +77,9 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
             continue
         actual = _digest(folder / name) if name in here else "the file is missing"
         if actual != digest and not _same_lines(folder / name, digest, name in here):
-            yield Mismatch(file=name, key="sha256", stated=digest, found=actual)
+            yield Mismatch(file=name, key="sha256", stated=digest, expected=actual)
     for name in sorted(here - {name for name, _ in stated}):
-        yield Mismatch(file=name, key="sha256", stated="", found=f"is not listed in {SUMS}")
+        yield Mismatch(file=name, key="sha256", stated="", expected=f"is not listed in {SUMS}")
     for top in sorted(absent & {name.split("/")[0] for name, _ in stated}):
         yield Unchecked(f"{top}: the folder is missing")
 
@@ -96,10 +96,10 @@ def signature_fault(folder: Path, key: Path) -> Mismatch | None:
     try:
         public.verify(b64decode(read_text(folder / SIGNATURE)), _text_of_sums(folder))
     except InputError as fault:
-        return Mismatch(file=SIGNATURE, key="signature", stated="", found=fault.allowed)
+        return Mismatch(file=SIGNATURE, key="signature", stated="", expected=fault.allowed)
     except (InvalidSignature, ValueError):
         wrong = "was made with another key, or for another list"
-        return Mismatch(file=SIGNATURE, key="signature", stated="", found=wrong)
+        return Mismatch(file=SIGNATURE, key="signature", stated="", expected=wrong)
     return None
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.filling import budget_lines
+from virtual_lab.files.column_units import unit_of
 from virtual_lab.measurement.certification import Certification
+from virtual_lab.output.dictionary import with_units
 from virtual_lab.uncertainty.budget import Budget
 
 if TYPE_CHECKING:
@@ -28,6 +32,15 @@ def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
     return {name: values for name, values in columns.items() if values is not None}
 
 
+def shot_units(columns: Mapping[str, ArrayLike]) -> dict[str, str]:
+    """Return the units of the columns of `shots_as_columns`, by name.
+
+    The unit is "1" for pure numbers, and empty for texts, truth values and whole numbers.
+    """
+    kinds = {name: np.asarray(values).dtype.kind for name, values in columns.items()}
+    return {name: unit_of(name).text if kind == "f" else "" for name, kind in kinds.items()}
+
+
 def budget_table(budget: Budget) -> pd.DataFrame:
     """Return the uncertainty budget as a table with values in SI units.
 
@@ -35,4 +48,4 @@ def budget_table(budget: Budget) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame([asdict(line) for line in budget_lines(budget)])
+    return with_units(pd.DataFrame([asdict(line) for line in budget_lines(budget)]))

@@ -1,7 +1,7 @@
 """Verification of a result folder: its consistency, and its agreement with this program.
 
 A folder is *altered* if it contradicts itself: by a digest, by a value copied from the records, or
-by a page or PDF with other content. It *differs* if another version, commit or schema made it and
+by a page or PDF with other content. It *differs* if another version or commit made it and
 this program computes other results from the same records. Anybody with the program can make a
 consistent folder from invented records, so only a signature shows who made it.
 """
@@ -32,12 +32,11 @@ from virtual_lab.certificate.comparing import (
     within,
 )
 from virtual_lab.certificate.document import (
-    READABLE,
-    SCHEMA,
     CertificateDocument,
     CommitStated,
     document_of,
     number_of,
+    require_schema,
     text_of,
 )
 from virtual_lab.certificate.filling import certificate
@@ -180,7 +179,7 @@ def reduced_document(
     """Return the certificate of a certification as this program writes it, for a comparison.
 
     `stated` are the JSON values of the certificate to compare with. Its versions, commit and digest
-    of the truth are adopted if they have the form of this schema.
+    of the truth are adopted if they have the form of this program.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
@@ -195,13 +194,9 @@ def reduced_document(
 def _findings(folder: Path) -> Iterator[FolderFinding]:
     """Yield the findings about a folder, except for its signature."""
     stated = read_json(folder / CERTIFICATE)
-    if stated.get("schema") not in READABLE:
-        allowed = f"allowed: {', '.join(map(str, READABLE))}; make the certificate again with "
-        allowed += "'virtual-lab reduce RECORDS'"
-        raise InputError(str(folder / CERTIFICATE), "schema", stated.get("schema"), allowed)
+    require_schema(stated, str(folder / CERTIFICATE))
     yield from _strays(folder)
-    if stated["schema"] == SCHEMA or (folder / SUMS).exists():
-        yield from compared_sums(folder, OPTIONAL)
+    yield from compared_sums(folder, OPTIONAL)
     yield from _truth(folder, stated)
     elsewhere = made_elsewhere(stated)
     document, certification = None, (yield from _certify_records(folder, bool(elsewhere)))
@@ -223,17 +218,17 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
     """Return a sentence that names the program that made a certificate; "" if it was this program.
 
-    A program is another one if its version, schema or commit differs. `stated` are the JSON values
+    A program is another one if its version or commit differs. `stated` are the JSON values
     of the certificate.
     """
     here = program.commit()
-    of_here = (SCHEMA, program.versions()["virtual-lab"], here and asdict(here))
-    of_there = (stated["schema"], at(stated, "versions", "virtual-lab"), stated.get("commit"))
+    of_here = (program.versions()["virtual-lab"], here and asdict(here))
+    of_there = (at(stated, "versions", "virtual-lab"), stated.get("commit"))
     there, ours = (
-        f"version {version}, schema {schema}, "
+        f"version {version}, "
         + (f"commit {str(at(commit, 'id'))[:12]}" if commit else "no commit stated")
         + (" with changes" if at(commit, "changes") else "")
-        for schema, version, commit in (of_there, of_here)
+        for version, commit in (of_there, of_here)
     )
     return "" if of_there == of_here else f"made by {there}; this is {ours}"
 
@@ -259,7 +254,7 @@ def _certify_records(
 def _report_fault(file: str, fault: InputError) -> Mismatch:
     """Return the finding for a file that cannot be read or contradicts itself."""
     value = "" if fault.value is None else str(fault.value)
-    return Mismatch(file=file, key=fault.key, stated=value, found=fault.allowed)
+    return Mismatch(file=file, key=fault.key, stated=value, expected=fault.allowed)
 
 
 def _document(
@@ -309,7 +304,7 @@ def _differing(rows: Iterable[Mismatch]) -> Iterator[Mismatch]:
         else:
             keys = cut_short(", ".join(row.key for row in others))
             yield Mismatch(
-                file=file, key=keys, stated=f"{len(others)} others", found="", state="differs"
+                file=file, key=keys, stated=f"{len(others)} others", expected="", state="differs"
             )
 
 
@@ -336,10 +331,10 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
         digest = digest_of_text(read_bytes(path))
         if digest != stated_digest:
             yield Mismatch(
-                file=TRUTH_FILE, key="sha256", stated=str(stated_digest or ""), found=digest
+                file=TRUTH_FILE, key="sha256", stated=str(stated_digest or ""), expected=digest
             )
     elif (folder / TRUTH).exists():
-        yield Mismatch(file=TRUTH_FILE, key="", stated="", found=MISSING)
+        yield Mismatch(file=TRUTH_FILE, key="", stated="", expected=MISSING)
     elif stated_digest:
         yield Unchecked(f"{TRUTH}: {NO_FOLDER}")
 
@@ -355,13 +350,13 @@ def _control(
             yield Unchecked(f"{CONTROL}: {NO_FOLDER}")
         return
     if not (stated_digest or (elsewhere and ratio)):
-        yield Mismatch(file=CONTROL, key="", stated="a folder", found="no such folder")
+        yield Mismatch(file=CONTROL, key="", stated="a folder", expected="no such folder")
         return
     try:
         digest = digest_of_text(read_bytes(there / RECORDS / SESSION))
         if stated_digest and digest != stated_digest:
             file = f"{CONTROL}/{RECORDS}/{SESSION}"
-            yield Mismatch(file=file, key="sha256", stated=stated_digest, found=digest)
+            yield Mismatch(file=file, key="sha256", stated=stated_digest, expected=digest)
         yield from within(CONTROL, _findings(there))
         e = at(read_json(there / CERTIFICATE), "restitution")
     except InputError as fault:
@@ -379,7 +374,7 @@ def _forms(
     """Yield differences of page and PDF from the document, and parts that cannot be compared."""
     pdfs = sorted(path.name for path in folder.glob("*.pdf"))
     if not (folder / PAGE).is_file():
-        yield Mismatch(file=PAGE, key="", stated="", found=MISSING)
+        yield Mismatch(file=PAGE, key="", stated="", expected=MISSING)
     if document is None:
         why = "another version made it; only number and result were compared"
         for name in (PAGE, *pdfs):
@@ -390,7 +385,7 @@ def _forms(
         yield from (replace(row, state=state) for row in _page(folder / PAGE, document))
     for name in pdfs:
         if not elsewhere and name != pdf_name(document):
-            yield Mismatch(file=name, key="name", stated=name, found=pdf_name(document))
+            yield Mismatch(file=name, key="name", stated=name, expected=pdf_name(document))
         try:
             yield from (replace(row, state=state) for row in _pdf(folder / name, document))
         except InputError as fault:  # no extra ``pdf``, or another version of Typst made it
@@ -423,7 +418,7 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     if theirs and theirs != ours:
         raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
     yield Mismatch(
-        file=path.name, key="", stated="", found="differs from the file made from the records"
+        file=path.name, key="", stated="", expected="differs from the file made from the records"
     )
 
 
@@ -432,17 +427,14 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     number = number_of(stated)
     for path in sorted(folder.glob("*.pdf")):
         if number not in path.name:
-            yield Mismatch(file=path.name, key="name", stated=path.name, found=number)
+            yield Mismatch(file=path.name, key="name", stated=path.name, expected=number)
     expected = {"number": number, "verdict": str(stated.get("verdict"))}
     if stated.get("origin") == "simulated":
         expected["statement"] = "SIMULATED"
     try:
-        result = printed_result(document_of({**stated, "schema": SCHEMA}, CERTIFICATE))
+        result = printed_result(document_of(dict(stated), CERTIFICATE))
     except InputError as fault:
-        if stated["schema"] == SCHEMA:
-            yield _report_fault(CERTIFICATE, fault)
-        else:
-            yield Unchecked(f"{CERTIFICATE}: {fault}")
+        yield _report_fault(CERTIFICATE, fault)
     else:
         if result["stated"]:
             expected["metric"] = f"{result['value']} ± {result['expanded']}"
@@ -450,7 +442,7 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
         words = unescape(re.sub("<[^>]*>", " ", same_text(folder / PAGE)))
         for key, word in expected.items():
             if word not in words:
-                yield Mismatch(file=PAGE, key=key, stated="", found=word)
+                yield Mismatch(file=PAGE, key=key, stated="", expected=word)
 
 
 def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
@@ -474,7 +466,7 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
     )
     if digest != stated_digest:  # the chain ends here: a forged one may be circular
         file = f"../{name}/{CERTIFICATE}"
-        yield Mismatch(file=file, key="sha256", stated=stated_digest, found=digest)
+        yield Mismatch(file=file, key="sha256", stated=stated_digest, expected=digest)
         return
     yield Remark(f"it replaces {number} in {name}")
     try:
@@ -492,10 +484,10 @@ def _strays(folder: Path) -> Iterator[Mismatch]:
             continue
         if kind != "file":
             stated = f"a {kind}" if kind != "folder" else "an empty folder"
-            yield Mismatch(file=name, key="", stated=stated, found="no such entry")
+            yield Mismatch(file=name, key="", stated=stated, expected="no such entry")
         elif not (
             name in of_result
             or re.fullmatch(r"[^/]+\.pdf", name)
             or (top in (TRUTH, FILM) and "/" in name)
         ):
-            yield Mismatch(file=name, key="", stated="a file", found="no such file")
+            yield Mismatch(file=name, key="", stated="a file", expected="no such file")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.files.tables import write_csv
+from virtual_lab.output.dictionary import with_units
 from virtual_lab.output.tables import Column, record, table_text
 
 if TYPE_CHECKING:
@@ -24,10 +25,13 @@ Json = dict[str, Any]  # JSON document
 
 
 def frame(rows: Sequence[Any]) -> pd.DataFrame:
-    """Return rows, dataclasses or mappings, as a table with one column per key of `record`."""
+    """Return rows, dataclasses or mappings, as a table with one column per key of `record`.
+
+    ``attrs["units"]`` has the units of the columns.
+    """
     import pandas as pd
 
-    return pd.DataFrame([record(row) for row in rows])
+    return with_units(pd.DataFrame([record(row) for row in rows]))
 
 
 def preformatted(text: str) -> str:

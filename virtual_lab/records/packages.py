@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from virtual_lab.errors import DISTRIBUTION
-from virtual_lab.records.column_units import unit_of
+from virtual_lab.files.column_units import unit_of
 from virtual_lab.records.record import AXES, Record
 from virtual_lab.records.session import Session
 

@@ -23,6 +23,7 @@ from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
 from virtual_lab.lab.measurand import true_curve
 from virtual_lab.measurement.procedure import variances_within
 from virtual_lab.measurement.procedure.model import QUANTITIES
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
@@ -51,32 +52,40 @@ TENTH_DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (1, 1)))  # line styles o
 
 
 def _tenth_texts(key: str) -> Callable[[Coverage], str]:
-    return lambda row: ", ".join("" if p is None else f"{p:.0%}" for p in getattr(row, key))
+    return lambda row: ", ".join(
+        "" if p is None else f"{p:.0%}" for p in getattr(row, key).values()
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
     """Coverage, errors and bias of one quantity over many laboratories.
 
-    `low` and `high` are the limits of the coverage (95 %, Clopper-Pearson). The ratio of
-    `rms_error` to `rms_u` is 1 for a realistic uncertainty, and larger if the stated uncertainty is
-    too small. `expected_se` is above 0 if the expected bias was computed by simulation.
+    `coverage_low` and `coverage_high` are the limits of the coverage (95 %, Clopper-Pearson). The
+    ratio of `rms_error` to `rms_u` is 1 for a realistic uncertainty, and larger if the stated
+    uncertainty is too small. Errors, u and bias are in `unit`, the SI unit of the quantity.
+    `coverage_by_u` and `coverage_by_dof` are the coverage of each tenth of the laboratories, None
+    for a tenth without laboratories; they are ten columns each, from ``coverage_by_u_1`` on.
+    `expected_bias_se` is above 0 if the expected bias was computed by simulation.
     """
 
     bat: str
     procedure: str
     quantity: str
+    unit: str
     laboratories: int = column("laboratories with a result")
     invalid: int = column("laboratories with an INVALID test")
     rejected: float = column("hits rejected by the procedure", form=".1%")
     coverage: float = column("intervals with the true value", form=".1%")
-    low: float = column("  at least", form=".1%")
-    high: float = column("  at most", form=".1%")
+    coverage_low: float = column("  at least", form=".1%")
+    coverage_high: float = column("  at most", form=".1%")
     above: float = column("true value above the interval", form=".1%")
     below: float = column("true value below the interval", form=".1%")
-    by_u: tuple[float | None, ...] = column("coverage by tenths of u", form=_tenth_texts("by_u"))
-    by_dof: tuple[float | None, ...] = column(
-        "coverage by tenths of degrees of freedom", form=_tenth_texts("by_dof")
+    coverage_by_u: Mapping[int, float | None] = column(
+        "coverage by tenths of u", form=_tenth_texts("coverage_by_u")
+    )
+    coverage_by_dof: Mapping[int, float | None] = column(
+        "coverage by tenths of degrees of freedom", form=_tenth_texts("coverage_by_dof")
     )
     mean_z: float = column("mean error", "u", "+.3f")
     mean_z_se: float = column("  its standard error", "u", ".3f")
@@ -85,8 +94,8 @@ class Coverage:
     rms_u: float = column("rms of the stated u", "SI", ".4g")
     bias: float = column("bias (mean error)", "SI", "+.2e")
     bias_se: float = column("  its standard error", "SI", ".1e")
-    expected: float = column("expected bias", "SI", "+.2e")
-    expected_se: float = column("  its standard error", "SI", ".1e")
+    expected_bias: float = column("expected bias", "SI", "+.2e")
+    expected_bias_se: float = column("  its standard error", "SI", ".1e")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -95,7 +104,9 @@ class CoverageTable(Rows[Coverage]):
 
     def draw(self) -> PageFigure:
         """Draw the coverage of each quantity, and of the metric by tenths of the laboratories."""
-        shares = np.array([(row.coverage, row.low, row.high) for row in self.rows])
+        shares = np.array(
+            [(row.coverage, row.coverage_low, row.coverage_high) for row in self.rows]
+        )
         share, low, high = 100 * shares.T
         names = [row.quantity.replace("_", " ") for row in self.rows]
         with page_figure(2.9) as figure:
@@ -108,8 +119,8 @@ class CoverageTable(Rows[Coverage]):
             quantities.invert_yaxis()
             metric = self.rows[0]
             labels = {
-                "by $u$, smallest first": metric.by_u,
-                "by degrees of freedom, fewest first": metric.by_dof,
+                "by $u$, smallest first": list(metric.coverage_by_u.values()),
+                "by degrees of freedom, fewest first": list(metric.coverage_by_dof.values()),
             }
             size = max(metric.laboratories // TENTHS, 1)
             least, most = (100 * binom.ppf(p, size, 0.95) / size for p in (0.025, 0.975))
@@ -261,13 +272,22 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
             )
     rejected = 1 - valid / fired
     about = {"bat": bat, "procedure": procedure, "invalid": invalid, "rejected": rejected}
+    units = {"metric": METRICS[nominal.setup.rules.spec.metric].si_unit}
     metric, *rows = (
-        _row(np.concatenate(rows_of_quantity[name]), quantity=name, **about) for name in names
+        _row(
+            np.concatenate(rows_of_quantity[name]),
+            quantity=name,
+            unit=units.get(name, ""),
+            **about,
+        )
+        for name in names
     )
     if rehearsal:
         straying = rehearsal.straying(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
         bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
-        metric = replace(metric, expected=metric.expected + bias, expected_se=bias_se)
+        metric = replace(
+            metric, expected_bias=metric.expected_bias + bias, expected_bias_se=bias_se
+        )
     return CoverageTable(
         name="coverage",
         title=f"{bat} by {procedure}: coverage of the 95 % intervals",
@@ -372,12 +392,12 @@ def _row(results: Array, **about: Any) -> Coverage:
         **about,
         laboratories=int(covered.size),
         coverage=float(covered.mean()),
-        low=float(count.low),
-        high=float(count.high),
+        coverage_low=float(count.low),
+        coverage_high=float(count.high),
         above=float((missed > 0).mean()),
         below=float((missed < 0).mean()),
-        by_u=_tenths(covered, u),
-        by_dof=_tenths(covered, dof),
+        coverage_by_u=_tenths(covered, u),
+        coverage_by_dof=_tenths(covered, dof),
         mean_z=float(z.mean()),
         mean_z_se=float(z.std(ddof=1)) / sqrt(z.size),
         sd_z=float(z.std(ddof=1)),
@@ -385,11 +405,12 @@ def _row(results: Array, **about: Any) -> Coverage:
         rms_u=sqrt(float((u**2).mean())),
         bias=float(error.mean()),
         bias_se=float(error.std(ddof=1)) / sqrt(error.size),
-        expected=float(expected.mean()),
-        expected_se=0.0,
+        expected_bias=float(expected.mean()),
+        expected_bias_se=0.0,
     )
 
 
-def _tenths(covered: Mask, by: Array) -> tuple[float | None, ...]:
+def _tenths(covered: Mask, by: Array) -> dict[int, float | None]:
+    """Return the coverage of each tenth of the laboratories by its number, sorted by `by`."""
     parts = np.array_split(covered[np.argsort(by, kind="stable")], TENTHS)
-    return tuple(float(part.mean()) if part.size else None for part in parts)
+    return {n: float(part.mean()) if part.size else None for n, part in enumerate(parts, 1)}

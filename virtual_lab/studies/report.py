@@ -48,12 +48,13 @@ KINDS: dict[str, tuple[str, Callable[[CertificateDocument], str]]] = {
 class ComparedCertificate:
     """One certificate of a report; numbers are in the unit of its metric."""
 
-    number: str = column("number", form="")
+    certificate: str = column("number", form="")
     folder: str = column("folder", form="")
     bat: str = column("bat", form="")
     procedure: str = column("procedure", form="")
-    laboratory: str = column("laboratory", form="")
-    verdict: str = column("verdict", form="")
+    laboratory_name: str = column("laboratory", form="")
+    verdict: str = column("verdict", form=lambda row: row.decision)
+    marginal: bool
     metric: str = column("metric", form="")
     unit: str = column("unit", form="")
     value: float | None = column("value", form=".4f")
@@ -63,7 +64,7 @@ class ComparedCertificate:
     limit: float | None = column("limit", form="g")
     risk: float | None = column("risk", form=".2g")
     valid_hits: int = column("hits", form="")
-    flags: str = column("flags", form="")
+    flag_names: str = column("flags", form="")
 
     @classmethod
     def of(cls, document: CertificateDocument, folder: str) -> ComparedCertificate:
@@ -75,12 +76,13 @@ class ComparedCertificate:
             return None if value is None else value / size
 
         return cls(
-            number=document.number,
+            certificate=document.number,
             folder=folder,
             bat=_bat(document),
             procedure=document.procedure.name,
-            laboratory=_laboratory(document),
-            verdict=document.verdict + (", marginal" if document.marginal else ""),
+            laboratory_name=_laboratory(document),
+            verdict=document.verdict,
+            marginal=document.marginal,
             metric=METRICS[metric.name].symbol,
             unit=METRICS[metric.name].unit,
             value=in_unit(metric.value if interval else None),
@@ -90,8 +92,13 @@ class ComparedCertificate:
             limit=in_unit(metric.limit),
             risk=document.risk.probability if document.risk else None,
             valid_hits=document.valid_hits,
-            flags=", ".join(flag.name for flag in document.flags),
+            flag_names=" ".join(flag.name for flag in document.flags),
         )
+
+    @property
+    def decision(self) -> str:
+        """The verdict in print, with ``marginal`` if it is."""
+        return f"{self.verdict}, marginal" if self.marginal else self.verdict
 
     @property
     def result(self) -> str:
@@ -139,14 +146,14 @@ class CertificateReport(StudyResult):
     def words(self) -> list[str]:
         """Sentences: numbers of verdicts, flags, scatter of the results, and a disclaimer."""
         counts = {
-            verdict: sum(row.verdict.startswith(verdict) for row in self.rows)
+            verdict: sum(row.verdict == verdict for row in self.rows)
             for verdict in ("PASS", "FAIL", "MEASURED", "INVALID")
         }
         sentences = [", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)]
-        flagged = [row for row in self.rows if row.flags]
+        flagged = [row for row in self.rows if row.flag_names]
         if flagged:
             sentences.append(
-                f"{len(flagged)} with flags: {', '.join(row.number for row in flagged)}"
+                f"{len(flagged)} with flags: {', '.join(row.certificate for row in flagged)}"
             )
         results = [(row.value, row.u) for row in self.rows if row.value is not None and row.u]
         if self.kind in (KINDS["laboratories"][0], REPEATS) and len(results) > 1:
@@ -202,9 +209,9 @@ class CertificateReport(StudyResult):
         return figure([panel], height, "report", self.title, caption)
 
     def _row_name(self, row: ComparedCertificate) -> str:
-        names = {"bats": row.bat, "procedures": row.procedure, "laboratories": row.laboratory}
+        names = {"bats": row.bat, "procedures": row.procedure, "laboratories": row.laboratory_name}
         name = next((names[key] for key, (kind, _) in KINDS.items() if kind == self.kind), "")
-        return f"{name or row.folder}, {row.verdict}"[:44]
+        return f"{name or row.folder}, {row.decision}"[:44]
 
     def fill(self, folder: Path) -> None:
         """Write table, figure, page and, if requested, PDF into an existing folder."""
@@ -229,14 +236,14 @@ class CertificateReport(StudyResult):
         heads = ["Number", "Bat", "Procedure", "Laboratory", "Verdict", "Result", "Limit", "Flags"]
         cells = [
             [
-                row.number,
+                row.certificate,
                 row.bat,
                 row.procedure,
-                row.laboratory or "–",
-                row.verdict,
+                row.laboratory_name or "–",
+                row.decision,
                 row.result,
                 "–" if row.limit is None else f"{row.limit:g}",
-                row.flags.replace("-", " ") or "–",
+                row.flag_names.replace(" ", ", ").replace("-", " ") or "–",
             ]
             for row in self.rows
         ]

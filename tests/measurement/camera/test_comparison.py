@@ -208,14 +208,14 @@ def test_the_certificate_states_both_results(certifications: list[Certification]
     for column, values in {
         "video_speed_mph": flown.flights.speed_in / 0.44704,
         "video_speed_u_mph": u["speed_in"] / 0.44704,
-        "video_rebound_mph": flown.flights.speed_out / 0.44704,
-        "video_rebound_u_mph": u["speed_out"] / 0.44704,
-        "video_place_in": flown.place / 0.0254,
-        "video_place_u_in": u["place"] / 0.0254,
+        "video_rebound_speed_mph": flown.flights.speed_out / 0.44704,
+        "video_rebound_speed_u_mph": u["speed_out"] / 0.44704,
+        "video_impact_position_in": flown.place / 0.0254,
+        "video_impact_position_u_in": u["place"] / 0.0254,
         "video_angle_deg": np.degrees(flown.angle_in),
         "video_angle_u_deg": np.degrees(u["angle"]),
-        "video_efficiency": certification.camera.shots.rebound_efficiency,
-        "video_efficiency_u": u["efficiency"],
+        "video_collision_efficiency": certification.camera.shots.rebound_efficiency,
+        "video_collision_efficiency_u": u["efficiency"],
     }.items():
         assert table[column] == pytest.approx(values, rel=1e-12, nan_ok=True), column
     plain = certify("r161", procedure="bbcor", seed=3, detail=RecordDetail.SUMMED).certification

@@ -21,8 +21,9 @@ from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.schema import json_schema
 from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand, in_help
+from virtual_lab.files.column_units import PURE, unit_of
+from virtual_lab.output.dictionary import COLUMNS, ENDINGS, PATTERNS, column_meaning
 from virtual_lab.records import record_types
-from virtual_lab.records.column_units import PURE, unit_of
 from virtual_lab.records.record import AXES
 
 DOCS = Path(__file__).parents[1]
@@ -195,12 +196,22 @@ def dictionary() -> Iterator[tuple[str, str]]:
         for name, kind in record_types().items()
         for each in kind.columns.values()
     ]
+    known = [(name, column_meaning(name)) for name in COLUMNS]
+    tables = [(f"`{name}`", each.unit, each.meaning) for name, each in known if each]
+    made = [(f"`{name}`", each.unit, each.meaning) for name, each in PATTERNS.items()]
+    endings = [(f"`X_{name}`", words.format("X")) for name, words in ENDINGS.items()]
     shots = [(f"`{each.name.replace('{}', '…')}`", unit(each.name), each.meaning) for each in SHOTS]
     parts = [
         "# Dictionary of columns\n",
         "`datapackage.json` in every result folder gives the same for the tables it holds, with "
         "their types. Units are UCUM codes; a column without one is a number, a word or a yes. "
         "Numbers of shots, balls and so on count from 0.\n",
+        "## Columns of the tables of functions and commands\n",
+        'Units are as printed, in memory in `table.attrs["units"]`. *Of the row*: the unit in the '
+        "column `unit`, or without this column that of the row's quantity.\n",
+        table(("column", "unit", "meaning"), tables + made),
+        "An ending adds to the meaning of the name before it:\n",
+        table(("column", "meaning"), endings),
         "## Index columns of the records\n",
         table(("column", "meaning"), [(f"`{name}`", words) for name, words in AXES.items()]),
         "## Value columns of the records\n",

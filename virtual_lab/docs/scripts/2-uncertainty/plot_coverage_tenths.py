@@ -6,7 +6,6 @@ Simulated laboratories, sorted by their stated u into ten groups. Six hits that 
 state too small a u; with ten earlier tests of the laboratory no group is far from 95 %.
 """
 
-from ast import literal_eval
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -20,6 +19,7 @@ figure, axes = plt.subplots()
 for kind, label, marker in kinds:
     rows = pd.read_csv(next(tables.glob(f"{kind}-*.csv")))
     row = rows.query("procedure == 'astm-f1881' and quantity == 'metric'").iloc[0]
-    axes.plot(range(1, 11), literal_eval(row.by_u), marker=marker, label=label)
+    shares = [row[f"coverage_by_u_{tenth}"] for tenth in range(1, 11)]
+    axes.plot(range(1, 11), shares, marker=marker, label=label)
 axes.set(xlabel="tenth of the laboratories, from small to large u", ylabel="share with the truth")
 axes.legend()
