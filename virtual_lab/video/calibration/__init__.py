@@ -1,1 +1,1 @@
-"""A camera's lens, pose and scale from pictures of a board; from pixels to metres."""
+"""Lens, pose and scale of a camera from pictures of a board, and conversion of pixels to metres."""

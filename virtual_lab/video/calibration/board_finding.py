@@ -1,4 +1,4 @@
-"""A calibration board in a picture, its corners found and placed by OpenCV."""
+"""Detection of a calibration board in a picture, and location of its corners, by OpenCV."""
 
 from __future__ import annotations
 
@@ -24,9 +24,8 @@ class BoardView:
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     """Return the corners of a board in a grey picture, None if fewer than eight are found.
 
-    A chessboard must be visible as a whole; a board with markers may be visible in part. Boards
-    whose first square is white are found, too: OpenCV before 4.6 printed them so if the number of
-    rows was even.
+    A chessboard must be completely visible; a board with markers may be visible in part. The first
+    square may also be white, as OpenCV before 4.6 printed it if the number of rows was even.
     """
     grey = picture.astype(np.float32)
     # grey levels above the 99.9th percentile are glints
@@ -39,9 +38,9 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
         return None
     side = float(np.median(np.hypot(*(places[1:] - places[:-1])[np.diff(ids) == 1].T)))
     clear = (1 - board.marker / board.square) / 2 if board.marker else 0.5
-    # half width of the window in which a corner is refined [pixels]. It ends one pixel short of the
-    # markers. Beyond five pixels the errors of 0.024 pixels get no smaller, and markers and
-    # neighbouring corners enter the window.
+    # half width of the window in which a corner is refined [pixels]. The window ends one pixel
+    # before the markers. With more than five pixels the errors of 0.024 pixels do not become
+    # smaller, and the window contains markers and neighbouring corners.
     reach = int(np.clip(clear * side - 1.0, 2, 5))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     start = places.astype(np.float32)
@@ -50,15 +49,15 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
 
 
 def _chessboard(plain: NDArray[np.uint8], board: Board) -> tuple[NDArray[np.intp], Array]:
-    # the picture itself is tried first: in even light OpenCV finds a board in it more often than in
-    # a normalized picture
+    # The unchanged picture is tried first, because in even light OpenCV finds a board in it more
+    # often than in a normalized picture.
     for flags in (0, cv2.CALIB_CB_NORMALIZE_IMAGE):
         success, corners = cv2.findChessboardCornersSB(plain, board.shape, flags=flags)
         if success:
             lines = np.asarray(corners, np.float64).reshape(*board.shape[::-1], 2)
             bend = max(np.abs(np.diff(lines, 2, axis=axis)).max() for axis in (0, 1))
-            # if the board has one column less, OpenCV adds a column beside it, a quarter of a
-            # square off. The spacing of true corners changes less along a line.
+            # If the board has one column less than assumed, OpenCV adds a false column beside it, a
+            # quarter of a square off. The spacing of true corners changes less along a line.
             if bend < 0.15 * np.hypot(*np.diff(lines, axis=1).reshape(-1, 2).T).mean():
                 return np.arange(lines.size // 2), lines.reshape(-1, 2)
     return np.empty(0, np.intp), np.empty((0, 2))

@@ -1,10 +1,10 @@
-"""A camera calibrated with pictures of a board: lens, pose, the scale in a plane, each with its u.
+"""Calibration of a camera with pictures of a board: lens, pose and scale in a plane, with u.
 
 In one of the pictures, the plane view, the board is in the plane in which lengths are measured, or
-parallel to it. The axes are those of the board in that view: the origin is the board's middle, X
-runs along the line of the board nearest to the picture's right, Y down, Z away from the camera.
-Lens and pose have one joint covariance because their errors are correlated: a focal length that is
-too long, together with a camera that is too high, does not change the scale.
+parallel to it. The axes are those of the board in that view. The origin is the middle of the board,
+X is the axis of the board that points most nearly to the right of the picture, Y is down, and Z is
+away from the camera. Lens and pose have one joint covariance because their errors are correlated: a
+focal length that is too long, together with a camera that is too high, does not change the scale.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class Demands:
     """Demands on the pictures of a calibration, and thresholds of its warnings."""
 
     least_views: int = 3  # smallest number of pictures that show a board
-    # largest relative u of the focal length: parallel views do not show it
+    # largest relative u of the focal length; parallel views do not determine it
     greatest_focal_u: float = 0.02
     rough_rms_px: float = 0.3  # rms of the residuals that raises a warning [pixels]
     greatest_rms_px: float = 1.5  # largest rms of the residuals [pixels]
-    # share of the picture within the outermost corners; less raises a warning
+    # smallest share of the picture within the outermost corners that raises no warning
     least_covered: float = 0.4
 
 
@@ -59,8 +59,8 @@ class Plan:
 class Solved:
     """Solution for all views: lens and pose, with their covariance.
 
-    Values are fx, fy, cx, cy [pixels], k1, k2, p1, p2, k3 (0 where it does not show), and the
-    plane view's pose: its Rodrigues vector [rad] and shift [m], from the plane's axes.
+    Values are fx, fy, cx, cy [pixels], k1, k2, p1, p2, k3 (0 if not significant), and the pose of
+    the plane view: Rodrigues vector [rad] and shift [m] from the plane's axes.
     """
 
     values: Array  # (15,)
@@ -97,8 +97,9 @@ class Calibrated:
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
     """Calibrate the camera that took some pictures: name and grey values (row, column), read once.
 
-    Raises `InputError`: pictures of several sizes, fewer than three with a board, none in the
-    plane view, boards all parallel, residuals that no lens leaves, a plane behind the camera.
+    Raises `InputError` if the pictures differ in size, fewer than three show a board, the plane
+    view shows none, all boards are parallel, the residuals are too large for a lens, or the plane
+    is behind the camera.
     """
     looked, size, plane, blur = _find_boards(pictures, plan)
     views = {name: view for name, view in looked.items() if view}
@@ -109,7 +110,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
             "Count squares, not inner corners"
         )
         raise InputError("", "pictures with a board", len(views), allowed)
-    if plane is None:  # no other view replaces the one that was requested
+    if plane is None:  # a requested plane view is not replaced by another one
         raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
     if plane not in views:
         allowed = "this picture shows no board; name a picture with the board in the ball's plane"
@@ -158,7 +159,7 @@ def lengths_of(model: CameraModel) -> Array:
 def _find_boards(
     pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan
 ) -> tuple[dict[str, BoardView | None], tuple[int, int], str | None, float]:
-    """Return the board's corners per picture, the picture size, name and blur of the plane view."""
+    """Return the board's corners by picture, the picture size, the plane view's name and blur."""
     looked: dict[str, BoardView | None] = {}
     plane, blur = None, np.nan
     size: tuple[int, int] | None = None
@@ -194,7 +195,7 @@ def _require_sound(solved: Solved) -> None:
 
 
 def _model(values: Array, size: tuple[int, int], plan: Plan) -> CameraModel:
-    """Return the camera with values as in `Solved`."""
+    """Return the camera model with `values` in the order of `Solved`."""
     others: list[Any]
     fx, fy, cx, cy, *others = values.tolist()
     return CameraModel(
@@ -246,8 +247,8 @@ def _warnings(
 def _solve(corners: Array, views: list[BoardView], size: tuple[int, int], plane: int) -> Solved:
     """Fit the lens and the poses to the corners (corner, 3) [m] of a board in each view.
 
-    `size` is the pictures' width and height, `plane` the number of the plane view. Raises
-    `InputError` where OpenCV finds no camera for them.
+    `size` is width and height of the pictures, and `plane` the number of the plane view. Raises
+    `InputError` if OpenCV finds no camera that fits them.
     """
     view = np.repeat(np.arange(len(views)), [len(each.ids) for each in views])
     points = corners[np.concatenate([each.ids for each in views])]
@@ -257,8 +258,8 @@ def _solve(corners: Array, views: list[BoardView], size: tuple[int, int], plane:
         solved = _fit(points[inliers], places[inliers], view[inliers], size, plane)
         off = np.hypot(*solved.residuals.T)
         usual = 1.4826 / 1.177 * float(np.median(off))  # Rayleigh's median
-        # one wrong corner distorts the lens for the others, so only the worst are removed in each
-        # round
+        # One wrong corner distorts the lens for the others, so only the worst corners are removed
+        # in each round.
         good = off <= max(6 * usual, 0.5 * float(off.max()))
         if good.all():
             return replace(solved, left_out=np.bincount(view) - np.bincount(solved.view))
@@ -326,7 +327,7 @@ def _fit(
 
 
 def _axes(rotation: Array) -> Array:
-    """Return the axes of the module's docstring: a board's axes in quarter turns."""
+    """Return the rotation, in quarter turns, from a board's axes to the axes of this module."""
     facing = np.diag([1.0, np.sign(rotation[2, 2]), np.sign(rotation[2, 2])])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     turns = [facing @ np.linalg.matrix_power(quarter, n) for n in range(4)]

@@ -17,10 +17,10 @@ from virtual_lab.video.calibration.board_finding import BoardView
 def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
     """Measure the standard deviation of the lens's blur in a picture of a board [pixel], 0.1 to 10.
 
-    Across an edge of a square, the brightness follows a normal distribution function whose
-    variance is that of the lens plus that of a pixel, 1/12. One width is fitted to the middle
-    halves of all edges; each edge has its own dark and bright level. The model includes the marker
-    that begins beyond a strip of paper.
+    Across an edge of a square, the brightness is a normal distribution function whose variance is
+    that of the lens plus that of a pixel, 1/12. One width is fitted to the middle halves of all
+    edges, with a dark and a bright level for each edge. The model includes the marker that begins
+    beyond a strip of paper.
     """
     edge, off, value, paper = _beside_edges(picture, view, board)
     count = np.maximum(np.bincount(edge), 1)
@@ -29,7 +29,7 @@ def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
         return np.asarray(values - (np.bincount(edge, values) / count)[edge])
 
     value = subtract_mean(value)
-    # distance from the edge, growing toward the paper
+    # Distance from the edge, positive toward the paper.
     bright = np.sign(np.bincount(edge, off * value))[edge] * off
 
     def misfit(width: float) -> float:
@@ -44,7 +44,7 @@ def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
 def _beside_edges(
     picture: NDArray[Any], view: BoardView, board: Board
 ) -> tuple[NDArray[np.intp], Array, Array, float]:
-    """Return edge, distance and grey value of pixels near edges, and the width of the paper."""
+    """Return edge number, distance and grey value of pixels near edges, and width of the paper."""
     places = np.full((*board.shape[::-1], 2), np.nan)
     places.reshape(-1, 2)[view.ids] = view.places
     rows, columns = (places[:, :-1], places[:, 1:]), (places[:-1], places[1:])

@@ -12,7 +12,8 @@ from virtual_lab.units import Array
 from virtual_lab.video.clips.calibration_file import CameraModel, ClipCalibration
 from virtual_lab.video.locate.located import Located
 
-# ratio of a pattern's effect on the radius to its effect on the place: rims are darker all round
+# ratio of a pattern's effect on the radius to its effect on the position, because the whole rim is
+# darker
 RIM = 3.0
 
 
@@ -20,32 +21,32 @@ RIM = 3.0
 class PixelScale:
     """Scale of the picture in the ball's plane, with its relative u."""
 
-    metres_per_pixel: float  # scale at the ball's middle place
+    metres_per_pixel: float  # scale at the middle position of the ball
     relative_u: float  # relative standard uncertainty of every length
     source: str  # source of the scale: camera, given, ball or gravity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plane(PixelScale):
-    """Places of a ball in a plane [m], and the plane's scale."""
+    """Positions of a ball in a plane [m], and the scale of the plane."""
 
     places: Array  # (frame, 2) [m]
-    # apparent size of a ball in the plane at its place in each frame, over the median, (frame,)
+    # apparent size of a ball in the plane at its position in each frame, over the median, (frame,)
     sizes: Array
-    sense: float  # -1 where Y runs up the picture and X to its right
+    sense: float  # -1 if Y points up in the picture while X points to the right, else 1
 
     @property
     def flat(self) -> Array:
-        """Places in pixels of the plane's scale, oriented as in the picture, (frame, 2)."""
+        """Positions in pixels of the plane's scale, oriented as in the picture, (frame, 2)."""
         return self.places / self.metres_per_pixel * [1, self.sense]
 
 
 def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Plane:
     """Return the positions of a ball in the plane [m].
 
-    The scale comes from the calibrated camera if there is one, else from metres_per_pixel if it is
-    given, else from the ball's diameter. Raises `InputError` if none of these is known, or if the
-    diameter alone is known and no frame shows the whole ball.
+    The scale comes from the calibrated camera if there is one, otherwise from metres_per_pixel if
+    stated, otherwise from the diameter of the ball. Raises `InputError` if none of these is known,
+    or if only the diameter is known and no frame shows the whole ball.
     """
     pixels, camera, diameter = outlines.places, calibration.camera, calibration.ball_diameter_m
     if camera:
@@ -56,9 +57,10 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
         )
         # area of a pixel in the plane, with its sign [m²]
         stretch = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]
-        # The solid angle of a sphere at the distance D is proportional to 1 / D². That of a pixel
-        # is proportional to S cos t / D², if it covers the area S of a plane seen at the angle t,
-        # and cos t is proportional to 1 / D. So the radius in pixels is proportional to √(D / S).
+        # The solid angle of a sphere at the distance D is proportional to 1 / D². The solid angle
+        # of a pixel that covers the area S of a plane at the angle t is proportional to S cos t /
+        # D², and cos t is proportional to 1 / D. The radius in pixels is therefore proportional to
+        # √(D / S).
         above = np.full(len(places), camera.plane_height_m)
         far = np.linalg.norm(np.column_stack([places, above]) - _pose(camera)[1], axis=1)
         sizes = np.sqrt(far / np.abs(stretch))
@@ -100,7 +102,7 @@ def distance_of(camera: CameraModel) -> float:
 
 
 def foot_of(camera: CameraModel) -> Array:
-    """Return X, Y of the camera in the ball's plane, and its height over it along Z, (3,) [m]."""
+    """Return X and Y of the camera in the ball's plane, and its height above it, (3,) [m]."""
     return np.asarray(_pose(camera)[1] - [0.0, 0.0, camera.plane_height_m])
 
 
@@ -111,16 +113,16 @@ def _pose(camera: CameraModel) -> tuple[Array, Array]:
 
 
 def relative_u_of(camera: CameraModel) -> float:
-    """Return the relative u of lengths in the ball's plane, from the u of its height."""
+    """Return the relative u of lengths in the ball's plane caused by the u of its height."""
     return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
 
 
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
     """Return the points where the rays of pixels meet the ball's plane, (n, 2) [m].
 
-    The picture of a sphere is an ellipse. Its centre is farther from the optical axis than the
-    picture of the sphere's centre, by the factor 1 / (1 - r²/Z²). This is corrected if the diameter
-    is known.
+    The image of a sphere is an ellipse. The centre of this ellipse is farther from the optical axis
+    than the image of the sphere's centre, by the factor 1 / (1 - r²/Z²). This is corrected if the
+    diameter is known.
     """
     rotation, eye = _pose(camera)
     # directions in the camera's axes, 1 along its optical axis

@@ -16,14 +16,14 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_toml
 
 Uncertainty = Annotated[Real, Ge(0)]
-EXACT = 0.0  # standard uncertainty of a value for which none is given
+EXACT = 0.0  # standard uncertainty of a value that is stated without one
 Place = Annotated[Real, Ge(-1000), Le(1000)]  # m
 Triple = tuple[Real, Real, Real]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraFit(Spec):
-    """A camera's calibration: board, views, residuals, and the u of each number on its own."""
+    """Data on a camera's calibration: board, views, residuals, and the u of each number alone."""
 
     board: str
     views: Annotated[Whole, Gt(0)]
@@ -38,7 +38,7 @@ class CameraFit(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraModel(Spec):
-    """A calibrated camera, OpenCV's convention; the ball moves in the plane Z = plane_height_m."""
+    """A calibrated camera in OpenCV's convention; the ball is in the plane Z = plane_height_m."""
 
     image_size: tuple[Annotated[Whole, Gt(0)], Annotated[Whole, Gt(0)]]  # width, height [pixels]
     matrix: tuple[Triple, Triple, Triple]
@@ -47,7 +47,7 @@ class CameraModel(Spec):
     translation_m: tuple[Place, Place, Place]
     plane_height_m: Place = 0.0
     plane_height_u_m: Uncertainty = EXACT
-    # relative u of every length in the plane if its height is exact
+    # relative u of every length in the plane, without the u of the plane's height
     relative_scale_u: Uncertainty = EXACT
     fit: CameraFit | None = None
 
@@ -71,14 +71,14 @@ class CameraModel(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipCalibration(Spec):
-    """Keys of the file, SI; a key with _u is the standard uncertainty of the one without."""
+    """Keys of the file, in SI; a key with _u is the standard uncertainty of the key without it."""
 
     # scale in the plane in which the ball moves
     metres_per_pixel: Annotated[Real, Ge(1e-7), Le(1)] | None = None
     metres_per_pixel_u: Uncertainty = EXACT
     frames_per_second: Annotated[Real, Ge(1), Le(1e7)] | None = None
     frames_per_second_u: Uncertainty = EXACT
-    # exposure time; absent: the one that the clip states
+    # exposure time; None: the time that the clip states
     exposure_s: Annotated[Real, Ge(0), Le(1)] | None = None
     ball_diameter_m: Annotated[Real, Ge(1e-3), Le(1)] | None = None
     ball_diameter_m_u: Uncertainty = EXACT
@@ -110,9 +110,10 @@ def read_calibration(
 ) -> ClipCalibration:
     """Return the calibration in a TOML file, in which `keys` replace or add values.
 
-    If `path` is None, it consists of `keys`. A relative name of `timestamps` counts from the folder
-    of the file. Raises `InputError` for a file that cannot be read, an unknown key, a value that is
-    not allowed, and, if `needs_length`, a calibration without scale, camera and ball diameter.
+    If `path` is None, the calibration consists of `keys`. A relative path of `timestamps` begins at
+    the folder of the file. Raises `InputError` for a file that cannot be read, an unknown key, a
+    value that is not allowed, and, if `needs_length`, a calibration without scale, camera and ball
+    diameter.
     """
     document = (read_toml(path) if path else {}) | dict(keys or {})
     calibration = validate(document, str(path or ""), ClipCalibration)

@@ -1,4 +1,4 @@
-"""A clip opened: read through once, its frames counted, timed and sampled for the background."""
+"""Opening of a clip: one pass counts and times its frames, and samples them for the background."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Memory:
 
     samples: int = 25  # largest number of frames from which the background is found
     least_samples: int = 9
-    most_sampled: float = 50e6  # size of the samples above which fewer are taken [bytes]
-    # largest size of a clip that stays in memory while it is followed, and is decoded only once
-    # [bytes]. To hold 1.3e9 (216 frames of 1080p) takes as much processor time as to decode them
-    # again
+    most_sampled: float = 50e6  # largest size of all samples [bytes]
+    # largest size of a clip that stays in memory while it is followed, so that it is decoded only
+    # once [bytes]. Storing 1.3e9 bytes (216 frames of 1080p) takes as much processor time as
+    # decoding them again.
     most_bytes: float = 5e8
 
 
@@ -39,14 +39,14 @@ MEMORY = Memory()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clip:
-    """Frames of a clip, read anew for each use if large, and the results of one pass over them."""
+    """Frames of a clip, read again for each use if large, and the results of one pass over them."""
 
     source: Source
-    held: Sequence[Frame] = ()  # every frame, or none of a clip that does not stay in memory
+    held: Sequence[Frame] = ()  # all frames; empty for a clip that does not stay in memory
     times: NDArray[np.float64]  # (frame,) time [s]
     shape: tuple[int, int]  # rows, columns
-    full_scale: float  # greatest grey value its bits can hold [DN]
-    samples: Frame  # (sample, row, column) or of colours (…, 3), as stored
+    full_scale: float  # largest grey value of this number of bits [DN]
+    samples: Frame  # (sample, row, column), or (…, 3) with colours, as stored
     sampled: NDArray[np.intp]  # numbers of the frames that were sampled
     warnings: tuple[str, ...]
 
@@ -60,13 +60,13 @@ class Clip:
         return np.stack([grey_of(each) for each in self.samples[:, ::every, ::every]])
 
     def pictures(self) -> Iterator[Frame]:
-        """Return an iterator over every frame as it is stored, grey or in colour."""
+        """Return an iterator over all frames as stored, grey or in colour."""
         return (picture for _, picture in self.chosen(np.arange(self.count)))
 
     def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:
-        """Yield number and frame, as it is stored, of the frames with some numbers, in order.
+        """Yield number and frame, as stored, of the frames with the `wanted` numbers, in order.
 
-        Frames after the last of them are not read.
+        Frames after the last wanted frame are not read.
         """
         numbers = set(map(int, wanted))
         if self.held:
@@ -89,8 +89,8 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
     Raises
     ------
     InputError
-        The file is no clip, is cut short or has no frames; the frames differ in size from one
-        another or from those of the calibrated camera; or the time stamps contradict each other.
+        The file is not a clip, is truncated or has no frames, the frames differ in size among each
+        other or from the calibrated camera, or the time stamps contradict each other.
     """
     source = open_source(file)
     first, _ = next(source.pictures())
@@ -103,7 +103,7 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
 
 
 def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
-    """Read a clip once. Its samples are evenly spaced if the file states its length about right."""
+    """Read a clip once. The samples are evenly spaced if the file states its length correctly."""
     room, deep = MEMORY.most_bytes / first.nbytes, first.dtype != np.uint8
     most_sampled = MEMORY.most_sampled / first.nbytes
     count = int(np.clip(most_sampled, MEMORY.least_samples, MEMORY.samples))
@@ -118,7 +118,7 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
         stamps.append(stamp)
         if number % every == 0:
             by_number[number] = frame
-        while len(by_number) > most:  # the file counts too few frames, or none
+        while len(by_number) > most:  # the file states too few frames, or none
             most, every = 2 * count, 2 * every
             by_number = {k: by_number[k] for k in by_number if k % every == 0}
         if deep:
@@ -141,9 +141,9 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield items in order while a thread makes the next one; its errors are raised here.
+    """Yield the items in order, while a thread makes the next item. Its errors are raised here.
 
-    An item that is None ends them.
+    An item that is None is the end.
     """
     with ThreadPoolExecutor(1) as worker:
         coming = worker.submit(next, items, None)

@@ -1,4 +1,4 @@
-"""Columns of numbers out of a CSV file that people write or correct by hand."""
+"""Columns of numbers from CSV files that people write or correct by hand."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def cine(path: Path) -> Source:
 
 
 def _stamps(path: Path, head: Any) -> Array:
-    """Time of each image since the first [s], NaN where a .cine file has no block of them."""
+    """Return the time of each image since the first [s]; NaN without a time block in the file."""
     # type number of a block of time stamps: 64 bits each, in units of 2^-32 s
     at, kind_of_stamps = head.OffSetup + head.Length, 1002
     with path.open("rb") as file:
@@ -99,7 +99,7 @@ def mraw(path: Path) -> Source:
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
-    """Return grey values from packed data: two of 12 bits in three bytes, high bits first."""
+    """Return grey values from packed data: two of 12 bits per three bytes, high bits first."""
     if bits != 12:
         return raw.view(f"<u{bits // 8}")
     one, two, three = raw.reshape(-1, 3).astype(np.uint16).T

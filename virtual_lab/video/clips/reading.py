@@ -1,4 +1,4 @@
-"""Frames out of files: video, folders of images, TIFF stacks, arrays."""
+"""Frames from files: video, folders of images, TIFF stacks, arrays."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ LARGEST = 50e6  # largest number of pixels of a picture: a film of 8K has 33 mil
 def open_source(path: Path | Frame) -> Source:
     """Return the source of a clip's frames. Raises `InputError` if none can be read.
 
-    `path`: a file or a folder; or the frames, (frame, row, column) or with a last axis of colours,
-    blue first as OpenCV has them.
+    `path` is a file or a folder, or an array of frames, (frame, row, column). Frames in colour have
+    a last axis in the order of OpenCV, blue first.
     """
     import cv2
 
@@ -44,7 +44,8 @@ def open_source(path: Path | Frame) -> Source:
         raise InputError(str(path), "clip", None, f"no such file or folder, expected {KINDS}")
     kind = path.suffix.lower()
     if kind == ".npy":
-        # map the file anew for each frame: one map keeps in memory all pages read from it
+        # The file is mapped again for each frame, because one map keeps in memory all pages that
+        # were read from it.
         return _array(path, partial(np.lib.format.open_memmap, path, "r"))
     if kind in HIGHSPEED:
         return HIGHSPEED[kind](path)
@@ -56,8 +57,8 @@ def open_source(path: Path | Frame) -> Source:
 def _image_files(folder: Path) -> list[Path]:
     """Return the images in a folder by number: image-9 (before a trigger), image9, image10.
 
-    A sign belongs to a number if a separator or nothing is before it (image_-9), or if another
-    image has a digit or a plus in its place. Raises `InputError` if there are no images.
+    A minus is the sign of a number if a separator or nothing is before it (image_-9), or if another
+    image has a digit or a plus at the same position. Raises `InputError` if there are no images.
     """
     entries = [each for each in folder.iterdir() if not each.name.startswith(".")]
     images = [each for each in entries if each.suffix.lower() in IMAGES]
@@ -91,8 +92,8 @@ def _images(path: Path, files: list[Path]) -> Source:
 
     def read(_: Wanted) -> Stamped:
         for file, count in zip(files, pages, strict=True):
-            # OpenCV 5.0 reads a WebP only from its first picture on, so all its pictures are read
-            # at once
+            # OpenCV 5.0 can only read a WebP from its first picture on, so all its pictures are
+            # read at once.
             for page in _pages(file, count, count if file.suffix.lower() == ".webp" else 8):
                 yield page, np.nan
 
@@ -163,7 +164,7 @@ def _video(path: Path) -> Source:
 
 
 def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]) -> bool:
-    """Return whether OpenCV's own reader, which decodes only requested frames, gives the same."""
+    """Return whether OpenCV's MJPEG reader, which decodes only requested frames, gives the same."""
     import cv2
 
     if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":
@@ -172,7 +173,7 @@ def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]
     if decoder.get(cv2.CAP_PROP_FRAME_COUNT) != capture.get(cv2.CAP_PROP_FRAME_COUNT):
         return False
     success, first = decoder.read()
-    # the size is compared because this reader returns only one field of an interlaced frame
+    # The size is compared because this reader returns only one field of an interlaced frame.
     return bool(success and first.shape[:2] == size and capture.get(cv2.CAP_PROP_FPS) > 0)
 
 
@@ -184,17 +185,18 @@ def _capture(path: Path) -> cv2.VideoCapture:
     if not capture.isOpened():
         allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
         raise InputError(str(path), "video", None, allowed)
-    # FFmpeg's own grey of 8 and 16 bits; a format that is not known is -1
+    # codes of FFmpeg for grey of 8 and 16 bits; an unknown format is -1
     greys = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
     if capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT) in greys:
-        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # else 16 bits are cut to 8
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # otherwise 16 bits are reduced to 8
     return capture
 
 
 def _require_size(path: Path, size: tuple[int, int] | None) -> None:
     """Raise `InputError` if a picture is too large for a clip. A `size` of None is far too large.
 
-    The size is that in the header, because a file of a few kilobytes may hold gigabytes of pixels.
+    The size is read from the header, because a file of a few kilobytes may contain gigabytes of
+    pixels.
     """
     if size is None or size[0] * size[1] > LARGEST:
         allowed = f"allowed: up to {LARGEST / 1e6:.0f} million pixels in a picture"
@@ -222,7 +224,7 @@ def _require_sizes(path: Path) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Return a frame as grey values of its own depth, (row, column), without a fourth channel."""
+    """Return a frame as grey values of the same depth, (row, column), without a fourth channel."""
     import cv2
 
     if frame.ndim == 2 or frame.shape[2] == 1:
@@ -233,8 +235,8 @@ def grey_of(frame: Frame) -> Frame:
 def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
     """Yield name and grey values (row, column) of every picture in some files and folders.
 
-    A picture out of a stack or a clip is named by its number, ``clip.mp4:12``. Raises `InputError`
-    where there is no such file, none that can be read, or a folder without images.
+    The name of a picture from a stack or a clip contains its number, ``clip.mp4:12``. Raises
+    `InputError` if a file is missing or cannot be read, or if a folder has no images.
     """
     for file in chain.from_iterable(_image_files(e) if e.is_dir() else (e,) for e in paths):
         source = open_source(file)

@@ -1,6 +1,6 @@
-"""Sources of a clip's frames: one at a time, all of one size and depth, as stored.
+"""Sources of a clip's frames, which yield one frame at a time, all of one size and depth.
 
-Frames are read in order and never kept, so a clip may be longer than the memory.
+Frames are read in order and not stored, so a clip may be larger than the memory.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from virtual_lab.errors import InputError
 
 Frame = NDArray[Any]  # pixels of 8 or 16 bits, unsigned
-# pairs of a frame (None: not wanted) and its time [s] (NaN: it has none)
+# pairs of a frame (None: not wanted) and its time stamp [s] (NaN: none)
 Stamped = Iterator[tuple[Any, float]]
-Wanted = Callable[[int], bool]  # function that tells by a frame's number whether it must be decoded
+Wanted = Callable[[int], bool]  # whether the frame with a number must be decoded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +27,7 @@ class Source:
 
     path: Path
     declared: int  # number of frames that the file states
-    # True if `declared` follows from a duration, or counts frames that are never shown
+    # True if `declared` is computed from a duration, or includes frames that are never shown
     estimated: bool = False
     rate: float | None = None  # frame rate that the file states [1/s]
     exposure: float | None = None  # exposure time of a frame that the file states [s]
@@ -36,10 +36,10 @@ class Source:
     read: Callable[[Wanted], Stamped]
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:
-        """Yield frames, grey or in colour, with their time stamps; None for one that is not wanted.
+        """Yield frames, grey or in colour, with their time stamps; None for a frame not wanted.
 
-        Raises `InputError` where a frame has another size or depth than the first, where
-        fewer can be read than the file counts, or where there is none.
+        Raises `InputError` if a frame has another size or depth than the first, if fewer frames can
+        be read than the file states, or if there is none.
         """
         first, count = "", 0
         for frame, stamp in self.read(wanted):
@@ -67,5 +67,5 @@ def _size(frame: Frame, where: str) -> str:
 
 
 def rate_of(said: float) -> float | None:
-    """Return the frame rate that a file states [1/s], None if it is not within 1 to 1e7."""
+    """Return the frame rate that a file states [1/s], None if it is not between 1 and 1e7."""
     return said if 1 <= said <= 1e7 else None

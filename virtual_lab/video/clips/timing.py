@@ -23,16 +23,16 @@ def frame_times(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the time of each frame, (frame,) [s], and warnings.
 
-    `stamps` (frame,) came with the frames, NaN where the file has none [s]. The times come from the
-    calibration's time stamps if it has any, else from its frame rate, else from the file. Raises
-    `InputError` where the calibration's time stamps are too few or too many, do not rise or are not
-    finite, or where nothing is known of time.
+    `stamps`, (frame,) [s], are the time stamps in the file, NaN where there is none. The times are
+    the time stamps of the calibration if it has any, otherwise they follow from its frame rate,
+    otherwise from the file. Raises `InputError` if the calibration has too few or too many time
+    stamps, if they do not increase or are not finite, or if no time information exists.
     """
     count, nominal = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(nominal or 0.0, source.rate or 0.0)
     rounding = MILLISECOND if _are_rounded(stamps) else 0.0
     warnings = []
-    if kind == ".avi" and fastest >= 2000:  # as observed
+    if kind == ".avi" and fastest >= 2000:  # observed in real files
         warnings.append("AVI files lose frames without a warning at 2000 per second and above")
     if rounding * fastest > 0.5:
         warnings.append("the file rounds time stamps to 1 ms, so they do not show lost frames")
@@ -64,12 +64,15 @@ def frame_times(
 
 
 def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, list[str]]:
-    """Time of each frame [s] by the file alone, whose time stamps are rounded; and warnings."""
+    """Return the time of each frame [s] from the file alone, and warnings.
+
+    `rounding` is the step to which the time stamps are rounded [s].
+    """
     if source.rate is None:
         allowed = "the clip has no frame rate; give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
     warnings = []
-    # high-speed cameras write the rate at which they film
+    # High-speed cameras write the rate at which they film.
     if source.path.suffix.lower() not in HIGHSPEED:
         warnings.append(
             f"{UNSURE_RATE}, {source.rate:.6g} per second; a slow-motion file states its playback "
@@ -97,9 +100,9 @@ def _are_rounded(stamps: Array) -> bool:
 
 
 def _rising(stamps: Array) -> Array | None:
-    """Time stamps (frame,) [s] that rise, None where fewer than half of them can be used.
+    """Return increasing time stamps, (frame,) [s]; None if fewer than half of them can be used.
 
-    If a stamp does not rise above the one before it, either may be wrong, so both are interpolated
+    If a stamp is not larger than the stamp before it, either may be wrong, so both are interpolated
     between their neighbours.
     """
     falls = np.flatnonzero(np.diff(stamps) <= 0)
@@ -115,7 +118,8 @@ def _rising(stamps: Array) -> Array | None:
 def usual_step(times: Array) -> float:
     """Return the usual time between the frames at `times`, (frame,) [s].
 
-    This is the mean of the steps or, if they are `uneven`, their median. It is 1 s for one frame.
+    It is the mean of the steps or, if they are `uneven`, their median. For a single frame it is 1
+    s.
     """
     steps = np.diff(times)
     if not len(steps):
@@ -127,8 +131,8 @@ def uneven(times: Array) -> bool:
     """Return whether time stamps (frame,) [s] deviate from equal steps by more than 0.3 of a step.
 
     The reason may be a lost frame, or a phone that films more slowly in the dark. Rounding to 1 ms
-    has no such effect up to 240 frames per second. Clips with a constant frame rate stay within 0.1
-    of a step. Fewer than three time stamps are never uneven.
+    has no such effect up to 240 frames per second. In clips with a constant frame rate the
+    deviation is at most 0.1 of a step. The result is False for fewer than three time stamps.
     """
     if len(times) < 3:
         return False
@@ -137,11 +141,11 @@ def uneven(times: Array) -> bool:
 
 
 def _read_stamps(path: Path, count: int) -> Array:
-    """Time stamps [s] in a CSV file: one column, or the one called time_s."""
+    """Return the time stamps [s] in a CSV file: its only column, or the column time_s."""
     # largest time stamp of any clock, and smallest time between two frames [s]
     latest, step = 1e12, 1e-8
     text = read_text(path)
-    # the first line is a number, not a column's name
+    # The first line is a number instead of a column name.
     bare = re.match(r'\s*"?[-+.\d][-+.\de]*"?\s', text, re.IGNORECASE)
     table = parse_table((f"time_s\n{text}" if bare else text).encode(), str(path))
     table.index -= bool(bare)

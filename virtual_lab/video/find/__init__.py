@@ -1,1 +1,1 @@
-"""Motion before a still background: drift of the picture, differences, outlines of blobs."""
+"""Motion in front of a still background: drift of the picture, differences, outlines of blobs."""

@@ -1,7 +1,8 @@
-"""Blobs that may be a ball: thresholds, half of the blob's own contrast, convex hull, clean ring.
+"""Blobs that may be a ball, found by thresholds, convex hull and a ring of background.
 
-A shadow or a mirror image joins the ball at a low threshold and falls off at half of the ball's own
-contrast; a hand that holds the ball lies on the ring about it, which must be background.
+At a low threshold a shadow or a mirror image is connected to the ball; at half of the ball's
+contrast it is separated. A hand that holds the ball covers part of the ring around it, which must
+be background.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Blobs = NDArray[np.void]
 BlobRow = tuple[Any, ...]  # fields of `BLOB`
 Hull = tuple[float, float, float, float]  # x, y, shorter and longer half axis [pixels]
 
-# largest share of the ring that is no background: more is a hand, or the ball on something
+# largest share of the ring that is not background; more means a hand, or a ball on an object
 CLEAN = 0.35
 BLOB = np.dtype(
     [
@@ -34,9 +35,9 @@ BLOB = np.dtype(
         # width of the edge, by blur and shade: decrease of the radius from a low to a high level
         ("edge", float),
         ("contrast", float),  # DN
-        ("dirty", float),  # share of the ring that is no background
+        ("dirty", float),  # share of the ring that is not background
         ("cut", bool),  # touches the picture's edge
-        ("picture_x", float),  # in the frame itself
+        ("picture_x", float),  # position in the frame itself
         ("picture_y", float),
         ("colour", float, (3,)),
     ]
@@ -49,8 +50,8 @@ class _Search:
 
     thresholds: tuple[int, ...] = (10, 40)
     faint: float = 5.0
-    softened: float = 0.7  # standard deviation of the smoothing [pixels]: codecs leave blocks
-    # smallest area of a blob [pixels searched]: a ball of two pixels' radius
+    softened: float = 0.7  # standard deviation of the smoothing, for blocks of a codec [pixels]
+    # smallest area of a blob [pixels of the searched picture], that of a radius of two pixels
     least_area: float = 12.0
     largest: float = 0.12  # largest area of a blob [share of the picture]
     regions: int = 24  # largest number of regions examined per frame and threshold
@@ -59,21 +60,21 @@ class _Search:
     filled: tuple[float, float] = (0.85, 1.12)
     # smallest ratio of a blob's shorter axis to its longer one: motion blur of almost five balls
     thinnest: float = 0.22
-    # percentiles of a blob's difference from the background that are taken as its contrast; the
-    # second one is for a background with a pattern
+    # percentiles of a blob's difference from the background that are used as its contrast; the
+    # second is for a background with a pattern
     brightness: tuple[float, float] = (85, 40)
-    # share of the differing pixels that a whole ball fills: a smaller hull may be one of several
-    # patches of a ball
+    # smallest share of the differing pixels that a whole ball fills; a smaller hull may be one of
+    # several patches of a ball
     whole: float = 0.6
-    # largest ratio of a hull's axes by the second percentile, if the first one found no hull and if
-    # it found one: a hand or a head is longer, and so is a ball with its shadow
+    # largest ratio of the axes of a hull from the second percentile, if the first percentile gave
+    # no hull, and if it gave one. A hand, a head, or a ball with its shadow is longer.
     round: tuple[float, float] = (1.3, 1.2)
     # level above which a pixel of the ring is not background [share of the contrast]
     ring_level: float = 0.35
     # levels between which the width of an edge is measured [share of the contrast]
     edge_levels: tuple[float, float] = (0.3, 0.7)
-    coarse: int = 48  # size of a blob [pixels]: one at least twice as large is shrunk first
-    fine: float = 16.0  # radius from which on an outline is not enlarged [pixels]
+    coarse: int = 48  # size of a blob [pixels]; a blob at least twice as large is shrunk first
+    fine: float = 16.0  # smallest radius of a blob whose outline is not enlarged [pixels]
 
 
 _SEARCH = _Search()
@@ -82,9 +83,9 @@ _SEARCH = _Search()
 def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
     """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, empty if there is none.
 
-    Positions are in pixels to the right of and below the middle of the upper left pixel: `x` and
-    `y` of the first sample's picture, which is the still frame, `picture_x` and `picture_y` of the
-    picture itself.
+    Positions are in pixels to the right of and below the middle of the upper left pixel. `x` and
+    `y` refer to the picture of the first sample, which defines the still frame; `picture_x` and
+    `picture_y` refer to this picture.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
-    """Return whether a box lies in an isolated blob."""
+    """Return whether a box is inside an isolated blob."""
     _, x, y, _, long, _, _, dirty, *_ = blob
     left, top, wide, high = box[0] + origin[0], box[1] + origin[1], *box[2:]
     away = float(np.hypot(left + wide / 2 - x, top + high / 2 - y))
@@ -131,7 +132,7 @@ def _surer(one: BlobRow, other: BlobRow) -> bool:
 
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
-    """Yield left, top, width and height [full pixels] of what differs, threshold by threshold."""
+    """Yield left, top, width and height [full pixels] of differing regions, for each threshold."""
     coarse_boxes: set[tuple[int, int, int, int]] = set()
     kernel = np.ones((3, 3), np.uint8)
     largest = _SEARCH.largest * off.size
@@ -169,7 +170,7 @@ def _blob(
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, drift, light, (x0, y0), size)
     fine = max(1, max(wide, high) // _SEARCH.coarse)
-    if fine > 1:  # this resolution is enough to locate a large ball to tenths of a pixel
+    if fine > 1:  # a lower resolution is enough to locate a large ball to tenths of a pixel
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
         cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
         part, behind = (
@@ -211,7 +212,7 @@ def _blob(
 
 
 def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
-    """Return the hull at half of the contrast that fits, and this contrast [DN].
+    """Return the hull at half of a contrast that is consistent with it, and this contrast [DN].
 
     Parameters
     ----------
@@ -246,7 +247,7 @@ def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[
 
 
 def _hull(off: NDArray[np.float32], level: float) -> Hull | None:
-    """Return the hull of the largest object above a level, None if it is no ball."""
+    """Return the hull of the largest object above a level; None if it cannot be a ball."""
     fine = 1
     area = int((off > level).sum())
     if area < _SEARCH.least_area:
@@ -277,7 +278,7 @@ def _hull(off: NDArray[np.float32], level: float) -> Hull | None:
         or short + 0.5 < _SEARCH.thinnest * (long + 0.5)
     ):
         return None
-    # an outline runs through the middle of its pixels, half a pixel inside the edge
+    # OpenCV's outline passes through the middle of pixels, half a pixel inside the edge.
     return (
         float((x + 0.5) / fine - 0.5),
         float((y + 0.5) / fine - 0.5),

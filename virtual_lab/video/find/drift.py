@@ -1,11 +1,13 @@
 """Drift of a picture from the still frame: shift, growth and turn, by least squares on its edges.
 
-Gauss and Newton on grey values (Lucas and Kanade 1981), robust by Tukey's biweight: pixels that
-move on their own are left out by their residual. Steep edges count most, because a codec keeps flat
-ones in place. A step too large for that is found by phase correlation of small pictures.
+The method is Gauss-Newton on grey values (Lucas and Kanade 1981) with Tukey's biweight: pixels of
+moving objects have a large residual and are left out. Steep edges have the largest weight, because
+a codec keeps flat edges in place. A step that is too large for this method is found by phase
+correlation of small pictures.
 
-A drift is an array (4,): right and down [pixels], growth, and turn [rad] from x to y, the last two
-about the picture's middle. A hand turns a phone by a degree in a clip, and its lens focuses.
+A drift is an array (4,): shift to the right and down [pixels], growth, and turn [rad] from x to y.
+Growth and turn are about the middle of the picture; during a clip a hand turns a phone by a degree,
+and its lens focuses.
 """
 
 from __future__ import annotations
@@ -28,35 +30,36 @@ class _Alignment:
 
     pixels: int = 4000  # largest number of pixels that take part
     steps: int = 10
-    settled: float = 0.01  # largest step after which the alignment is done [pixels]
-    tukey: float = 4.7  # residual beyond which a pixel does not count [standard deviations]
-    # weights that hold shift, growth and turn near their start [shares of a shift's weight]: edges
-    # do not show a shift along themselves, and those of a small thing neither growth nor turn
+    settled: float = 0.01  # largest step at which the alignment has converged [pixels]
+    tukey: float = 4.7  # residual beyond which a pixel has no weight [standard deviations]
+    # weights that keep shift, growth and turn near their start [shares of the weight of a shift],
+    # because an edge does not show a shift along itself, and a small object shows neither growth
+    # nor turn
     hold: tuple[float, ...] = (0.01, 0.01, 0.2, 0.05)
-    # longer side of the small pictures in which a large step is looked for [pixels]
+    # longer side of the small pictures in which a large step is searched [pixels]
     coarse: int = 128
-    # largest ratio of the cost of a drift far from the likely one to the cost of the likely one
+    # largest ratio of costs at which a drift far from the likely drift replaces it
     far: float = 0.6
 
 
 _ALIGN = _Alignment()
-STEEP = 2.0  # smallest steepness of an edge [DN/px]: less is noise
-FAR_OFF = 2.0  # distance beyond which an edge moves on its own, or a picture has leapt [pixels]
+STEEP = 2.0  # smallest steepness of an edge [DN/px]; smaller values are noise
+FAR_OFF = 2.0  # distance beyond which an edge moves by itself, or a picture has leapt [pixels]
 BLACK = 12  # grey level [DN] of a pixel that is not part of the picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edges:
-    """The steep pixels of a picture, (pixel,)."""
+    """Pixels of a picture at steep edges, (pixel,)."""
 
     places: Array  # (pixel, 1, 2) x and y in the still frame [pixels]
     value: Array  # grey value [DN]
-    # (pixel, 4) change of the grey value by a drift, growth and turn in pixels at the middle of the
-    # longer side [DN/px]
+    # (pixel, 4), change of the grey value per unit of drift; growth and turn are in pixels at the
+    # middle of the longer side [DN/px]
     design: Array
 
     def drift(self, grey: Image, *starts: Array) -> Array:
-        """Return the drift (4,) near the first start, or near another one that fits far better.
+        """Return the drift (4,) near the first start, or near another start that fits far better.
 
         It is the first start itself if no other drift fits better.
         """
@@ -71,12 +74,12 @@ class Edges:
         return best
 
     def _cost(self, grey: Image, drift: Array) -> float:
-        """Sum of the clipped residuals of a drift [DN]; an edge outside counts as far off."""
+        """Return the sum of clipped residuals of a drift [DN]; the limit for an edge outside."""
         clip = FAR_OFF * np.hypot(*self.design[:, :2].T)
         return float(np.fmin(np.abs(self._left(grey, drift)), clip).sum())
 
     def _left(self, grey: Image, drift: Array) -> Array:
-        """Return grey values of a drifted picture at the edges minus their own [DN], or NaN."""
+        """Return grey values of a drifted picture minus those of the edges [DN]; NaN outside."""
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
         real, (x, y) = grey.astype(np.float32), cv2.split(at)
         view = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
@@ -85,7 +88,7 @@ class Edges:
         return np.where(visible, light * view - self.value, np.nan)
 
     def _settle(self, grey: Image, start: Array) -> Array:
-        """Refine the drift of a picture from a start that is near it."""
+        """Return the drift of a picture, refined from a start close to it."""
         drift, side = start, max(grey.shape) / 2
         units = np.array([1.0, 1.0, side, side])
         for _ in range(_ALIGN.steps):
@@ -98,7 +101,7 @@ class Edges:
             weight = np.maximum(0, 1 - (left / (_ALIGN.tukey * spread)) ** 2) ** 2
             normal = design.T @ (weight[:, None] * design)
             hold = (np.trace(normal[:2, :2]) + 1e-3) * np.array(_ALIGN.hold)
-            # a picture shifted by s has, at x + s, the value of x
+            # A picture shifted by s has, at x + s, the value of x.
             away = np.clip(units * (drift - start), -1.0, 1.0)
             off = design.T @ (weight * left) + hold * away
             step = np.linalg.solve(normal + np.diag(hold), off)
@@ -120,14 +123,14 @@ def edges_of(
     Parameters
     ----------
     size
-        Columns and rows of the pictures to align with it, if different from its own.
+        Columns and rows of the pictures to align, if they differ from those of `grey`.
     origin
-        x and y of its first pixel.
+        x and y of the first pixel of `grey` in the still frame.
     turns
-        Whether those pictures may also turn and grow.
+        Whether the pictures may also turn and grow.
     """
     across, down = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
-    # the border of a picture and black bars around it do not move with a drift
+    # The border of a picture and black bars around it do not move with a drift.
     lit = np.pad((grey > BLACK).astype(np.uint8), 3)
     slope = np.hypot(across, down) * cv2.erode(lit, np.ones((7, 7)))[3:-3, 3:-3]
     y, x = np.nonzero(slope > STEEP)
@@ -142,7 +145,7 @@ def edges_of(
 
 
 def leap_of(before: Image, after: Image) -> Array:
-    """Return the drift (4,) between two pictures by phase correlation: a shift, to a few pixels."""
+    """Return the shift of two pictures as a drift (4,), by phase correlation, to a few pixels."""
     scale = max(1.0, max(before.shape) / _ALIGN.coarse)
     size = tuple(round(side / scale) for side in before.shape[::-1])
     one, other = (
@@ -163,7 +166,7 @@ def upper_median(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
-    """Return the matrix (2, 3) from positions to those in a drifted picture of this size."""
+    """Return the matrix (2, 3) that maps positions to a drifted picture of this size."""
     grown, turn, middle = 1 + drift[2], drift[3], (np.array(size) - 1) / 2
     linear = np.array([[grown, -turn], [turn, grown]])
     return np.column_stack([linear, middle + drift[:2] - linear @ middle])

@@ -1,7 +1,8 @@
-"""The still frame: the scene behind all moving things, and the drift of each picture from it.
+"""The still frame: the scene behind all moving objects, and the drift of each picture from it.
 
-A phone held by hand shifts its picture by up to a pixel per frame. So the samples are aligned with
-each other before their median is taken, and each picture is shifted back before it is compared.
+The picture of a hand-held phone shifts by up to a pixel per frame. The samples are therefore
+aligned with each other before their median is computed, and each picture is shifted back before it
+is compared.
 """
 
 from __future__ import annotations
@@ -35,38 +36,40 @@ Image = NDArray[np.uint8]
 class _StillSettings:
     """Settings of the search for the still frame."""
 
-    # largest number of pixels of the picture that is searched: larger pictures are shrunk
+    # largest number of pixels of the searched picture; larger pictures are shrunk
     searched: float = 4e5
-    # drift of a hand-held camera along each axis [longer sides of the picture per second]: 0.005 to
+    # drift of a hand-held camera along each axis [longer sides of the picture per second]; 0.005 to
     # 0.03 in real clips
     hand_drift: float = 0.02
-    # fastest drift, of a camera turned after the ball [longer sides of the picture per frame]
+    # fastest drift, of a camera that is turned with the ball [longer sides of the picture per
+    # frame]
     swung: float = 0.025
-    # smallest steepness of an edge that shows a drift [DN/px]: H.264 keeps flatter edges in place
+    # smallest steepness of an edge that shows a drift [DN/px]; H.264 keeps flatter edges in place
     # while the camera drifts
     coded_still: float = 6.0
-    # number of parts of the picture along each axis, and smallest number of them that must have
-    # edges to show a drift, those of one moving thing left out
+    # number of parts of the picture along each axis, and smallest number of parts with edges that
+    # can show a drift, without those of one moving object
     parts: int = 12
     shown_parts: int = 4
-    # fastest drift that few edges may show [longer sides of the picture per frame]: they may all
-    # belong to one thing, which moves faster than a camera in a hand
+    # fastest drift that few edges may show [longer sides of the picture per frame], because they
+    # may all belong to one object that moves faster than a hand-held camera
     held: float = 0.006
-    # largest ratio of the change at edges with a drift to that without it: .1 to .7 in hands, at
-    # least .83 on a stand
+    # largest ratio of the change at edges with a drift to the change without it; 0.1 to 0.7 for
+    # hand-held cameras, at least 0.83 on a stand
     better: float = 0.75
     # smallest number of samples that show whether a ball is lighter or darker than the background
     fewest: int = 8
-    # quantile, or its complement, at which the background of a slow ball is found. With the median,
-    # balls lit from the side lost flights in 3 of 8 clips of a grey camera
+    # quantile, or its complement, for the background of a slow ball. With the median, flights of
+    # balls lit from the side were lost in 3 of 8 clips of a grey camera.
     side: float = 0.25
     # smallest range of brightness of a pixel that the ball touched [standard deviations of noise]
     touched: float = 8.0
-    # quantile of the samples' differences that is taken as a pixel's variation without a ball
+    # quantile of the samples' differences that is used as a pixel's variation without a ball
     restless: float = 0.75
-    # largest variation of a pixel without a ball [DN]: more may be a ball that stays
+    # largest variation of a pixel without a ball [DN]; more may be a ball that stays
     most_restless: int = 16
-    # number of rows at a time: a stack of whole pictures would need the memory of them all
+    # number of rows processed at a time, because a stack of whole pictures would need too much
+    # memory
     rows: int = 64
     # spacing of the pixels from which the brightness of the light is measured [pixels]
     grid: int = 16
@@ -77,22 +80,22 @@ _STILL = _StillSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Still:
-    """The scene without what moves; pictures are grey (row, column) or colour (…, 3), 8 bits.
+    """The scene without moving objects, as grey (row, column) or colour (…, 3) pictures of 8 bits.
 
-    Where the camera drifts it is larger than a picture: it holds what any sample shows.
+    If the camera drifts, it is larger than a picture, because it contains everything that any
+    sample shows.
     """
 
     background: Image  # background in full size
-    origin: tuple[int, int]  # x, y of its first pixel in the first picture's pixels
+    origin: tuple[int, int]  # x, y of the background's first pixel, in pixels of the first picture
     size: tuple[int, int]  # columns and rows of a picture
-    small: Image  # background in the size that is searched
+    small: Image  # background in the size of the searched picture
     restless: Image  # (row, column) differences in `small` that occur without a ball [DN]
     shrink: int  # number of full-size pixels per pixel of `small`, along each axis
     edges: Edges  # edges of `small`
     # drift of the camera at the samples, (sample, 4) as in `find.drift` [full pixels]
     sampled: Array
-    # largest drift along each axis that the picture may hide [pixels per frame]; None: too few
-    # edges to tell
+    # largest undetected drift along each axis [pixels per frame]; None: unknown, with too few edges
     hidden_drift: float | None
 
     @property
@@ -101,9 +104,9 @@ class Still:
         return bool(self.sampled.any())
 
     def unseen_drift(self, step: float) -> float:
-        """Return the drift per axis that the picture may hide [px/frame], by frame time [s].
+        """Return the largest undetected drift per axis [px/frame]; `step` is the frame time [s].
 
-        It is at most that of a hand, and equal to it if there are too few edges to tell.
+        It is at most the drift of a hand-held camera, and equal to it if there are too few edges.
         """
         hand = _STILL.hand_drift * max(self.size) * step
         return hand if self.hidden_drift is None else min(hand, self.hidden_drift)
@@ -130,15 +133,15 @@ class Still:
         return np.array([self.shrink, self.shrink, 1, 1])
 
     def shrunk(self, picture: Image) -> Image:
-        """Return a picture in the size that is searched."""
+        """Return a picture in the size of the searched picture."""
         return _shrunk(picture, self.shrink)
 
     def difference(self, small: Image, drift: Array) -> tuple[Image, Array]:
         """Return the difference of a small picture from the background, and their brightness ratio.
 
         The difference, (row, column) [DN], is that of the channel that differs most, minus the
-        pixel's variation without a ball. The ratio, (channel,), is 1.0 if it is within half a
-        percent of that, or if no pixel is bright enough to measure it.
+        pixel's variation without a ball. The ratio, (channel,), is set to 1.0 if it is within half
+        a percent of 1, or if no pixel is bright enough to measure it.
         """
         corner = (self.origin[0] // self.shrink, self.origin[1] // self.shrink)
         drift, every = drift / self._full, _STILL.grid
@@ -164,7 +167,7 @@ class Still:
     ) -> tuple[Image, Image]:
         """Return a region of a full picture in the still frame, and the background behind it.
 
-        Corner (x, y) and size (columns, rows) are of the background.
+        `corner` (x, y) and `size` (columns, rows) refer to the background.
         """
         x, y = corner
         behind = _as_bright(self.background[y : y + size[1], x : x + size[0]], light)
@@ -179,7 +182,7 @@ def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
 def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, tripod: bool = False
 ) -> Still:
-    """Return the still frame of some pictures of a clip; the first one has no drift.
+    """Return the still frame of some pictures of a clip. Drifts are relative to the first picture.
 
     A single picture and pictures from a tripod have no drift.
 
@@ -192,7 +195,7 @@ def still_of(
     apart
         Number of frames from one sample to the next.
     tripod
-        Whether the camera is known to stand still.
+        Whether the camera is known not to move.
     """
     pictures = [eight_bits(each, depth) for each in samples]
     rows, columns = pictures[0].shape[:2]
@@ -229,9 +232,10 @@ def still_of(
 def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
     """Return the drifts of pictures from the first, (picture, 4), and the hidden drift [pixels].
 
-    Each picture is aligned with the one before it, and then with the median of all. The drifts are
-    accepted if the edges then change clearly less than without them. The hidden drift is None if
-    there are few edges: they show no turn, and from one picture to the next no more than `most`.
+    Each picture is aligned with the previous one, and then with the median of all. The drifts are
+    accepted if the edges then change clearly less than without them. With few edges the hidden
+    drift is None, no turn is determined, and the drift between successive pictures is limited to
+    `most`.
     """
     none = np.zeros((len(greys), 4))
     size = columns, rows = greys[0].shape[1::-1]
@@ -245,13 +249,13 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
         first = behind[-top : rows - top, -left : columns - left]
         few = _count_parts(first) < _STILL.shown_parts
         edges = edges_of(behind, size, (left, top), turns=turns and not few)
-        # one or two pictures in a row may be aligned wrongly
+        # One or two successive pictures may be aligned wrongly.
         usual = ndimage.median_filter(laid, (5, 1), mode="nearest")
         laid = np.array([edges.drift(*each) for each in zip(greys, usual, laid, strict=True)])
         laid = laid - laid[0]
     moved = _change(greys, laid, first, _steep(first))
     stood = _change(greys, none, _panorama(greys, none)[0], _steep(first))
-    # the lower third, because hands and balls change the rest with a drift or without
+    # The lower third is used, because hands and balls change the rest with or without a drift.
     ratio = np.quantile([1.0, *moved[stood > 0] / stood[stood > 0]], 1 / 3)
     fast = np.abs(np.diff(laid[:, :2], axis=0)).max()
     drifts = ratio < _STILL.better and not (few and fast > most)
@@ -260,7 +264,7 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
 
 
 def _steep(grey: Image) -> Mask:
-    """Return a mask of the pixels at which an edge shows a drift, without the picture's rim."""
+    """Return a mask of the pixels at edges that show a drift, without the border of the picture."""
     slopes = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
     return np.pad((np.hypot(*slopes) > _STILL.coded_still)[2:-2, 2:-2], 2)
 
@@ -268,7 +272,7 @@ def _steep(grey: Image) -> Mask:
 def _count_parts(grey: Image) -> int:
     """Count the picture's parts that have edges.
 
-    One thing may move on its own, so the largest group of parts that spans less than half of the
+    One object may move by itself, so the largest group of parts that spans less than half of the
     picture is left out.
     """
     side, steep = _STILL.parts, _steep(grey)
@@ -333,7 +337,7 @@ def warp_back(
     back = matrix_of(drift, picture.shape[1::-1])
     back[:, 2] += back[:, :2] @ [x, y]
     back[:, :2] *= every
-    # OpenCV takes half as long for four channels as for three, except for a small part of a picture
+    # OpenCV needs half the time for four channels than for three, except for small regions.
     wider = picture.ndim == 3 and 2 * behind.size > picture.size
     there, here = (
         np.asarray(cv2.cvtColor(each, cv2.COLOR_BGR2BGRA), np.uint8) if wider else each
@@ -346,13 +350,13 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile, 0 to 1, at which the background lies among the grey values of a pixel.
+    """Return the quantile, 0 to 1, of a pixel's grey values in all pictures that is the background.
 
-    The grey values are those in all pictures. The quantile is 0.5, the median, except for eight or
-    more pictures of a grey camera, as used in laboratories: there a slow ball may cover a pixel for
-    most of the time. Most of the pixels that it touches, however, are covered for less than half of
-    the time, and show whether the ball is lighter than the background. For a lighter ball the
-    quantile is below 0.5, for a darker one above it.
+    It is 0.5, the median, except for eight or more pictures of a grey camera, as used in
+    laboratories. In such a clip a slow ball may cover a pixel for most of the time. Most of the
+    pixels that it touches, however, are covered for less than half of the time, and show whether
+    the ball is lighter than the background. For a lighter ball the quantile is below 0.5, for a
+    darker ball above 0.5.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
@@ -367,10 +371,10 @@ def share_of(pictures: Sequence[Image]) -> float:
 def _panorama(
     pictures: Sequence[Image], drifts: Array, share: float = 0.5, grid: int = 1
 ) -> tuple[Image, tuple[int, int]]:
-    """Return a quantile of drifted pictures over their whole range, and x, y of its first pixel.
+    """Return a quantile of drifted pictures over all that they show, and x, y of its first pixel.
 
-    The first pixel lies on multiples of `grid`. A pixel that a picture does not show is taken from
-    the picture before it. It is black if no picture shows it.
+    x and y are multiples of `grid`. A pixel that a picture does not show is copied from the
+    previous picture; it is black if no picture shows it.
     """
     size = pictures[0].shape[1::-1]
     corners = np.array([[x, y] for x in (0, size[0]) for y in (0, size[1])], float)
@@ -391,19 +395,19 @@ def _panorama(
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
-    """Return the value of rank `rank` in each pixel of a stack of up to 255 pictures.
+    """Return the value with rank `rank` (0: the darkest) in each pixel of up to 255 pictures.
 
-    Rank 0 is the darkest. It is found by bisection, which is much faster than sorting.
+    It is found by bisection, which is much faster than sorting.
     """
     result = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):
         below = (stack < result + np.uint8(bit)).sum(axis=0, dtype=np.uint8)
-        result += np.uint8(bit) * (below <= rank)  # much quicker than `where`
+        result += np.uint8(bit) * (below <= rank)  # much faster than `where`
     return result
 
 
 def _shrunk(picture: Image, shrink: int) -> Image:
-    """Return a picture halved several times, which is much faster than one reduction."""
+    """Return a picture reduced by repeated halving, which is much faster than one reduction."""
     while shrink > 1:
         rows, columns = (2 * (side // 2) for side in picture.shape[:2])
         size = (columns // 2, rows // 2)
@@ -413,7 +417,7 @@ def _shrunk(picture: Image, shrink: int) -> Image:
 
 
 def _soft(picture: Image) -> Image:
-    """Return a smoothed grey picture: noise and a codec's blocks have steep edges."""
+    """Return a smoothed grey picture, because noise and the blocks of a codec have steep edges."""
     return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
 
 

@@ -1,4 +1,4 @@
-"""A clip watched once: blobs, drift and change of every frame."""
+"""One pass over a clip: blobs, drift and change of every frame."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.find.blobs import BLOB, CLEAN, Blobs, blobs
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
-# largest change of the drift per frame [share of the fastest drift]: no hand changes a camera's
-# motion by more
+# largest change of the drift per frame that a hand can cause [share of the fastest drift]
 LEAP_SHARE = 0.4
-# ratio of the second differences of neighbouring rows to those of every other row, and smallest
-# number of free blobs in which it is measured: combs show 1.5 to 3, whole frames 0.4 to 1
+# smallest ratio of second differences of neighbouring rows to those of every other row in an
+# interlaced clip, and smallest number of free blobs to measure it; interlaced clips have 1.5 to 3,
+# other clips 0.4 to 1
 COMB_RATIO, COMB_BLOBS = 1.25, 3
 
 
@@ -29,11 +29,11 @@ class Watched:
 
     still: Still
     blobs: Blobs  # (blob,) of `find.blobs.BLOB`, frame by frame
-    change: Array  # (frame,) greatest change from the frame before [DN]; NaN: not examined
+    change: Array  # (frame,) largest change from the previous frame [DN]; NaN: not examined
     # size of each leap of the background [pixels], by the number of the frame after the leap
     leaps: Mapping[int, float] = field(default_factory=dict)
-    # JPEG of each frame in the size searched, about 30 kB; none if the clip has more than 4000
-    # frames
+    # JPEG of each frame in the searched size, about 30 kB each; empty if the clip has more than
+    # 4000 frames
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
     interlaced: bool = False  # each frame holds two fields, taken at different moments
 
@@ -89,9 +89,9 @@ def watch(
             since += 1
         latest = small, drift
         if number < first:
-            continue  # only its drift is needed, as a start for the next frame's
+            continue  # only the drift is needed, as the start for the next frame
         if before is not None:
-            # the mean over 5 x 5 pixels is used because changes of fewer pixels are noise
+            # The mean over 5 x 5 pixels is used because changes of fewer pixels are noise.
             changed = cv2.blur(cv2.absdiff(small, before), (5, 5))
             change[number] = float(np.max(changed))
         before = small
@@ -112,8 +112,8 @@ def watch(
 def _has_combs(clip: Clip, moving: Blobs) -> bool:
     """Return whether alternate rows of moving blobs show two times (interlaced fields).
 
-    A row then differs more from its neighbours than from the rows next to those. In a whole frame
-    it differs less, or equally if there is only noise.
+    In an interlaced frame a row differs more from its neighbours than from the rows beyond them. In
+    other frames it differs less, or equally if there is only noise.
     """
     combed = []
     free = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]
@@ -147,11 +147,11 @@ def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -
 
 
 def repeats(watched: Watched) -> Mask:
-    """Return a mask of the frames that repeat the one before, (frame,).
+    """Return a mask of the frames that repeat the previous frame, (frame,).
 
-    A repeat hardly changes the picture, and fewer than half of its round objects move. The second
-    condition is for a ball at the top of a low hop, which changes the picture very little. Objects
-    without a match in the frame before are not counted. If no object has a match, the second
+    In a repeat the picture hardly changes, and fewer than half of its round objects move. The
+    second condition is for a ball at the top of a low hop, which changes the picture very little.
+    Objects without a match in the previous frame are ignored. If no object has a match, the second
     condition is met.
     """
     moving, same = watched.blobs, lulls(watched.change)
@@ -162,19 +162,21 @@ def repeats(watched: Watched) -> Mask:
             alike = old[np.abs(old["radius"] / one["radius"] - 1) < 0.1]
             away = np.hypot(alike["x"] - one["x"], alike["y"] - one["y"]).min(initial=np.inf)
             if away < one["radius"]:
-                # a codec that stores a picture twice moves a blob by half a pixel
+                # A codec that stores a picture twice moves a blob by half a pixel.
                 moved.append(away > max(0.7, 0.03 * one["radius"]))
         same[k] = not moved or np.mean(moved) < 0.5
     return same
 
 
 def lulls(change: Array) -> Mask:
-    """Return a mask of the frames equal to the one before, (frame,), from their `change` [DN].
+    """Return a mask of the frames equal to the previous one, (frame,), from their `change` [DN].
 
-    A frame whose change is NaN is no repeat. Both sides must show more change, because a key frame
-    or the end of a motion is on one side only. So the first and the last frame are no repeats.
+    Frames on both sides of a repeat must show more change, because a key frame or the end of a
+    motion changes only one side. The first frame, the last frame, and a frame whose change is NaN
+    are therefore never repeats.
     """
-    # number of frames on each side, smallest change there [DN], largest share of it in a repeat
+    # number of frames on each side, smallest change there [DN], largest share of this change in a
+    # repeat
     beside, least, share = 2, 8.0, 0.3
     changes = np.nan_to_num(change)
     same = np.zeros(len(changes), bool)

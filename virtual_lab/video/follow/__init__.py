@@ -1,1 +1,1 @@
-"""Blobs to flights: pieces of constant acceleration, one joint fit, a ruler, contacts, doubts."""
+"""From blobs to flights: pieces of constant acceleration, joint fit, scale, contacts, doubts."""

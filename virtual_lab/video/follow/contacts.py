@@ -1,4 +1,4 @@
-"""Contacts: when two flights meet, what was struck, and its restitution."""
+"""Contacts between flights: time, kind of the struck object, and restitution."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from virtual_lab.video.follow.sharpening import SharpBall
 class ContactSettings:
     """Thresholds for a contact, for its kind, and for stating its restitution."""
 
-    # smallest speed along a floor or wall, before and after, that shows a reversal [share of the
-    # speed into it]: the ball struck two things
+    # smallest speed along a floor or wall, before and after, at which a reversal means that the
+    # ball struck two objects [share of the speed into the floor or wall]
     turned_back: float = 0.2
-    coverage: float = 2.0  # coverage factor: a larger difference [u] is not by chance
+    coverage: float = 2.0  # coverage factor beyond which a difference is significant [u]
 
 
 CONTACTS = ContactSettings()
@@ -67,15 +67,15 @@ def contacts_of(
     notes: list[Note] = []
     contacts = []
     fit, others = model.fit, model.rest
-    # without a floor's line, a fitted tilt of a few degrees spoils restitutions
+    # Without the line of a floor, a fitted tilt of a few degrees would falsify restitutions.
     by = model.level or model
     for k, near in meetings(ways, fit):
         t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]
         late = fit.readout * float(np.median(scene.late(one.blobs[-2:])))
         time = estimate_of(lambda f: _closest(f, k, t)[0], fit, others, unit=step)  # noqa: B023
-        # the contact must be between the last place of the flight in and the first of the flight
-        # out
+        # The contact must be between the last position of the incoming flight and the first
+        # position of the outgoing flight.
         room = CONTACTS.coverage * time.u / step + (scene.exposure or 1.0) / 2
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
             notes.append(_outside(ways, k, t, step))
@@ -126,12 +126,12 @@ def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
 
 
 def _place(axis: int, first: int, t: float, fit: Fit) -> float:
-    """Return the point of nearest approach of two flights near a time, along an axis [pixels]."""
+    """Return the coordinate, along an axis, of the nearest approach of two flights [pixels]."""
     return float(fit.meeting(first, t)[axis])
 
 
 def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
-    """Return the fractional frame number of a time between two flights, without repeats."""
+    """Return the fractional frame number of a time between two flights, not counting repeats."""
     between = np.arange(one.frames[-1], other.frames[0] + 1)
     between = between[np.isfinite(scene.time[between])]
     times = scene.time[between] + one.t[-1] - scene.time[one.frames[-1]]
@@ -142,7 +142,10 @@ def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
 def _normal(
     scene: FlightScene, fit: Fit, change: Array, ways: list[Piece]
 ) -> tuple[Array | None, str]:
-    """Find the normal (2,) and kind of what was struck; None: only speeds can be compared."""
+    """Return the normal (2,) and the kind of the struck object.
+
+    Without a normal (None) only speeds can be compared.
+    """
     along = change / np.hypot(*change)
     if not fit.down or not (bends(ways, fit) or scene.pull is not None):
         return None, "struck"
@@ -151,12 +154,12 @@ def _normal(
     for normal, kind in ((up, "floor"), (side, "wall"), (-side, "wall")):
         if along @ normal > np.cos(OFF_NORMAL):
             return normal, kind
-    # if g is known, only the ratio of speeds is computed for a hit in any other direction
+    # If g is known, only the ratio of speeds is computed for a hit in any other direction.
     return None, "other" if scene.pull is None else "struck"
 
 
 def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, Array, Array]:
-    """Time near `t` at which two flights are nearest to each other, and their velocities."""
+    """Return the time near `t` at which two flights are closest, and their velocities then."""
     before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
     apart, change = (after - before)[:2], (after - before)[2:]
     late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -room, room))
@@ -176,14 +179,14 @@ def _restitution(
     kind: str,
     sharp: bool,
 ) -> tuple[Estimate | None, str, str]:
-    """Return the restitution, or None with a flag and the reason."""
+    """Return the restitution, a flag and a reason; without a restitution (None) both are set."""
 
     def ratio_of(turns: bool, some: Fit) -> float:
         _, before, after = _closest(some, first, t)
         if normal is None:
             return float(np.hypot(*after) / np.hypot(*before))
         across = complex(*normal)
-        if turns and (some.pull != fit.pull).any():  # a hidden drift turns no normal
+        if turns and (some.pull != fit.pull).any():  # a hidden drift does not turn the normal
             across *= some.down / fit.down
         before, after = (each @ [across.real, across.imag] for each in (before, after))
         return float(-after / before)
@@ -191,7 +194,7 @@ def _restitution(
     ratio = estimate_of(partial(ratio_of, bool(fit.floor)), fit)
     beside = [share * (ratio.value - ratio_of(True, other)) for other, share in others]
     ratio = replace(ratio, u=float(np.linalg.norm([ratio.u, *beside])))
-    if normal is not None:  # a floor is level and a wall is upright within `slant_u`
+    if normal is not None:  # a floor is level, and a wall upright, within `slant_u`
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
         along = np.array([before @ side, after @ side]) / abs(before @ normal)

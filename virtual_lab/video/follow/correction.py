@@ -22,9 +22,10 @@ from virtual_lab.video.follow.pieces import GROWTH, Piece
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     """Return the positions in a track as blobs, and the flights of its column `flight`.
 
-    Required columns are frame, x_px and y_px in the still frame, and flight (empty: no flight).
-    Optional columns are radius_px (default: the median), time_s (default: the time of the frame),
-    drift_x_px and drift_y_px (default: 0). Flights of fewer than five positions are left out.
+    Required columns are frame, x_px and y_px in the still frame, and flight (empty for a position
+    outside flights). Optional columns are radius_px (default: the median), time_s (default: the
+    time of the frame), drift_x_px and drift_y_px (default: 0). Flights of fewer than five positions
+    are left out.
 
     Raises
     ------
@@ -57,7 +58,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
     blobs, t = blobs[order], np.where(np.isnan(times), frames, times)[order]
     names = table["flight"].iloc[order].reset_index(drop=True)
-    flights = map(np.asarray, names.groupby(names).indices.values())  # "" is of none
+    flights = map(np.asarray, names.groupby(names).indices.values())  # "" is no flight
     watched = Watched(
         still=still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length())),
         blobs=blobs,

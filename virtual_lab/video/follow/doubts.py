@@ -1,4 +1,4 @@
-"""Doubts about a clip's flights, from its rulers, frames, camera and other moving objects."""
+"""Doubts about a clip's flights: scales, frame times, camera, and other moving objects."""
 
 from __future__ import annotations
 
@@ -24,14 +24,15 @@ from virtual_lab.video.follow.scene import FlightScene
 class DoubtSettings:
     """Limits beyond which a difference is flagged."""
 
-    # motion per frame [ball radii]: a ball that moves less may look the same in two frames
+    # smallest motion per frame with which a ball cannot look the same in two frames [ball radii]
     moved: float = 0.1
-    drift_matters: float = 0.002  # largest hidden drift of the camera [share of a flight's speed]
-    # difference from g, or between two rulers, that is allowed: in standard uncertainties, and as a
-    # share; the larger one counts
+    drift_matters: float = 0.002  # largest tolerated hidden drift [share of a flight's speed]
+    # largest allowed difference from g, or between two scales: in standard uncertainties, and as a
+    # share, whichever is larger
     apart: tuple[float, float] = (3.0, 0.04)
-    explained: float = 0.9  # share of a moving ball's frames that flights span, at least
-    # acceleration beyond which the frame rate must be wrong [g]: no ball's size is so far off
+    explained: float = 0.9  # smallest share of a moving ball's frames that flights must span
+    # acceleration beyond which the frame rate must be wrong [g], because no ball's size is that
+    # wrong
     absurd: float = 3.0
 
 
@@ -40,7 +41,7 @@ FALLS = DoubtSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Falls:
-    """Fall of the flights, measured by a ruler other than gravity."""
+    """Fall of the flights, measured with a scale that does not come from gravity."""
 
     knowledge: ClipKnowledge
     shared: Estimate  # acceleration that all flights share [m/s²]
@@ -53,17 +54,17 @@ class Falls:
 
     @property
     def rate_u(self) -> float:
-        """Relative u of `rate`: half that of the acceleration, which includes the length's."""
+        """Relative u of `rate`, half that of the acceleration, which includes the u of lengths."""
         return self.shared.u / self.shared.value / 2
 
     def with_fitted_rate(self) -> ClipKnowledge:
-        """Return the knowledge of the clip with `rate` from gravity, which is then no ruler."""
+        """Return the knowledge of the clip with a rate from gravity, which then sets no scale."""
         return replace(
             self.knowledge, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL
         )
 
     def of_rate(self) -> Note:
-        """Note of a rate that was fitted."""
+        """Return the note that the frame rate was fitted."""
         words = (
             f"no frame rate is given; with the rate that the file states, "
             f"{self.knowledge.rate:.4g} per second, and {SAID[self.scale.source]} as the scale, "
@@ -85,7 +86,7 @@ class Falls:
             raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
-        """Return a note against length and frame rate, or none if the flights fall with g."""
+        """Return a note that length and frame rate contradict g; empty if they do not."""
         g, (coverage, share) = self.knowledge.gravity, FALLS.apart
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
@@ -99,7 +100,7 @@ class Falls:
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
-    """Return a note against a ball's size, if a given length contradicts it, otherwise none."""
+    """Return a note that the stated size of the ball contradicts a stated length; empty if not."""
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
@@ -118,9 +119,9 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 def against_flights(
     scene: FlightScene, watched: Watched, pieces: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
-    """Return notes on a second ball, unexplained motion, the background, and frames left out.
+    """Return notes on a second ball, unexplained motion, the background, and missing frames.
 
-    There are none without flights.
+    The list is empty without flights.
     """
     if not ways:
         return []
@@ -133,7 +134,7 @@ def against_flights(
         )
         notes.append(("SECOND_BALL", words))
     share = explained_share(scene, ways, pieces)
-    if share < 1 and ways[0].u is None:  # near a bat sharp places are left out
+    if share < 1 and ways[0].u is None:  # sharp positions near a bat are left out
         words = (
             f"the flights explain {100 * share:.0f} % of the frames in which the ball moves; in "
             "the others it is carried, rolls or is struck, or a flight was missed"
@@ -181,7 +182,7 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
-    """Return notes on the camera from the flights; `drift`: drift that may be hidden [px/frame]."""
+    """Return notes on the camera; `drift` is the largest undetected drift [px/frame]."""
     notes, fit = [], model.fit
     if model.tilted:
         words = (

@@ -1,4 +1,4 @@
-"""Flights with drag, compiled: numpy spends nearly all its time between so short arrays."""
+"""Flights with drag, compiled because the arrays are too short for numpy to be efficient."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from virtual_lab.units import Array
 
 @njit(cache=True, error_model="numpy")
 def fly_with_drag(states: Array, pull: Array, drag: Array, dt: Array, steps: int) -> None:
-    """Move `states` (row, place, 4) on by times (place,) with Runge and Kutta's method.
+    """Advance `states`, (row, position, 4), by the times `dt`, (position,), in place (Runge-Kutta).
 
-    The acceleration without drag is `pull` (row, place, 2), and `drag` (row,) the share of the
-    speed lost per unit of path.
+    `pull`, (row, position, 2), is the acceleration without drag. `drag`, (row,), is the share of
+    the speed that is lost per unit of path.
     """
     for row in range(states.shape[0]):
         k = drag[row]

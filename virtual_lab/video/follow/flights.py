@@ -1,4 +1,4 @@
-"""Flights and their contacts, found from pieces by a common gravity."""
+"""Flights and their contacts: pieces of motion that share one gravity."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ from virtual_lab.video.follow.scene import FlightScene
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightSearch:
-    """Criteria for pieces that are flights, and of one ball."""
+    """Criteria for pieces that are flights of one ball."""
 
-    least_places: int = 6  # smallest number of places of a flight
-    contact_frames: float = 6.0  # largest number of frames between two flights that a contact joins
+    least_places: int = 6  # smallest number of positions of a flight
+    contact_frames: float = 6.0  # largest number of frames between two flights with a contact
     # tolerances of one common gravity:
-    # tolerance of the acceleration of two flights, before drag and tilt are fitted [share of it]
+    # largest relative difference of the accelerations of two flights, before drag and tilt are
+    # fitted
     pull_share: float = 0.25
     upright: float = 0.5  # largest angle of g to the picture's downward direction [rad]
     # smallest sag of a flight for which the direction of g is checked [ball radii]
@@ -31,21 +32,21 @@ class FlightSearch:
     # smallest expected sag for which the absence of gravity is noticed [ball radii]
     shown_sag: float = 0.3
     # largest rms scatter of a flight: in ball radii, in pixels for a small ball, and as a share of
-    # its sag; the largest of the three counts
+    # its sag, whichever is largest
     smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
-    # tolerances of places on a flight:
-    room: float = 0.2  # largest distance of a place from its flight [ball radii]
-    # largest distance of the first and last place from their flight where there is no contact [ball
+    # tolerances of positions on a flight:
+    room: float = 0.2  # largest distance of a position from its flight [ball radii]
+    # largest distance of the first and last position from their flight if there is no contact [ball
     # radii]
     end_room: float = 0.07
-    # largest length of the first and last blob, less the motion in a frame [median lengths]
+    # largest length of the first and last blob, minus the motion in a frame [median lengths]
     end_length: float = 1.25
     meeting_radii: float = 0.5  # largest misfit of two flights at a contact [ball radii]
-    # readouts that are tried if none is known [frames], and factor by which one of them must reduce
-    # the misfit of a readout of 0
+    # readout times that are tried if none is known [frames], and factor by which one of them must
+    # reduce the misfit of a readout time of 0
     readouts: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
     readout_gain: float = 4.0
-    # smallest contrast of a second ball [share of the ball's]: a shadow or mirror image has less
+    # smallest contrast of a second ball, relative to the ball; a shadow or mirror image has less
     second_contrast: float = 0.5
 
 
@@ -53,9 +54,10 @@ FLIGHTS = FlightSearch()
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
-    """Return those of the pieces that are flights of one ball under one gravity, and their fit.
+    """Return the pieces that are flights of one ball under one gravity, and their fit.
 
-    Without such flights, or if the pieces are the swing of a pendulum, return ``([], None)``.
+    Without such flights, or if the pieces are the swing of a pendulum, the result is ``([],
+    None)``.
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
@@ -70,7 +72,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     fit = fit_of(flights)
     right, down = fit.pull[0]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
-    # the acceleration of a pendulum is to the side
+    # The acceleration of a pendulum is to the side.
     aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright
     falls = bends(flights, fit, FLIGHTS.shown_sag)
     return ([], None) if aside and falls else (flights, fit)
@@ -120,7 +122,7 @@ class _Bend:
 
     @cached_property
     def bent(self) -> bool:
-        """True for a piece that its acceleration bends by more than `sag` radii."""
+        """True if the acceleration bends the piece by more than `sag` radii."""
         return self.sag(self.size) > FLIGHTS.sag * self.piece.radius
 
     @cached_property
@@ -136,29 +138,30 @@ class _Bend:
 
     @cached_property
     def may_fall(self) -> bool:
-        """True for a smooth piece that accelerates down the picture, or too little to show."""
+        """True for a smooth piece that accelerates downward, or too little to be detected."""
         upright = float(np.arctan2(abs(self.pull[0]), self.pull[1])) < FLIGHTS.upright
         return self.rms < self.smooth and (upright or not self.bent)
 
     @cached_property
     def falls(self) -> bool:
-        """True for a piece that falls as gravity, by direction and, where it is known, by size."""
+        """True for a piece that accelerates as gravity, in direction and, if known, in size."""
         least = max(FLIGHTS.shown_sag * self.piece.radius, 6 * self.rms)
         if self.expected is None or self.sag(self.expected) <= least or not self.may_fall:
             return self.may_fall
-        # gravity would show: is it there, or does a wrong frame rate make it look larger or less?
+        # If gravity would be detectable, it must be there, although a wrong frame rate may make it
+        # look larger or smaller.
         clear = len(self.t) >= 2 * FLIGHTS.least_places and self.size > 8 * self.u
         return 0.5 < self.size / self.expected < 2.0 or (clear and self.bent)
 
     @cached_property
     def slowed(self) -> float:
-        """Acceleration that drag may add at its mean speed [pixels/frame²]."""
+        """Acceleration that drag may cause at the mean speed of the piece [pixels/frame²]."""
         speed = float(np.hypot(*(self.piece.xy[-1] - self.piece.xy[0])) / np.ptp(self.t))
         drag = FLIGHT_FIT.drag * float(np.exp(3 * FLIGHT_FIT.drag_u))
         return drag / self.piece.radius * speed**2
 
     def shares(self, other: _Bend) -> tuple[bool, bool]:
-        """Return whether another piece may have the same acceleration, and whether it has."""
+        """Return whether another piece may have the same acceleration, and whether it does."""
         alike = float(np.abs(other.colour - self.colour).max()) < GROWTH.colour
         ratio = max(other.piece.radius, self.piece.radius)
         ratio /= min(other.piece.radius, self.piece.radius)
@@ -174,8 +177,8 @@ class _Bend:
 
 
 def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces, one at a time, with the acceleration that most positions support."""
-    # a shadow on the ground moves like its ball, but only across the picture
+    """Return the pieces, without overlap in time, whose acceleration most positions support."""
+    # A shadow on the ground moves like its ball, but only across the picture.
     bends = [each for each in (_Bend.of(scene, piece) for piece in pieces) if each.may_fall]
     best: tuple[float, list[Piece]] = (0.0, [])
     for one in bends:
@@ -186,13 +189,13 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         shared = [(each.piece, *one.shares(each)) for each in others]
         like = [piece for piece, _, sure in shared if sure]
         loose = [piece for piece, may, sure in shared if may and not sure]
-        # a short piece may match gravity by chance, and a ball in two colours turns: such pieces
-        # must adjoin a flight
+        # A short piece may agree with gravity by chance, and so may a turning ball in two colours.
+        # Such pieces must adjoin a flight.
         while near := [o for o in loose if any(_adjoins(o, e) for e in like)]:
             like += near
             loose = [o for o in loose if not any(o is each for each in near)]
         like = _once(like)
-        # many short pieces of a hand's way agree by chance; long ones do not
+        # Many short pieces of the path of a hand agree by chance, long pieces do not.
         support = float(sum((len(each.t) - 3) ** 1.5 for each in like))
         if support > best[0]:
             best = (support, like)
@@ -211,7 +214,7 @@ def _adjoins(one: Piece, other: Piece) -> bool:
 
 
 def _once(flights: list[Piece]) -> list[Piece]:
-    """Return flights that share no frames: the longer of two overlapping ones."""
+    """Return flights that share no frames; of two overlapping flights the longer one is kept."""
     parts: list[Piece] = []
     for piece in sorted(flights, key=lambda each: -len(each.t)):
         spans = [
@@ -224,7 +227,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
 
 
 def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Return the flights, with neighbours joined that are one flight, even across lost frames."""
+    """Return the flights after joining neighbours that are one flight, even across lost frames."""
     joined = flights[:1]
     for other in flights[1:]:
         one = joined[-1]
@@ -241,7 +244,7 @@ def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
 
 
 def _align(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
-    """Return the flights, the later ones shifted by the frames lost at a contact."""
+    """Return the flights, with later ones delayed by the frames lost at a contact."""
     aligned, shift = flights[:1], 0.0
     for k, (one, other) in enumerate(pairwise(flights)):
         moves = np.arange(GROWTH.lost_frames + 1.0) - scene.ahead(one, other)
@@ -259,10 +262,10 @@ def _align(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 def _nearest(
     fit: Fit, first: int, start: float, end: float, move: float = 0.0
 ) -> tuple[float, float, float]:
-    """Time at which two flights are nearest, how far apart, and the change of velocity.
+    """Return the time at which two flights are closest, their distance, and the velocity change.
 
-    The time is searched from one step before the first flight ends to one step after the second
-    flight begins, which is delayed by `move`.
+    The time is searched from one step before the end of the first flight to one step after the
+    beginning of the second flight, which is delayed by `move`.
     """
     t = np.linspace(start - 1, end + move + 1, 401)
     change = fit.at(first + 1, t - move) - fit.at(first, t)
@@ -274,8 +277,8 @@ def _nearest(
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     """Return the contacts between consecutive flights: index of the flight before, time [frames].
 
-    Flights that pass each other at a distance have no contact, and neither have flights of blobs,
-    not sharply located, with more than `contact_frames` between them.
+    Flights that pass each other at a distance have no contact. Flights of blobs, which are not
+    located sharply, have no contact either if more than `contact_frames` are between them.
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
@@ -289,7 +292,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Return the readout [frames]; an unknown one is 0 unless the flights contradict that."""
+    """Return the readout time [frames]; if it is unknown, 0 unless the flights contradict this."""
     if scene.readout is not None:
         return scene.readout
     fits = [fit_flights(scene, flights, readout=each) for each in (0.0, *FLIGHTS.readouts)]
@@ -300,8 +303,8 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
 def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return the flights with all positions on their path, and no others.
 
-    Where there is no contact, a flight begins and ends at places that are surely on its path: a
-    hand moves on with the ball, and the two together look longer than the ball.
+    If there is no contact at an end of a flight, the flight ends at a position that is surely on
+    its path, because a hand moves on with the ball, and the two together look longer than the ball.
     """
     moving, refilled = scene.blobs, []
     counted = np.isfinite(scene.time)
@@ -325,7 +328,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         near = np.flatnonzero(off < min(room, piece.radius / 2))
         near = near[np.lexsort((off[near], frames[near]))]
         near = near[np.unique(frames[near], return_index=True)[1]]
-        # the ball may leave the picture during the flight, so only gaps before and after it count
+        # The ball may leave the picture during the flight, so only gaps before and after it matter.
         there = frames[near]
         apart = np.diff(number[there]) > GROWTH.gap_frames + 1
         apart &= (there[1:] <= first) | (there[:-1] >= last)
@@ -344,12 +347,12 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Return those of `pieces` that are flights of a second ball.
+    """Return the `pieces` that are flights of a second ball.
 
-    They have frames in common with `flights`, those of the first ball, but other positions in them.
+    They share frames with `flights`, the flights of the first ball, but have other positions there.
     """
     blobs = np.concatenate([each.blobs for each in flights])
-    # a shadow on a wall moves like its ball
+    # A shadow on a wall moves like its ball.
     least = FLIGHTS.second_contrast * np.median(scene.blobs["contrast"][blobs])
     rest = [
         each
@@ -372,8 +375,8 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
     """Return the share, 0 to 1, of the frames with a similar moving ball that the flights span.
 
-    A similar ball has the size and the colour of the flights' ball, and moves by a diameter or
-    more. The share is 1 if no other piece shows one.
+    A similar ball has the size and the colour of the ball of the flights, and moves by at least a
+    diameter. The share is 1 if no other piece is such a ball.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))
@@ -393,10 +396,10 @@ def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequen
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     """Return the flights without the positions that a contact or another flight makes doubtful.
 
-    At a contact the earlier flight keeps the positions whose exposure ends before it, the later
-    flight those whose exposure begins after it. Where two flights overlap in time, the later one
-    loses its positions up to the end of the earlier one. No flight is dropped, but one may be
-    empty. An unknown exposure counts as a whole frame.
+    At a contact the earlier flight keeps the positions whose exposure ends before the contact, and
+    the later flight the positions whose exposure begins after it. If two flights overlap in time,
+    the later flight loses its positions up to the end of the earlier one. No flight is removed, but
+    a flight may be empty. An unknown exposure time is assumed to be a whole frame.
     """
     if len(flights) < 2:
         return flights
@@ -405,7 +408,7 @@ def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     for k, t in meetings(flights, fit_flights(scene, flights)):
         parts[k] = parts[k].part(parts[k].t < t - half)
         parts[k + 1] = parts[k + 1].part(parts[k + 1].t > t + half)
-    # flights that do not meet may overlap in time
+    # Flights that do not meet may overlap in time.
     for k, (one, other) in enumerate(pairwise(parts)):
         if len(one.t):
             parts[k + 1] = other.part(other.frames > one.frames[-1])

@@ -1,4 +1,4 @@
-"""A clip to flights and contacts: what `virtual-lab track` finds in any clip."""
+"""From a clip to flights and contacts, as in the command `virtual-lab track`."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class Flight:
     first_frame: int
     last_frame: int
     places: int
-    # speed at the start: at the contact before the flight, else at its first place
+    # speed at the start of the flight: at the contact before it, otherwise at its first position
     speed_in: Estimate
     speed_out: Estimate
-    # angle of the velocity from the picture's right, anticlockwise as seen [rad]
+    # angle of the velocity from the right of the picture, counterclockwise [rad]
     angle_in: Estimate
     angle_out: Estimate
-    # acceleration of this flight alone, without drag; None: only gravity sets the scale, or g is
-    # known
+    # acceleration of this flight alone, without drag; None if only gravity sets the scale, or if g
+    # is known
     acceleration: Estimate | None
 
 
@@ -60,32 +60,32 @@ class FollowedClip:
     knowledge: ClipKnowledge
     scene: FlightScene
     pieces: list[Piece]
-    ways: list[Piece]  # pieces of the flights
+    ways: list[Piece]  # positions of each flight
     seconds: float  # duration of one step of `t` [s]
     fit: Fit | None
     flights: list[Flight]
     contacts: list[Contact]
-    scale: PixelScale | None  # scale by the ruler in use
-    checks: tuple[PixelScale, ...]  # scales by the other rulers
-    # acceleration that the flights share, by a ruler other than gravity [m/s²]
+    scale: PixelScale | None  # scale that is used
+    checks: tuple[PixelScale, ...]  # other scales, for comparison
+    # acceleration common to the flights, by a scale that does not come from gravity [m/s²]
     gravity: Estimate | None
     drag_per_m: float | None
-    sharp: SharpBall | None  # sharp places of the ball, if the camera is calibrated
+    sharp: SharpBall | None  # sharp positions of the ball, if the camera is calibrated
     notes: tuple[Note, ...]
 
     @property
     def lost(self) -> dict[int, int]:
-        """Count of frames that were left out, by the number of the frame after them."""
+        """Number of missing frames before a frame, by the number of this frame."""
         return self.scene.lost(self.ways)
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """Flags: doubts about the result, in capitals."""
+        """Names of the flags (doubts about the result), in capitals."""
         return tuple(dict.fromkeys(flag for flag, _ in self.notes if flag))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Flags in sentences, and remarks that raise no flag."""
+        """Sentences on the flags, and remarks that raise no flag."""
         return tuple(dict.fromkeys(words for _, words in self.notes if words))
 
 
@@ -94,8 +94,8 @@ def follow(
 ) -> FollowedClip:
     """Follow the ball through a clip.
 
-    Raises `InputError` if the ball would fall absurdly fast at the given frame rate, or if the
-    chosen ruler cannot be applied to any flight.
+    Raises `InputError` if the ball would fall absurdly fast at the stated frame rate, or if the
+    requested scale cannot be measured in any flight.
     """
     progress("looking for the ball")
     watched = watch(
@@ -116,9 +116,9 @@ def follow_blobs(
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
-    """Follow the ball through a clip whose moving objects were already found (`watched`).
+    """Follow the ball through a clip whose moving objects are already known (`watched`).
 
-    `flights` are the ball's flights as corrected by hand; without them they are searched for.
+    `flights` are flights of the ball that were corrected by hand; by default they are searched for.
     A clip without a flight gives a result without flights, and a warning. Raises `InputError`
     as `follow` does.
     """
@@ -149,8 +149,8 @@ def measure(
 ) -> FollowedClip:
     """Measure flights, contacts and scale in SI, and note doubts about them.
 
-    The result has no flights if `search` has none, or if nothing sets the scale. If the frame rate
-    of the file contradicts g and none was stated, the rate that agrees with g is used.
+    The result has no flights if `search` has none, or if no scale is known. If the user stated no
+    frame rate, and that of the file contradicts g, the rate that agrees with g is used.
 
     Parameters
     ----------
@@ -162,8 +162,8 @@ def measure(
     Raises
     ------
     InputError
-        The ball would fall absurdly fast at the given frame rate, or gravity was requested as the
-        ruler but no flight shows it.
+        The ball would fall absurdly fast at the stated frame rate, or gravity was requested for the
+        scale but no flight shows it.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]
@@ -233,7 +233,7 @@ def measure(
 
 
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
-    """Return a mask of the repeats while a ball moves; at other times frames may be equal."""
+    """Return a mask of the repeats while a ball moves; at other times equal frames are normal."""
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
@@ -291,7 +291,7 @@ def _falls(
     scale: Ruler,
     step: float,
 ) -> tuple[Estimate, list[Estimate]]:
-    """Return the common acceleration of the flights, and that of each, by a ruler [m/s²]."""
+    """Return the common acceleration of the flights, and that of each flight [m/s²]."""
     alike = refit(scene, ways, model.fit, shared=False, tilt=np.zeros(2))
     scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, (), **scaling)
@@ -300,9 +300,10 @@ def _falls(
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
-    """Return the speed at a flight's free end; its u covers the unknown time of the release.
+    """Return the speed at an end without contact; its u covers the unknown time of the release.
 
-    Just after a release the ball has moved by less than places scatter, or than the last is `off`.
+    At the release the ball was closer to this end than the scatter of positions, or than `off`, the
+    deviation of the last position.
     """
     size = float(np.hypot(*pull))
     if size == 0:
@@ -319,5 +320,8 @@ def _pull(flight: int, fit: Fit) -> float:
 
 
 def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> float:
-    """Return the speed of a flight at a time of the first row [m/frame]; `late`: readout share."""
+    """Return the speed of a flight at the time `t` of the first row [m/frame].
+
+    `late` is the share of the readout time at the row of the ball.
+    """
     return scale.unit(fit) * float(np.hypot(*fit.at(flight, t + fit.readout * late)[0, 2:]))

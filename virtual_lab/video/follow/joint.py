@@ -1,18 +1,20 @@
-"""Flights fitted together: one g, one drag per length, a place and a velocity for each.
+"""Joint fit of flights: a common g and drag, and a position and velocity of each flight.
 
-The camera is taken to be level, so that its perspective is small; a scene may know g and drag.
-If places have no u, it follows from their scatter. Places of a calibrated camera have u from noise,
-and from the ball's own pattern, which moves its apparent centre slowly as it turns. The errors of
-neighbouring frames are then alike, do not show in the residuals, and fully affect the speed. The
-size of this effect comes from the pictures, its slowness from residuals.
+The camera is assumed to be level, so that its perspective is small. The scene may state g and drag.
+If positions have no u, it is estimated from their scatter. Positions of a calibrated camera have a
+u from noise and a u from the pattern of the ball, which moves the apparent centre slowly as the
+ball turns. The errors that the pattern causes in neighbouring frames are similar, so they do not
+appear in the residuals, and they affect the speed fully. The size of this effect is computed from
+the pictures, its correlation time from the residuals.
 
-Pixels and frames throughout. Drag takes k v² off the speed; for a sphere of radius r and density
-ρ_b k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for a ball
-blown up (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). The fit has its logarithm as a parameter, so that drag
-is positive and prior knowledge keeps it from absorbing other effects.
+Units are pixels and frames. Drag is a deceleration k v². For a sphere of radius r and density ρ_b,
+k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for an inflated
+ball (20 kg/m³; C_d 0.45, ρ 1.2 kg/m³). The parameter of the fit is the logarithm of the drag, so
+that drag is positive, and prior knowledge prevents it from absorbing other effects.
 
-Contacts with one floor lie on a line that is level to `slant_u`. Without this a drag, a turned
-camera and a slanting picture look alike in places that a codec moves by tenths of a pixel.
+Contacts with one floor are on a line that is level to `slant_u`. Without this condition, drag, a
+turned camera and a tilted picture could not be distinguished, because a codec moves positions by
+tenths of a pixel.
 """
 
 from __future__ import annotations
@@ -35,21 +37,21 @@ Floor = Sequence[tuple[int, float]]  # contacts: number of the flight before, an
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightFit:
-    """Assumptions of the joint fit of flights, and its criteria for the end."""
+    """Assumptions of the joint fit of flights, and its criteria for convergence."""
 
-    drag: float = 0.0005  # expected k r before the clip is evaluated
+    drag: float = 0.0005  # prior value of k r
     drag_u: float = 1.1  # relative u: a factor of 3
-    # number of steps from a flight's middle to a place; the error is 1e-6 of the distance
+    # number of steps from the middle of a flight to a position; the error is 1e-6 of the distance
     runge_kutta_steps: int = 2
     rounds: int = 12
-    settled_u: float = 0.02  # largest step of a parameter at the end [standard uncertainties]
-    # distance up to which a place counts in full [ball radii], unless FAR_U allows a larger one
+    settled_u: float = 0.02  # largest step of a converged parameter [standard uncertainties]
+    # distance up to which a position has full weight [ball radii], unless FAR_U allows more
     outlier_radii: float = 0.05
     least_spread: float = 0.02  # pixels
     correlation: float = 0.8  # largest correlation of neighbouring residuals
     # range of the correlation time of a pattern [durations of the flight]
     lags: tuple[float, float] = (0.02, 30.0)
-    slant_u: float = 0.0035  # u of the slope of a floor or a wall to g: 4 mm in a metre are allowed
+    slant_u: float = 0.0035  # u of the slope of a floor or wall relative to g, about 4 mm per metre
 
 
 FLIGHT_FIT = FlightFit()
@@ -57,9 +59,9 @@ FLIGHT_FIT = FlightFit()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """The result of a fit; `states` are place and velocity of each flight at its middle."""
+    """The result of a fit; `states` are position and velocity of each flight at its middle time."""
 
-    pull: Array  # (flight, 2) acceleration without drag [px/frame²], alike where shared
+    pull: Array  # (flight, 2), acceleration without drag, equal for all if shared [px/frame²]
     drag: float  # [1/px]
     tilt: Array  # (2,) tilt of the perspective: relative change of the scale [1/px]
     states: Array  # (flight, 4)
@@ -67,11 +69,11 @@ class Fit:
     centre: Array  # (2,)
     covariance: Array  # covariance of `vector`
     vector: Array
-    residuals: list[Array]  # (place, 2) of each flight
+    residuals: list[Array]  # (position, 2) for each flight
     spread: float  # robust standard deviation of a coordinate's residual
-    cost: float  # sum of squares, far ones clipped
+    cost: float  # sum of squares of the residuals, large ones clipped
     readout: float  # [frames]
-    floor: Floor  # contacts with one floor
+    floor: Floor  # contacts with a common floor
 
     @property
     def size(self) -> float:
@@ -80,7 +82,7 @@ class Fit:
 
     @property
     def down(self) -> complex:
-        """Direction into the floor by contacts that show its line, else that of g, 0 if unknown."""
+        """Direction into the floor from contacts on its line, otherwise of g; 0 if unknown."""
         down = complex(*self.pull.mean(axis=0))
         if self.floor:
             first, *_, last = (complex(*self.meeting(*each)) for each in self.floor)
@@ -89,11 +91,11 @@ class Fit:
         return down / (abs(down) or 1.0)
 
     def with_vector(self, vector: Array) -> Fit:
-        """Fit with other parameters."""
+        """Return the fit with other parameters."""
         return replace(self, vector=vector, **_parts(vector, len(self.states)))
 
     def with_drift(self, velocity: Array) -> Fit:
-        """Fit of the same places if the still frame moves, (2,) [px/frame]."""
+        """Return the fit of the same positions if the still frame has a `velocity` [px/frame]."""
         states = self.states.copy()
         states[:, :2] += self.middles[:, None] * velocity
         states[:, 2:] += velocity
@@ -125,11 +127,13 @@ def estimate_of(
     """Return the estimate of a quantity of a fit: `unit` times ``quantity(fit)``, with its u.
 
     `unit` is the size of one unit of `quantity`, and `relative_u` the relative standard uncertainty
-    of `unit`. The u is `unit` times the root sum of squares of the following parts. For each axis
-    of the fit's covariance, the fit is moved by one standard uncertainty in both directions, and
-    the larger change of the quantity counts, because drag cannot fall below 0. For each pair (other
-    fit, share) in `others`, the part is the difference between `fit` and that other fit, times the
-    share. The last part is `relative_u` times the quantity.
+    of `unit`. The u is `unit` times the root sum of squares of these parts:
+
+    * For each axis of the fit's covariance, the fit is moved by one standard uncertainty in both
+      directions. The part is the larger change of the quantity, because drag cannot fall below 0.
+    * For each pair (other fit, share) in `others`, the part is the difference of the quantity
+      between `fit` and the other fit, times the share.
+    * The last part is `relative_u` times the quantity.
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)
@@ -157,13 +161,14 @@ def fit_flights(
     Parameters
     ----------
     readout
-        Readout from the first row to the last [frames]; None: the scene's, 0 if that is unknown.
+        Readout time from the first row to the last [frames]. None: the readout time of the scene,
+        or 0 if it is unknown.
     drag, shared
-        Whether there is drag, and one g for all.
+        Whether drag is fitted, and whether all flights share one g.
     tilt
         Tilt of the perspective, (2,) [1/px]; None: it is fitted.
     floor
-        Contacts with one floor, which is level to `slant_u`.
+        Contacts with a common floor, which is level to `slant_u`.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]
@@ -182,7 +187,7 @@ def fit_flights(
         middles=middles,
         floor=floor,
     )
-    k = 2 if shared else 2 * len(flights)  # drag's place in the vector, before the tilt's
+    k = 2 if shared else 2 * len(flights)  # index of the drag in the vector, before the tilt
     before = np.zeros(k + 3 + 4 * len(flights))
     u = np.full(len(before), np.inf)
     if scene.pull is not None:
@@ -195,11 +200,11 @@ def fit_flights(
         u[k + 1 : k + 3] = scene.tilt_u
     else:
         before[k + 1 : k + 3], u[k + 1 : k + 3] = tilt, 0.0
-    # drag and tilt are held: a pattern would be taken for drag, and the plane is known
+    # Drag and tilt are fixed, because a pattern would be mistaken for drag, and the plane is known.
     if model.sharp:
         u[k : k + 3] = 0.0
     alike = 1.0
-    # correlated errors of neighbouring places make each place count for less
+    # Correlated errors of neighbouring positions reduce the weight of each position.
     for _ in range(1 if model.sharp else 2):
         vector, inverse, room = _solve(model, before, u, k, alike)
         left = model.xy - model.places(vector)
@@ -220,7 +225,7 @@ def fit_flights(
                 covariance[np.ix_(at, at)] += added
     else:
         covariance *= scatter**2
-        # a flight whose places scatter more than those of all flights has a larger u
+        # A flight whose positions scatter more than those of all flights gets a larger u.
         wide = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
         grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(wide, 1.0), 4)])
         covariance *= np.outer(grown, grown)
@@ -248,11 +253,12 @@ def _solve(
     Parameters
     ----------
     before, u
-        Prior values of the parameters and their u: inf for an unknown value, 0 for a fixed one.
+        Prior values of the parameters and their u, inf for an unknown value and 0 for a fixed
+        value.
     k
         Index of the drag among the parameters.
     alike
-        Number of places whose errors count as one.
+        Number of positions whose errors are equivalent to one independent error.
     """
     free, vector = np.flatnonzero(u > 0), before.copy()
     for n in range(model.of[-1] + 1):
@@ -264,7 +270,7 @@ def _solve(
         left = (model.xy - model.places(vector)) / model.place_u[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
-        if model.sharp:  # the stated u of the places is used
+        if model.sharp:  # the stated u of the positions is used
             room, spread = np.inf, 1.0
         else:
             room = FLIGHT_FIT.outlier_radii * model.radius
@@ -276,7 +282,7 @@ def _solve(
         right = np.einsum("rci,rc->i", weighted, left) / power
         normal[np.diag_indices_from(normal)] += 1 / u[free] ** 2
         right += (before[free] - vector[free]) / u[free] ** 2
-        if model.floor and turn:  # the flights of the first round meet nowhere
+        if model.floor and turn:  # in the first round the flights do not meet yet
             slants = model.slants(vector)
             change = (model.slants(vector + np.diag(steps)[free]) - slants).T / steps[free]
             normal += change.T @ change / FLIGHT_FIT.slant_u**2
@@ -294,9 +300,9 @@ def _solve(
 
 
 def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
-    """Return the covariance of position and velocity along an axis from a ball's pattern, (2, 2).
+    """Return the covariance (2, 2) of position and velocity along an axis, caused by the pattern.
 
-    `late` (place,) is the time from the flight's middle [frames].
+    `late`, (position,), is the time from the middle of the flight [frames].
     """
     t, u, pattern_u = flight.t, flight.u, flight.pattern_u
     assert u is not None
@@ -313,7 +319,8 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
     excess = float(np.mean(residuals**2)) * len(t) / max(spare, 1) - float(np.mean(u**2))
     if spare < 1 or excess <= pattern_u**2:
         return np.asarray(pattern_u**2 * worst)
-    # scatter beyond noise and pattern has an unknown cause, and few residuals show its size
+    # Scatter beyond noise and pattern has an unknown cause, and its size is uncertain with few
+    # residuals.
     from scipy.special import stdtrit
 
     wide = (float(stdtrit(2 * spare, 0.975)) / 1.959964) ** 2
@@ -333,12 +340,12 @@ def _parts(vector: Array, flights: int) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _FlightModel:
-    """Observed places, and the places predicted by a vector of parameters."""
+    """Observed positions, and the positions predicted by a vector of parameters."""
 
-    dt: Array  # (place,) time from the middle of its flight [frames]
-    of: Ints  # (place,) number of its flight
-    xy: Array  # (place, 2)
-    place_u: Array  # (place,) u, 1 where it is not known
+    dt: Array  # (position,), time from the middle of its flight [frames]
+    of: Ints  # (position,), number of its flight
+    xy: Array  # (position, 2)
+    place_u: Array  # (position,), u; 1 if it is not known
     sharp: bool  # True if u is known
     centre: Array
     radius: float
@@ -346,7 +353,10 @@ class _FlightModel:
     floor: Floor
 
     def slants(self, vector: Array) -> Array:
-        """Return the slopes to g of the lines from the first floor contact, (…, contact - 1)."""
+        """Return the slopes of lines from the first floor contact to the others, relative to g.
+
+        The shape is (…, contact - 1).
+        """
         parts = _parts(vector, self.of[-1] + 1)
         first, t = (np.array(each) for each in zip(*self.floor, strict=True))
         states, pull = parts["states"], parts["pull"]
@@ -374,7 +384,7 @@ class _FlightModel:
 
 
 def _meeting(before: Array, after: Array) -> Array:
-    """Return the meeting point of two flights (…, 2), from their states (…, 4) near that time."""
+    """Return the point (…, 2) where two flights meet, from their states (…, 4) near that time."""
     apart, change = np.split(after - before, 2, axis=-1)
     late = -(apart * change).sum(axis=-1) / (change**2).sum(axis=-1)
     place, velocity = np.split((before + after) / 2, 2, axis=-1)
@@ -382,7 +392,7 @@ def _meeting(before: Array, after: Array) -> Array:
 
 
 def _alike(left: Array, of: Ints) -> float:
-    """Return the factor of the variance for correlated errors of neighbouring positions."""
+    """Return the factor by which correlated errors of neighbouring positions increase variances."""
     same = of[1:] == of[:-1]
     power = float((left**2).mean())
     if power == 0:
@@ -393,7 +403,7 @@ def _alike(left: Array, of: Ints) -> float:
 
 
 def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
-    """Return the states (…, place, 4) after times (place,), by Runge and Kutta's method."""
+    """Return the states (…, position, 4) after times (position,), by the Runge-Kutta method."""
     if not np.any(drag):
         later = dt[:, None]
         place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
@@ -409,7 +419,7 @@ def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
 
 
 def _project(places: Array, tilt: Array, centre: Array) -> Array:
-    """Return points of the plane as a tilted camera shows them, (place, 2) [pixels]."""
+    """Return points of the plane in the picture of a tilted camera, (position, 2) [pixels]."""
     if not tilt.any():
         return places
     off = places - centre

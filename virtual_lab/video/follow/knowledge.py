@@ -13,38 +13,39 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.timing import usual_step
 
 GIVEN, BALL, GRAVITY, FILE = "given", "ball", "gravity", "file"  # sources of a scale or a rate
-# u of the camera's angle off level, and off square to the flight [rad]: 5 degrees are two u
+# u of the camera's angle off level, and off square to the flight [rad]; two u are 5 degrees
 LEVEL_U = 2.5 * DEGREE
-STATED_LEVEL_U = 0.5 * DEGREE  # the same if the user states a level: a degree is two u
-Note = tuple[str, str]  # a flag in capitals, "" where none need be raised, and a sentence
+STATED_LEVEL_U = 0.5 * DEGREE  # the same if the user states a level camera; two u are 1 degree
+Note = tuple[str, str]  # a flag in capitals, or "" for a remark without a flag, and a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipKnowledge:
     """Knowledge of a clip that its user gives, SI."""
 
-    rate: float  # stored pictures per second of real time, repeats included
+    rate: float  # stored pictures per second of real time, including repeats
     rate_u: float = EXACT  # relative u of `rate`
-    rate_of: str = GIVEN  # GIVEN | FILE: its own word | GRAVITY: fitted with a length that is known
+    rate_of: str = GIVEN  # GIVEN | FILE: stated by the file | GRAVITY: fitted with a known length
     ball: float | None = None  # diameter [m]
     ball_u: float = EXACT
     metres_per_pixel: float | None = None
     metres_per_pixel_u: float = EXACT
     exposure: float | None = None  # [s]
     gravity: float = STANDARD_GRAVITY
-    gravity_u: float = 0.025 / 3**0.5  # u of g over the Earth: 9.78 to 9.83 m/s²
+    gravity_u: float = 0.025 / 3**0.5  # u of g on the Earth, where it is 9.78 to 9.83 m/s²
     drag: tuple[float, float] | None = None  # deceleration over speed², with its u [1/m]
     pull: tuple[float, float] | None = None  # g along the picture's x and y [m/s²]
     # u of the camera's angle off level, and off square to the flight [rad]
     level_u: float = LEVEL_U
-    ruler: str | None = None  # GRAVITY | BALL, None: the one of smaller u; a length given is first
+    # GRAVITY | BALL | None: that with the smaller u; a stated length always has priority
+    ruler: str | None = None
     tripod: bool = False  # True if the camera is known to stand still
-    readout: float | None = None  # [s]; None: unknown, up to a frame
+    readout: float | None = None  # readout time [s]; None: unknown, at most a frame
     readout_axis: tuple[int, int] = (1, 1)
     frames: tuple[int, int] | None = None
     region: tuple[float, float, float, float] | None = None
     ball_at: tuple[float, float, int] | None = None  # x, y, frame
-    # calibration of a camera by which the ball is located sharply
+    # calibration of a camera with which the ball is located sharply
     calibration: ClipCalibration | None = None
 
 
@@ -63,7 +64,7 @@ def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
         drag=(drag, calibration.drag_per_m_u) if drag else None,
         pull=(right, down)
         if (right or down) and not camera
-        else None,  # a lens bends a straight line
+        else None,  # because the lens distorts straight lines
         ball=calibration.ball_diameter_m,
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,

@@ -1,4 +1,4 @@
-"""Flights fitted by a model, and by alternative models that show the uncertainty of the first."""
+"""Fits of flights by one model, and by alternative models that show its uncertainty."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, Floor, fit_flights
 from virtual_lab.video.follow.pieces import FAR_U, Piece
 from virtual_lab.video.follow.scene import FOCAL, FlightScene
 
-# share of a difference that is u, if all values up to it are equally likely
+# u of a quantity that is uniformly distributed up to a difference, as a share of the difference
 EVEN_SHARE = 1 / np.sqrt(3)
-# angle off level, or off square to the flight, beyond which a clip is flagged [rad]
+# deviation from level, or from square to the flight, beyond which a clip is flagged [rad]
 STEEPEST = 10 * DEGREE
-DRAG_SHARE = 0.35  # share of the difference between fits with and without drag that is u
+DRAG_SHARE = 0.35  # u of drag, as a share of the difference between fits with and without drag
 OFF_NORMAL = 35 * DEGREE  # largest angle between a change of velocity and the normal [rad]
 
-Others = Sequence[tuple[Fit, float]]  # fits, and the share of each one's difference that is u
+Others = Sequence[tuple[Fit, float]]  # other fits, and their u as a share of the difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedFlights:
     """A fit of flights, and fits by other models.
 
-    If the readout is unknown, the longest one is tried for the speeds.
+    If the readout time is unknown, `longest` has fits with the longest one, for the u of speeds.
     """
 
     fit: Fit
     rest: Others
-    tilted: bool = False  # the camera looks up or down by more than a level one does
-    # fit for a level camera, for restitutions; None: the camera is tilted or calibrated, or the
-    # contacts show the floor's line
+    tilted: bool = False  # whether the camera looks up or down by more than a level camera
+    # fit for a level camera, for restitutions; None if the camera is tilted or calibrated, or if
+    # contacts show the line of the floor
     level: FittedFlights | None = None
     longest: Others = ()  # fits with the longest readout
 
     @classmethod
     def of(cls, scene: FlightScene, ways: Sequence[Piece], drift: float = 0.0) -> FittedFlights:
-        """Fit flights; `drift`: of the camera, each way, that the picture hides [px/frame]."""
+        """Fit flights; `drift` is the camera's largest undetected drift per axis [px/frame]."""
         if ways[0].u is not None:  # flights of a calibrated camera that stands still
             fit = fit_flights(scene, ways)
             drag, u = scene.drag or (0.0, 0.0)
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)
             return cls(fit=fit, rest=[(more, 1.0)])
         fit = fit_flights(scene, ways, readout=readout_of(scene, ways))
-        if scene.pull is None:  # a known g shows the normal better than the places of contacts
+        if scene.pull is None:  # a known g gives the normal more accurately than the contacts
             fit = refit(scene, ways, fit, floor=_floor(ways, fit))
         flat = refit(scene, ways, fit, tilt=np.zeros(2))
         rest: list[tuple[Fit, float]] = []
@@ -69,10 +69,10 @@ class FittedFlights:
 
 
 def _hidden_sides(scene: FlightScene, ways: Sequence[Piece], fit: Fit) -> list[Fit]:
-    """Return fits of a ball whose far side appears or disappears before a wall of its color.
+    """Return fits for a ball whose far side appears or disappears in front of a wall of its color.
 
-    The short axis of its outline then grows through a flight, and its centre moves as much. A
-    growth less than twice its u is left out.
+    The short axis of its outline then grows during a flight, and its centre moves by as much. A
+    growth of less than twice its u is ignored.
     """
     fits = []
     for k, way in enumerate(ways):
@@ -95,7 +95,7 @@ def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -
 
 
 def _floor(ways: Sequence[Piece], fit: Fit) -> Floor:
-    """Return contacts with one floor, far enough apart to show its slope better than .2°."""
+    """Return contacts with one floor, far enough apart to show its slope with less than 0.2°."""
     contacts: list[tuple[int, float]] = []
     u = np.hypot(FLIGHT_FIT.slant_u, np.sqrt(np.trace(fit.covariance[:2, :2])) / fit.size)
     for k, t in meetings(ways, fit):

@@ -1,8 +1,8 @@
-"""Blobs joined to pieces of smooth motion.
+"""Pieces of smooth motion, made of blobs.
 
-Each next blob is where constant acceleration predicts it. A piece may miss some frames. Between two
-of its positions up to three frames may be missing from the file although its time stamps are even;
-the ball is then ahead by as many steps.
+Each further blob of a piece is at the position that constant acceleration predicts. A piece may
+have no blob in some frames. Between two of its positions up to three frames may be missing from the
+file although the time stamps are even; the ball is then ahead by as many steps.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ class PieceGrowth:
     """Thresholds for the blobs that make a piece."""
 
     gap_frames: int = 4  # largest number of frames in a row that need not show the ball
-    lost_frames: int = 3  # largest number of frames left out of the file at one place
+    lost_frames: int = 3  # largest number of successive frames that are missing from the file
     least_places: int = 5
-    recent_places: int = 6  # number of places that predict the next one
-    # largest distance of a place from its prediction, as a sum of ball radii and steps. If g is not
-    # known, it is three times as large for the third place, which is predicted by a line, and twice
-    # as large for the fourth
+    recent_places: int = 6  # number of positions from which the next one is predicted
+    # largest distance of a position from its prediction, as a sum of ball radii and steps. If g is
+    # not known, it is three times as large for the third position, which is predicted by a line,
+    # and twice as large for the fourth.
     room: tuple[float, float] = (0.25, 0.12)
     size_ratio: float = 1.6  # largest ratio of the radii of one ball's blobs
     colour: float = 70.0  # largest difference in colour between one ball's blobs [DN]
-    # largest ratio of the rms misfit of a piece that is cut at a contact to that of the whole piece
+    # largest ratio of the rms misfit of a piece cut at a contact to that of the whole piece
     better: float = 0.5
 
 
@@ -49,14 +49,14 @@ GROWTH = PieceGrowth()
 class Piece:
     """A part of one ball's path."""
 
-    blobs: Ints  # (place,) indices into the blobs
+    blobs: Ints  # (position,), indices of the blobs
     frames: Ints
-    t: Array  # (place,) time in steps of a frame, lost ones counted
-    xy: Array  # (place, 2) [pixels]
+    t: Array  # (position,), time in frames, lost frames counted
+    xy: Array  # (position, 2) [pixels]
     radius: float
-    # (place,) u of x and of y, from noise [pixels]; None: it follows from their scatter
+    # (position,), u of x, and of y, from noise [pixels]; None: estimated from the scatter
     u: Array | None = None
-    # u of x and of y from the ball's own pattern, correlated in neighbouring frames [pixels]
+    # u of x, and of y, from the pattern of the ball, correlated in neighbouring frames [pixels]
     pattern_u: float = 0.0
 
     @classmethod
@@ -81,8 +81,8 @@ class Piece:
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
     """Return the coefficients of a polynomial, the matrix of their fit, and the rms residual.
 
-    The coefficients, (power, 2), begin with the lowest power, and the matrix, (power, place), times
-    `xy` gives them. The residual is that of one coordinate, per degree of freedom.
+    The coefficients, (power, 2), begin with the lowest power. They are the matrix, (power,
+    position), times `xy`. The residual is that of one coordinate, per degree of freedom.
     """
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy
@@ -92,7 +92,7 @@ def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
 
 @lru_cache(maxsize=4096)
 def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
-    """Return the powers of times and their pseudo-inverse; few sets of times occur."""
+    """Return the powers of times and their pseudo-inverse, cached because sets of times recur."""
     design = np.vander(np.frombuffer(times), degree + 1, increasing=True)
     return design, np.asarray(np.linalg.pinv(design), np.float64)
 
@@ -143,7 +143,7 @@ class _Growth:
         return result
 
     def _with_times(self, piece: Piece) -> Piece:
-        """Return the piece with even times, unless lost frames give a far better fit."""
+        """Return the piece with equal time steps, unless lost frames give a far better fit."""
         even = replace(piece, t=self.time[piece.frames])
         mended = _misfit(piece, slice(None)) < GROWTH.better**2 * _misfit(even, slice(None))
         return piece if mended else even
@@ -157,7 +157,7 @@ class _Growth:
         return np.asarray(others[near])
 
     def _seeds(self, a: int) -> Iterator[list[int]]:
-        """Yield a blob and the two later ones nearest to a line, for pairs of the next frames."""
+        """Yield triples of blob `a` and two blobs nearly on a line, from pairs of later frames."""
         here = np.searchsorted(self.counted, self.frame[a])
         for one, other in combinations(self.counted[here + 1 : here + 4].tolist(), 2):
             second, third = self._like(a, one), self._like(a, other)
@@ -190,11 +190,11 @@ class _Growth:
                 places.append(following[0])
                 t.append(following[1])
         if t[-1] - t[-2] > np.diff(self.time[self.frame[places[-2:]]])[0]:
-            return places[:-1], t[:-1]  # one place alone does not show that frames were left out
+            return places[:-1], t[:-1]  # one position alone is no evidence for missing frames
         return places, t
 
     def _next(self, places: list[int], t: list[float], there: Ints) -> tuple[int, float] | None:
-        """Return the next blob of the motion, and its time; frames may be lost before it."""
+        """Return the next blob of the motion, and its time. Frames before it may be missing."""
         recent, last = np.array(t[-GROWTH.recent_places :]), places[-1]
         xy = self.xy[places[-GROWTH.recent_places :]]
         s = recent - recent[-1]
@@ -227,6 +227,6 @@ def _break_up(piece: Piece) -> list[Piece]:
 
 
 def _misfit(piece: Piece, part: slice) -> float:
-    """Mean square of a parabola's residuals, of a line's for a few places, times their count."""
+    """Return the sum of squared residuals of a parabola, or of a line for few positions."""
     t = piece.t[part]
     return len(t) * float(polynomial(t - t[0], piece.xy[part], 2 if len(t) > 4 else 1)[2] ** 2)

@@ -1,24 +1,27 @@
-"""Metres of a pixel: by a length in the picture, by the ball's size, or by gravity.
+"""The scale [m/pixel] from a length in the picture, from the ball's size, or from gravity.
 
-A length in the picture comes first. Of the ball's size and gravity the one of smaller stated u is
-the ruler, and the other checks it.
+Each source of the scale is called a ruler. A stated length in the picture has priority. Otherwise
+the ruler is the ball's size or gravity, whichever has the smaller u; the other one is compared with
+it.
 
-**The ball's size** is that of its roundest pictures; in its u stand the diameter's, its edge's
-width, and the shade on it.
+**The ball's size** is measured in its roundest pictures. Its u includes the u of the diameter, the
+width of the edge, and the shade on the ball.
 
-**Gravity** pulls by g T²/a metres a pixel, where a [px/frame²] is fitted to all flights together
-with drag and a perspective, and T is the time of a frame. It rests on a camera that is level, and
-square to the flight, to θ = 2.5° (`known.LEVEL_U`; .5° with `--level`), on air and on the place:
+**Gravity** gives a scale of g T²/a [m/pixel]. The acceleration a [px/frame²] is fitted to all
+flights, together with drag and a perspective, and T is the frame time. The u depends on the angle θ
+of the camera off level, and off square to the flight, on the air, and on the location. The u of θ
+is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 
-* The perspective of a camera that looks up or down by θ, tan θ/f by its focal length, bends a
-  flight as more or less g would: by 2 tan θ/f (v²/a + y) of it, some per cent at 5°. So the fit
-  has the perspective as a parameter, known to that before (`follow.joint`).
-* Lengths along the tilt look shorter by cos θ, and so does g: a length across reads 1/cos θ - 1
-  too long by it, .1 % at 2.5°. All of it is u.
-* Air bears the ball and is moved by it: it falls with g (1 - 3/2 ρ/ρ_b). Drag takes k v² with
-  k = 3/8 C_d ρ/(ρ_b r), so that the fitted k shows ρ/ρ_b: a baseball's g lacks .2 %, a tennis
-  ball's .5 %. All of it is a limit, u its share.
-* g is 9.78 to 9.83 m/s² over the Earth; `--gravity` says which, and then it is known.
+* A camera that looks up or down by θ has a perspective tan θ/f, with the focal length f. It bends a
+  flight like a change of g by the share 2 tan θ/f (v²/a + y), some per cent at 5°. The perspective
+  is therefore a parameter of the fit, with this u as prior knowledge (`follow.joint`).
+* Lengths along the tilt, and so g, look shorter by the factor cos θ. A horizontal length is then
+  measured too long by the share 1/cos θ - 1, which is 0.1 % at 2.5°. This whole share is u.
+* Because of buoyancy and the moved air, the ball falls with g (1 - 3/2 ρ/ρ_b). The drag is k v²
+  with k = 3/8 C_d ρ/(ρ_b r), so ρ/ρ_b follows from the fitted k. The reduction of g is 0.2 % for a
+  baseball and 0.5 % for a tennis ball. It is the limit of a uniform distribution, from which u
+  follows.
+* g is 9.78 to 9.83 m/s² on the Earth; with `--gravity` it is known.
 """
 
 from __future__ import annotations
@@ -46,21 +49,22 @@ SAID = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RulerSettings:
-    """Uncertainties of a ruler beside its pictures', and thresholds beyond which it is none."""
+    """Uncertainties of a ruler besides those of the pictures, and limits for using it."""
 
-    # share of the places, those with the least blur, that show the ball's size
+    # share of the positions, those with the least blur, that are used for the size of the ball
     roundest: float = 0.34
     # relative u of the size per relative width of the edge, and per relative difference of the
-    # axes, as in a ball lit from the side: synthetic clips in even, soft and hard light read 1 to
-    # 4, 5 to 7 and 30 to 40 % too small
+    # axes, which a ball lit from the side has; the measured size is 1 to 4, 5 to 7 and 30 to 40 %
+    # too small in synthetic clips with even, soft and hard light
     edge_u: float = 0.14
     oval_u: float = 0.6
     # radius of a small ball [pixels]. The sixth power of its ratio to a ball's radius is the
-    # relative u. The outline at half of the contrast that blur leaves of a small ball is outside
-    # the ball: in H.264 balls of 5 pixels read 10 to 28 % too large, balls of 8.5 pixels do not
+    # relative u. Blur reduces the contrast of a small ball, so its outline at half of the contrast
+    # is outside the ball: in H.264, balls with a radius of 5 pixels are measured 10 to 28 % too
+    # large, unlike balls of 8.5 pixels.
     small: float = 4.6
     drag_coefficient: float = 0.45  # drag coefficient of a ball
-    # largest relative u of a length, and largest u of a restitution, that is stated
+    # largest relative u of a length, and largest u of a restitution, with which they are stated
     vague: float = 0.25
 
 
@@ -71,12 +75,12 @@ RULER = RulerSettings()
 class Ruler(PixelScale):
     """A scale that converts speeds of a fit to metres per second."""
 
-    fall: float | None = None  # g of a ruler by gravity [m/frame²]; None: another ruler
-    rest_u: float  # relative u that the u of the fit's own parameters does not cover
+    fall: float | None = None  # g [m/frame²] if gravity is the ruler, otherwise None
+    rest_u: float  # relative u that is not part of the u of the fit's parameters
 
     @classmethod
     def of_plane(cls, plane: PixelScale, rate_u: float) -> Ruler:
-        """Return the ruler of a calibrated plane; `rate_u`: relative u of the frame rate."""
+        """Return the ruler of a calibrated plane; `rate_u` is the relative u of the frame rate."""
         return cls(
             metres_per_pixel=plane.metres_per_pixel,
             relative_u=plane.relative_u,
@@ -85,7 +89,7 @@ class Ruler(PixelScale):
         )
 
     def unit(self, fit: Fit) -> float:
-        """Return the scale [m/pixel]. Only that of a ruler by gravity depends on the fit."""
+        """Return the scale [m/pixel]. It depends on the fit only if gravity is the ruler."""
         if self.fall is None:
             return self.metres_per_pixel
         return self.fall / fit.size
@@ -105,20 +109,21 @@ def rulers_of(
     step: float,
     where: str,
 ) -> list[Ruler]:
-    """Return the available rulers, of which the first one is used; none if nothing sets the scale.
+    """Return the available rulers, the one to use first; empty if there is none.
 
-    A given scale is first, then the requested ruler, then the one with the smallest u.
+    A stated scale is first, otherwise the requested ruler, otherwise the ruler with the smallest u.
 
     Parameters
     ----------
     blobs
         Blobs of the ball, `find.blobs.BLOB`.
     model
-        Fit of the ball's flights; None: it does not fly.
+        Fit of the ball's flights; None without flights.
     step
         Duration of a frame [s].
     where
-        Name of the clip for an `InputError`, raised if gravity was requested but shows nowhere.
+        Name of the clip for the `InputError` that is raised if gravity was requested but is not
+        visible in any flight.
     """
     rulers = []
     if knowledge.ball and len(blobs):
@@ -146,22 +151,23 @@ def rulers_of(
 
 
 def _with_rate(ruler: Ruler, knowledge: ClipKnowledge) -> Ruler:
-    """Return the ruler with the u of the frame rate in that of speeds.
+    """Return the ruler with a u of speeds that includes the u of the frame rate.
 
-    A rate by gravity goes with 1/√(a length), so that speeds go with its root: the rate's u, half
-    of the length's and of the fitted pull's, is all of theirs.
+    A frame rate from gravity is proportional to 1/√length, so speeds are proportional to √length.
+    The relative u of speeds is then that of the rate, half the relative u of length and fitted
+    acceleration.
     """
     whole = knowledge.rate_of == GRAVITY
     return replace(ruler, rest_u=float(np.hypot(0.0 if whole else ruler.rest_u, knowledge.rate_u)))
 
 
 def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler:
-    """Return the ruler by a ball's size in its roundest pictures.
+    """Return the ruler from the ball's size in its roundest pictures.
 
-    Blur draws a hull out by as much as it narrows it at half of the contrast, or little more: the
-    mean of the axes is not biased. Shade makes the edge wide or the picture no circle, and the ball
-    then reads too small by a share of that. A perspective makes balls larger or smaller than in the
-    middle of the picture, where the scale is taken.
+    At half of the contrast, blur lengthens a hull by about as much as it narrows it, so the mean of
+    the axes has no bias. Shade widens the edge or makes the picture less circular, and the ball is
+    then measured too small by a share of this deviation. Because of the perspective, a ball looks
+    larger or smaller than in the middle of the picture, to which the scale refers.
     """
     ratio, size = blobs["length"] / blobs["radius"], (blobs["radius"] + blobs["length"]) / 2
     if fit:
@@ -182,10 +188,10 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
 def _by_gravity(
     model: FittedFlights, radius: float, knowledge: ClipKnowledge, step: float
 ) -> Ruler | None:
-    """Return the ruler by gravity, None if not fitted or hardly visible; `radius` in pixels."""
+    """Return the ruler from gravity, None if not fitted or hardly visible; `radius` in pixels."""
     if not model.fit.covariance[0, 0]:
         return None
-    # ratio of the air's density to the ball's
+    # ratio of the density of the air to that of the ball
     air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius
     tilt = 1 / np.cos(knowledge.level_u) - 1
     rest = [knowledge.gravity_u / knowledge.gravity, tilt, 1.5 * air * EVEN_SHARE]

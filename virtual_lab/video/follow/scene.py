@@ -1,4 +1,4 @@
-"""Knowledge of a clip before its flights are found, in pixels and frames."""
+"""Knowledge of a clip before its flights are known, in pixels and frames."""
 
 from __future__ import annotations
 
@@ -22,31 +22,32 @@ class FlightScene:
 
     blobs: Blobs
     time: Array  # time of each frame [frames]; NaN: a repeat
-    stamped: Array  # time of each frame by the time stamps, repeats counted [frames]
+    stamped: Array  # time of each frame by its time stamp, repeats included [frames]
     size: tuple[int, int]  # columns, rows
     exposure: float | None  # [frames]
     fall: float | None = None  # g [lengths/frame²]
-    drag: tuple[float, float] | None = None  # drag where it is known, with its u [1/length]
-    # True if the length unit of `fall` and `drag` is the ball's radius, else it is the pixel
+    drag: tuple[float, float] | None = None  # drag and its u, if known [1/length]
+    # whether the unit of length in `fall` and `drag` is the ball's radius; otherwise it is the
+    # pixel
     in_radii: bool = True
-    readout: float | None = 0.0  # [frames]; None: unknown, up to one
-    pull: Array | None = None  # (2,) g where it is known [px/frame²]
+    readout: float | None = 0.0  # [frames]; None: unknown, at most 1
+    pull: Array | None = None  # g, if known, (2,) [px/frame²]
     level_u: float = LEVEL_U  # u of the camera's angle off level, and off square [rad]
-    readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and its sense
+    readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and direction along it
 
     @property
     def tilt_u(self) -> float:
-        """U of the tilt of the perspective [1/px]."""
+        """Standard uncertainty of the tilt of the perspective [1/px]."""
         return float(np.tan(self.level_u) / FOCAL / max(self.size))
 
     def gravity_of(self, radius: float) -> float | None:
-        """Return gravity [px/frame²] for a ball of a radius [pixels], None if it is unknown."""
+        """Return gravity [px/frame²] for a ball of `radius` [pixels], None if it is unknown."""
         return self.fall and self.fall * (radius if self.in_radii else 1.0)
 
     def lost(self, flights: Sequence[Piece]) -> dict[int, int]:
-        """Return the count of frames left out, by the number of the frame that follows them.
+        """Return the number of missing frames before a frame, by the number of this frame.
 
-        The dictionary is empty without flights, or if no frame was left out.
+        The dictionary is empty without flights, or if no frame is missing.
         """
         if not flights:
             return {}
@@ -55,12 +56,12 @@ class FlightScene:
         return {int(frames[k + 1]): round(more[k]) for k in np.flatnonzero(more > 0.5)}
 
     def ahead(self, one: Piece, other: Piece) -> float:
-        """Return the number of frames left out of the file between two flights."""
+        """Return the number of frames that are missing from the file between two flights."""
         passed = self.time[other.frames[0]] - self.time[one.frames[-1]]
         return float(other.t[0] - one.t[-1] - passed)
 
     def late(self, blobs: NDArray[np.intp]) -> Array:
-        """Return the share of the readout, 0 to 1, after which blobs were read, (blob,)."""
+        """Return when blobs were read, as a share of the readout time, 0 to 1, (blob,)."""
         axis, sense = self.readout_axis
         at = self.blobs["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)

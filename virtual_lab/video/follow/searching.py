@@ -1,4 +1,4 @@
-"""The flights of a clip that was watched, by each possible reading of its time."""
+"""Search for the flights of a clip, with each possible interpretation of its frame times."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from virtual_lab.video.follow.scene import FlightScene
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimeSettings:
-    """Settings for readings of a clip's time."""
+    """Settings for the interpretation of a clip's frame times."""
 
-    # smallest number of repeats for which both readings of the time are tried
+    # smallest number of repeats for which both interpretations are tried
     least_repeats: int = 2
     # share of repeats among the frames above which every frame was stored twice
     every_other: float = 0.4
@@ -33,18 +33,19 @@ TIME = TimeSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightsFound:
-    """Flights found by one reading of the clip's time."""
+    """Flights by one interpretation of the frame times."""
 
     scene: FlightScene
     pieces: list[Piece] = field(default_factory=list)
-    ways: list[Piece] = field(default_factory=list)  # pieces of the flights
+    ways: list[Piece] = field(default_factory=list)  # positions of each flight
 
 
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
-    """Return the flights by the time stamps, or by a count without the repeats `same` (frame,).
+    """Return the flights, with frame times that are time stamps or a count without repeats.
 
-    The reading of the time with more support is used. With fewer than two repeats it is the time
-    stamps, and if most frames are stored twice (more than 40 % are repeats), the count.
+    `same`, (frame,), is the mask of the repeats. With fewer than two repeats the time stamps are
+    used, and with more than 40 % repeats (most frames are stored twice) the count. Otherwise the
+    interpretation with more support is used.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
@@ -58,8 +59,8 @@ def clip_scene(
 ) -> FlightScene:
     """Return the scene before the search.
 
-    The time of a repeated frame is NaN. If `squeezed`, the frames after a repeat are earlier by one
-    frame, as if it were absent; otherwise they keep their times. The fall is None if no
+    The time of a repeated frame is NaN. If `squeezed`, frames after a repeat are earlier by one
+    frame, as if the repeat were absent; otherwise they keep their times. The fall is None if no
     length is known, or if most frames are stored twice.
     """
     stamped = np.arange(clip.count, dtype=float)
@@ -70,7 +71,7 @@ def clip_scene(
     drag, pull = knowledge.drag, None
     if knowledge.pull and knowledge.metres_per_pixel and knowledge.ruler != GRAVITY:
         pull = np.array(knowledge.pull) / knowledge.metres_per_pixel / knowledge.rate**2
-    # approximate number of pictures per step of time
+    # approximate number of pictures per time step
     step = 1 / (1 - same.mean()) if squeezed else 1.0
     return FlightScene(
         blobs=watched.blobs,
@@ -78,8 +79,8 @@ def clip_scene(
         stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
         exposure=knowledge.exposure and knowledge.exposure * knowledge.rate,
-        # if every frame is stored twice, the rate at which the clip was filmed may differ from the
-        # rate at which it is played
+        # If every frame is stored twice, the clip may have been filmed at another rate than it is
+        # played.
         fall=knowledge.gravity / length * (step / knowledge.rate) ** 2
         if length and not doubled
         else None,
@@ -95,9 +96,9 @@ def clip_scene(
 def _read(
     watched: Watched, knowledge: ClipKnowledge, scene: FlightScene
 ) -> tuple[float, FlightsFound]:
-    """Return the flights by one reading of the time, and their support."""
+    """Return the support for the flights with one interpretation of the times, and the flights."""
     best, pull = (-1.0, FlightsFound(scene=scene)), None
-    for _ in range(2):  # the second round knows gravity and continues pieces across missing frames
+    for _ in range(2):  # with gravity known, the second round can bridge missing frames
         candidates = pieces(watched.blobs, scene.time, pull)
         candidates = [
             p for p in candidates if not knowledge.ball_at or _passes(watched, p, knowledge.ball_at)
@@ -113,7 +114,7 @@ def _read(
 
 
 def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> bool:
-    """Return whether a piece is of the selected ball: it passes there or looks alike."""
+    """Return whether a piece belongs to the selected ball: it passes `at` or looks like it."""
     x, y, frame = at
     here = piece.frames == frame
     if here.any():
@@ -127,18 +128,18 @@ def _passes(watched: Watched, piece: Piece, at: tuple[float, float, int]) -> boo
 
 
 def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
-    """Return the support for flights: positions beyond the free parameters, over the scatter."""
+    """Return the support for flights: number of redundant positions divided by their scatter."""
     radius = float(np.median([each.radius for each in ways]))
     spare = sum(len(each.t) for each in ways) - 5 * len(ways) - len(scene.lost(ways))
     return spare / (0.02 + fit.spread / radius)
 
 
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Return the duration of a time step [s], longer than that of a frame if repeats take no time.
+    """Return the duration of a time step [s], longer than a frame if repeats take no time.
 
-    The share of repeats is counted in the frames of the flights, because pictures in which nothing
-    moves are alike anyway. Without flights all frames count, and with fewer than two of them the
-    result is 1 / rate.
+    The share of repeats is counted in the frames of the flights, because pictures without motion
+    are equal anyway. Without flights all frames are used. With fewer than two frames the result is
+    1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

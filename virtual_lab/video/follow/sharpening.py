@@ -1,8 +1,8 @@
 """Sharp location of the ball in each frame of a calibrated camera that stands still.
 
-A frame during whose exposure the ball was struck belongs to neither flight. Neither does a frame
-that shows the ball pressed against the object it struck, because it contradicts the flight's other
-positions.
+A frame during whose exposure the ball hit something belongs to no flight. A frame in which the ball
+is still in contact with the struck object belongs to no flight either, because its position
+contradicts the other positions of the flight.
 """
 
 from __future__ import annotations
@@ -41,17 +41,18 @@ class SharpnessSettings:
     """Thresholds for the frames of a flight, and for doubts about it."""
 
     least_frames: int = 3  # smallest number of frames of a flight
-    # range of the ratio of a ball's radius to the expected one: other things are outside it. The
-    # hull of a ball lit from the side is half a disc, half a radius wide
+    # range of the ratio of a ball's radius to the expected radius, which excludes other objects.
+    # The hull of a ball lit from the side is half a disc, half a radius wide.
     size_ratios: tuple[float, float] = (0.4, 1.45)
-    # smallest probability of a place's distance from its flight: a less likely place is rejected
+    # smallest probability of the distance of a position from its flight; a less likely position is
+    # rejected
     chance: float = 1e-3
-    denied_share: float = 0.34  # largest share of a flight's places that are rejected
-    # largest misfit of a flight to its model: rms residual [u of a place, by noise and pattern
+    denied_share: float = 0.34  # largest share of rejected positions of a flight
+    # largest misfit of a flight to its model: rms residual [u of a position from noise and pattern
     # together], and slope to the plane [its u]
     misfit_u: float = 3.0
-    # u of a radius's growth in a flight [pixels]: a background that grows brighter by a tenth of
-    # the ball's contrast changes the radius by as much
+    # u of the growth of the radius in a flight [pixels]; if the background becomes brighter by a
+    # tenth of the ball's contrast, the radius changes by this amount
     growth_u: float = 0.03
 
 
@@ -64,21 +65,21 @@ class NotSharpError(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharpBall:
-    """The ball located sharply; arrays over the frames that show it, (frame,)."""
+    """The sharply located ball; arrays over the frames that show it, (frame,)."""
 
     frames: NDArray[np.intp]
     located: Located
     plane: Plane
     notes: tuple[Note, ...] = ()
-    # fits with each flight one standard uncertainty of its slope farther out of the plane
+    # fits in which the slope of one flight to the plane is one standard uncertainty larger
     aside: tuple[tuple[Fit, float], ...] = ()
 
     def metres(self, place: Array) -> Array:
-        """Convert a place (2,) of the fit [pixels] to a place in the plane [m]."""
+        """Return the position in the plane [m] of a position (2,) of the fit [pixels]."""
         return self.plane.metres_per_pixel * place * [1, self.plane.sense]
 
     def in_picture(self, place: Array, frame: float) -> Array:
-        """Convert a place (2,) of the fit to the picture, well enough for a mark [pixels]."""
+        """Return the approximate position in the picture of a position (2,) of the fit [pixels]."""
         away = np.abs(self.frames - frame)
         away[~np.isfinite(self.located.x)] = np.inf
         near = int(np.argmin(away))
@@ -88,10 +89,10 @@ class SharpBall:
 def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
     """Return whether the ball can be located sharply, and gravity is not the requested ruler.
 
-    This needs a calibrated camera that stands still and does not interlace, and one or two flights.
+    This requires a calibrated camera that does not move or interlace, and one or two flights.
     """
     calibration = knowledge.calibration
-    # a file that gives rate or scale only replaces options; it asks for no outline fit
+    # A file that only states rate or scale replaces options and is no reason for an outline fit.
     has_camera = calibration is not None and (
         calibration.camera or calibration.lens_blur_px or calibration.exposure_s
     )
@@ -107,13 +108,15 @@ def sharpen(
     search: FlightsFound,
     progress: Callable[[str], None],
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Locate the ball by its outline in each frame, and return scene, flights and ball with that.
+    """Locate the ball by its outline in each frame. Return scene and flights with these positions.
+
+    The third result is the ball.
 
     Raises
     ------
     NotSharpError
-        The calibration lacks a key, no object has the ball's size, too few frames locate the ball,
-        or their time stamps contradict the positions.
+        The calibration lacks a key, no object has the size of the ball, the ball is located in too
+        few frames, or their time stamps contradict the positions.
     InputError
         Nothing sets the scale.
     """
@@ -163,9 +166,9 @@ def sharpen(
 
 
 def _background(clip: Clip, moving: Blobs) -> Array:
-    """Return the background: the mean of samples if nothing covers them, else their median.
+    """Return the background: the mean of samples without moving objects, otherwise the median.
 
-    A ball that dwells at a contact stands in the median, too.
+    The median contains a ball that remains at a contact for most of the time.
     """
     samples = clip.grey_samples()
     free = np.ones(samples.shape, np.uint8)
@@ -181,14 +184,14 @@ def _background(clip: Clip, moving: Blobs) -> Array:
 def settle(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Return scene, flights and ball for the fit of the sharp places.
+    """Return scene, flights and ball for the fit of the sharp positions.
 
-    The scene has the gravity and drag of the calibration. The flights have the places of `ball`,
-    corrected for the ball's height over the plane, without those that are unusable, outliers or
-    near a contact. The places of `ball` must be those of the flights `ways`: all of the first
-    flight, then all of the second. The returned ball keeps all places; those that are usable but
-    left out have the flag `OFF_WAY`. It also has notes on doubts. Raises `NotSharpError` if a
-    flight has too few places left.
+    The scene has the gravity and drag of the calibration. The flights have the positions of `ball`,
+    corrected for the height of the ball above the plane. Positions that are unusable, outliers or
+    near a contact are left out. `ball` must have one position per position of `ways`, in their
+    order. The returned ball has all positions; usable ones that were left out have the flag
+    `OFF_WAY`. It also has notes on doubts. Raises `NotSharpError` if too few positions of a flight
+    remain.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None
@@ -236,10 +239,10 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
         (left,) = fit_flights(scene, [way]).residuals
         weight = way.u**-2 / np.sum(way.u**-2)
         late = way.t - weight @ way.t
-        # 1 minus the leverage of each place
+        # 1 minus the leverage of each position
         free = 1 - weight - weight * late**2 / (weight @ late**2)
         squares, spare = (left**2).sum(axis=1) / free, 2 * (len(way.t) - 3)
-        # variance of the other places, at least the one expected from noise and pattern
+        # variance of the other positions, at least that expected from noise and pattern
         scatter = np.maximum((free @ squares - squares) / spare, way.u**2 + way.pattern_u**2)
         # p-value by the F distribution, for two axes
         chance = (1 + squares / scatter / spare) ** (-spare / 2)
@@ -252,17 +255,17 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
 def _flatten(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[list[Piece], tuple[tuple[Fit, float], ...], list[Note]]:
-    """Return the flights as seen in the plane, fits with other slopes to it, and notes.
+    """Return the flights projected to the plane, fits with other slopes to the plane, and notes.
 
-    A ball at the height h over the plane of a camera at the distance Z looks larger, and farther
-    from the camera's foot, by 1 + h/Z. h is 0 at the contact. The rate of h is estimated from the
-    growth of the ball's picture. In the first flight the slope to the plane is 0 with u of half a
-    degree, too, unless the growth contradicts that.
+    A ball at the height h above the plane, seen by a camera at the distance Z, looks larger and
+    farther from the foot of the camera by the factor 1 + h/Z. h is 0 at the contact. The rate of h
+    is estimated from the growth of the ball's image. For the first flight there is also prior
+    knowledge, a slope of 0 with a u of half a degree, unless the growth contradicts it.
     """
     calibration, plane = knowledge.calibration, ball.plane
     assert calibration is not None
     camera, fit, notes = calibration.camera, fit_flights(scene, ways), []
-    # unknown camera: axis through the picture's centre, distance infinite
+    # For an unknown camera the axis passes the centre of the picture, and the distance is infinite.
     foot, far, bend = (np.array(scene.size) - 1) / 2, np.inf, 0.0
     if camera:
         *middle, over = foot_of(camera)
@@ -281,7 +284,7 @@ def _flatten(
         if abs(climb) > SHARPNESS.misfit_u * np.hypot(u, before):
             words = f"flight {k + 1} leaves the plane: the ball's picture grows by "
             notes.append(("OFF_PLANE", f"{words}{100 * climb * np.ptp(late):+.2g} % in it"))
-        elif k == 0 or not camera:  # a struck ball leaves in any direction
+        elif k == 0 or not camera:  # the second flight can have any direction
             share = before**2 / (before**2 + u**2)
             climb, u = share * climb, np.sqrt(share) * u
         climbs.append((climb, u))
@@ -299,10 +302,10 @@ def _flatten(
 
 
 def _growth_rate(way: Piece, grown: Array, late: Array) -> tuple[float, float]:
-    """Return the slope of the logarithms `grown` of a ball's radius over time, and its u [1/frame].
+    """Return the growth rate of a ball's radius, from its logarithms `grown`, and u [1/frame].
 
-    `late` (place,) is the time of each [frames]. The ball's pattern changes the radius slowly by as
-    much as the place, and so does the light.
+    `late`, (position,), is the time of each logarithm [frames]. The pattern of the ball and the
+    light change the radius slowly, by as much as they change the position.
     """
     assert way.u is not None
     u = way.u / way.radius
@@ -315,7 +318,7 @@ def _growth_rate(way: Piece, grown: Array, late: Array) -> tuple[float, float]:
 
 
 def _against(scene: FlightScene, ways: Sequence[Piece]) -> Iterator[Note]:
-    """Yield notes against sharp flights."""
+    """Yield notes on doubts about sharp flights."""
     fit = fit_flights(scene, ways)
     for k, (way, left) in enumerate(zip(ways, fit.residuals, strict=True)):
         assert way.u is not None

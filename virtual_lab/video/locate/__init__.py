@@ -1,1 +1,1 @@
-"""Places of the ball in regions of frames, by the fit of its outline."""
+"""Positions of the ball in regions of frames, by a fit of its outline."""

@@ -1,8 +1,8 @@
-"""A ball's place from its outline alone, to the limit of its own pattern: the edge fit.
+"""The edge fit: position of a ball from its outline, as accurate as its pattern allows.
 
-The ball's brightness may go up and down along the rim and inward from it: smooth shading, as of
-light from a side, and a pattern such as a seam, of unknown strength in each sector of the rim. The
-shift of the place that the pattern may cause is distinguished from noise.
+The brightness of the ball may vary along the rim and inward from it, by smooth shading (light from
+the side) and by a pattern such as a seam, whose strength is unknown in each sector of the rim. The
+shift of the position that the pattern may cause is estimated separately from noise.
 """
 
 from __future__ import annotations
@@ -29,44 +29,44 @@ Places = NDArray[np.int_]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EdgeFit:
-    """Settings of the fit, and limits of a good fit; shares are of the outline."""
+    """Settings of the fit, and limits of a good fit. Shares refer to the outline."""
 
     cell_px: float = 3.0  # depth of the rim without blur, and length of a sector
-    # u of the outline's oval if it is not known: a camera that looks at the ball squarely
+    # u of the oval of the outline if it is not known, for a camera that points at the ball
     oval_u: float = 0.003
-    held_weight: float = 1e12  # weight of a parameter that is held
+    held_weight: float = 1e12  # weight of a fixed parameter
 
-    # standard deviations of a pattern, as shares of the ball's brightness if not stated otherwise:
+    # standard deviations of a pattern, as shares of the ball's brightness unless stated otherwise:
     strongest_pattern: float = 0.5
-    # faintest pattern [share of a pixel's noise]: a fainter one would not be seen
+    # faintest pattern, which is hardly visible [share of a pixel's noise]
     unseen_pattern: float = 0.6
-    # values until the outline settles (less would leave half of a rim in the dark misfitting), and
-    # when it first has settled: more would explain an outline in a wrong place
+    # values until the outline has converged (with less, a rim that is half in the dark would not
+    # fit), and when it first has converged (more would explain an outline in a wrong position)
     settling_pattern: float = 0.01
     first_pattern: float = 0.06
 
-    settling_step_px: float = 0.2  # largest step of an outline that has settled
-    # largest number of rounds until the outline settles, after that until a step is less than its
+    settling_step_px: float = 0.2  # largest step of an outline that has converged
+    # largest number of rounds until the outline has converged, then until a step is less than its
     # u, and within one solution
     rounds: int = 7
-    # smallest step that continues the rounds of the pattern's strength
+    # smallest step for which the strength of the pattern is estimated again
     strength_step_over_u: float = 0.1
 
-    # factor on the pattern's shift: seams are no random field, and those hidden at the rim shift
-    # more
+    # factor on the shift by a pattern, because seams are not a random field, and seams hidden at
+    # the rim shift more
     pattern_factor: float = 1.5
-    sway_share: float = 0.3  # share of the shift that a pattern would cause if it were the outline
+    sway_share: float = 0.3  # share of the shift if the pattern were mistaken for the outline
     least_radius_over_u: float = 100.0  # smallest ratio of the radius to the u of the fit
-    # largest reduced chi^2 on the outline, which may include a pattern finer than a sector
+    # largest reduced chi^2 on the outline, where a pattern may be finer than a sector
     greatest_misfit: float = 3.0
-    # largest share of the outline at full scale or out of the picture, and of pixels that fit
-    # nothing
+    # largest share of the outline that is at full scale or outside the picture, and largest share
+    # of outlying pixels
     flagged_share: float = 0.02
 
-    # limits for a hidden rim, where the picture shows the background instead:
+    # limits for a hidden rim, where the picture shows the background instead of the ball:
     # largest difference of a pixel that shows only the background [standard deviations of noise]
     alike_sigmas: float = 3.0
-    # largest hidden share of the rim: an unlit side may be as dark as the background
+    # largest hidden share of the rim, because an unlit side may be as dark as the background
     covered_share: float = 0.27
 
 
@@ -86,17 +86,19 @@ def fit_edge(
 ) -> Located:
     """Return the balls of a batch of regions from their outlines.
 
-    `x_u` and `y_u` are noise alone; `pattern_u` is the u of x or y from the pattern. A ball that
-    cannot be fitted has the flag `NOT_FOUND`, and NaN in all but its blur.
+    `x_u` and `y_u` only include noise; `pattern_u` is the u of x, and of y, caused by the pattern.
+    A ball that cannot be fitted has the flag `NOT_FOUND`, and all its values except the blur are
+    NaN.
 
     Parameters
     ----------
     regions
-        Regions with the ball, its blur and some pixels around; the background's level is fitted.
+        Regions that contain the blurred ball and some pixels around it. The level of the background
+        is fitted.
     start
         Position of the ball to about a pixel, its radius, and its blur; the blur is not fitted.
     noise, lens
-        The camera's noise, and the standard deviation of its lens's blur [pixel].
+        Noise of the camera, and standard deviation of the blur of its lens [pixel].
     oval, oval_u
         Known deviation of the outlines from circles: c and s of r = R (1 + c cos 2a + s sin 2a),
         of a shape that broadcasts to (region, 2), and their u. The u may be 0 only if c and s are
@@ -112,13 +114,13 @@ def fit_edge(
     p[:, [AT.oval_c, AT.oval_s]] = oval
     prior = np.zeros(len(AT))
     prior[[AT.oval_c, AT.oval_s]] = 1 / oval_u**2 if oval_u else RIM_FIT.held_weight
-    # the background's level and slopes are free
+    # Level and slopes of the background are free.
     prior[[AT.level, AT.slope_x, AT.slope_y]] = 1 / RIM_FIT.held_weight
     table = np.full((count, len(FITTED)), np.nan)
     flags = np.full(count, PlaceFlag.NOT_FOUND, np.uint16)
     usable = np.isfinite(p).all(axis=1) & np.isfinite(ways).all(axis=1)
     if usable.any():
-        width = sqrt(lens**2 + 1 / 12)  # a square pixel's variance is 1/12 along any direction
+        width = sqrt(lens**2 + 1 / 12)  # the variance of a square pixel is 1/12 in any direction
         radius = float(np.median(p[usable, AT.radius]))
         blur = float(np.hypot(*ways[usable].T).max())
         rim = blurred_profiles(radius, width, RIM_FIT.cell_px, blur)
@@ -138,9 +140,9 @@ def fit_edge(
 def _outline(
     view: View, rim: Profiles, noise: Noise, prior: Array, sectors: int, start: Array
 ) -> tuple[list[float], int]:
-    """Fit one region by Gauss and Newton: values of `FITTED`, and flags.
+    """Fit one region by Gauss-Newton. Return the values of `FITTED`, and flags.
 
-    Raises `LinAlgError` where nothing fits.
+    Raises `LinAlgError` if the equations have no solution.
     """
     from virtual_lab.video.locate.edge_kernel import sector_sums
 
@@ -157,7 +159,7 @@ def _outline(
         weight = prior.copy()
         if not turn:
             weight[: AT.level] = RIM_FIT.held_weight
-        weight[AT.plain :] = 1.0 / bright**2  # shading is about as strong as the ball's brightness
+        weight[AT.plain :] = 1.0 / bright**2  # prior: shading is about as strong as the brightness
         equations = _equations(sums, knots)
         equations.shared[:, :-1] += np.diag(weight)
         equations.shared[:, -1] += weight * (start - p)
@@ -192,7 +194,7 @@ def _outline(
 
 
 class Equations(NamedTuple):
-    """Normal equations: a ring of blocks, one per start of a sector, and the shared parameters."""
+    """Normal equations: a ring of blocks, one per sector boundary, and the shared parameters."""
 
     blocks: Array  # (sector, knot, knot)
     links: Array  # (sector, knot, knot) coupling of each sector with the next
@@ -219,9 +221,10 @@ def _solve(
 ) -> tuple[Array, Array, Array, Array]:
     """Return the steps of shared parameters and pattern, with their covariances.
 
-    The pattern is assumed to be correlated along the rim, with the standard deviation `spread`
-    (sector,). The third result is the covariance of x, y and radius, (3, 3), the fourth is their
-    covariance with the pattern, (sector, knot, 3). Raises `LinAlgError` where nothing solves them.
+    The pattern is assumed to be correlated along the rim, with the standard deviation `spread`,
+    (sector,). The third result is the covariance of x, y and radius, (3, 3), and the fourth is
+    their covariance with the pattern, (sector, knot, 3). Raises `LinAlgError` if there is no
+    solution.
     """
     blocks, links, border, shared = equations
     like = _like(len(pattern))
@@ -250,9 +253,10 @@ def _like(sectors: int) -> float:
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     """Return the solution of a cyclic block-tridiagonal system, in the shape of `right`.
 
-    `blocks` (block, n, n) are on the diagonal, `links` from each to the next, the last's to the
-    first; `right` (block, n, m). In the order 0, last, 1, last - 1, … neighbours are at most two
-    blocks apart, so the system is a band. Raises `LinAlgError` if it is not positive definite.
+    `blocks` (block, n, n) are on the diagonal, and `links` couple each block with the next, the
+    last with the first. `right` is (block, n, m). In the order 0, last, 1, last - 1, … neighbours
+    are at most two blocks apart, so the matrix is a band. Raises `LinAlgError` if it is not
+    positive definite.
     """
     from scipy.linalg import solveh_banded
 
@@ -292,21 +296,21 @@ def _before(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _shifts(by_pattern: Array, stiffness: Array) -> Array:
-    """Return the variance of x, y and radius from a pattern, by their rows of the inverse."""
+    """Return the variances of x, y and radius from a pattern, using their rows of the inverse."""
     like = _like(len(by_pattern))
     along = (1 + like**2) * by_pattern - 2 * like * _next(by_pattern)
     return np.asarray(np.einsum("ska,kl,sla->a", by_pattern, stiffness, along) / (1 - like**2))
 
 
 def _brightness(region: Array, p: Array, noise: Noise) -> float:
-    """Return the root mean square of the ball's grey values above black."""
+    """Return the root mean square of the ball's grey values above the black level."""
     row, col = np.ogrid[: region.shape[0], : region.shape[1]]
     ball = np.hypot(row - p[AT.y], col - p[AT.x]) < 0.9 * p[AT.radius]
     return max(1.0, sqrt(float(np.mean((region[ball] - noise.black) ** 2)))) if ball.any() else 1.0
 
 
 def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> float:
-    """Shift of the place if the pattern were taken for the outline [pixel]."""
+    """Return the shift of the position if the pattern were mistaken for the outline [pixel]."""
     contrast = max(abs(light - p[AT.level] * view.background.mean()), 1.0)
     turn = np.exp(2j * pi * np.arange(len(pattern)) / len(pattern))
     return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))
@@ -315,18 +319,19 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
 def hidden_share(view: View, p: Array, noise: Noise) -> float:
     """Return the share of the rim's pixels that show only the background.
 
-    Whatever covers part of the ball (a bat, a cable, the sabot's catcher) belongs to the background
-    because it was in the picture before the ball. The share is 0 if the ball and its background
-    look alike, or if no pixel of the rim lies in the picture. `p` are the fit's shared parameters.
+    An object that covers part of the ball (a bat, a cable, the sabot's catcher) belongs to the
+    background, because it was in the picture before the ball. The share is 0 if the ball looks like
+    its background, or if no pixel of the rim is in the picture. `p` holds the shared parameters of
+    the fit.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]
     ends = [np.hypot(u + side * view.way[0], v + side * view.way[1]) for side in (-0.5, 0.5)]
-    # ring one cell deep, half a cell inside the outline during the whole exposure
+    # a ring one cell deep that is half a cell inside the outline during the whole exposure
     rim = np.abs(p[AT.radius] - np.maximum(*ends) - RIM_FIT.cell_px) < RIM_FIT.cell_px / 2
     expected = p[AT.level] * view.background[rim]
     sigmas = (view.pixels[rim] - expected) / np.sqrt(noise.variance(expected))
-    # no pixels, or ball and background look alike
+    # There are no pixels, or ball and background look alike.
     if not sigmas.size or abs(sigmas.mean()) < 4 * RIM_FIT.alike_sigmas:
         return 0.0
     return float((np.abs(sigmas) < RIM_FIT.alike_sigmas).mean())
@@ -335,7 +340,7 @@ def hidden_share(view: View, p: Array, noise: Noise) -> float:
 def _assess(
     p: Array, variances: Array, shifts: Array, tally: Array, sway: float, hidden: float
 ) -> tuple[list[float], int]:
-    """Return the values of `FITTED`, and flags of those that cannot be trusted.
+    """Return the values of `FITTED`, and flags for values that are not reliable.
 
     Parameters
     ----------
@@ -344,13 +349,13 @@ def _assess(
     variances, shifts
         Variances of x, y and radius, and the parts of them that the pattern causes, (3,).
     sway
-        Shift of the place if the pattern were taken for the outline [pixel].
+        Shift of the position if the pattern were mistaken for the outline [pixel].
     hidden
-        Share of the rim that is as bright as what is behind.
+        Share of the rim that is as bright as the background.
     """
     radius, (pixels, near, around, visible, full, stray) = p[AT.radius], tally
     misfit = near / max(around - len(AT), 1.0)
-    grown = max(misfit, 1.0)  # misfit counts as noise
+    grown = max(misfit, 1.0)  # a misfit is treated as noise
     sigma = np.sqrt(np.maximum(variances - shifts, 0.0) * grown)
     pattern = RIM_FIT.pattern_factor * np.sqrt(np.maximum(shifts, 0.0) * grown)
     if not np.hypot(sigma, pattern).max() * RIM_FIT.least_radius_over_u < radius:

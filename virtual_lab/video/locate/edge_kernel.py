@@ -1,4 +1,4 @@
-"""Sums over the pixels about a ball's outline that the edge fit needs."""
+"""Sums over the pixels near a ball's outline, for the edge fit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from virtual_lab.video.locate.rim_profiles import AT, SHADES, TABLE, TALLY, Prof
 
 Noises = tuple[float, float, float, float, float]  # `Noise.figures`
 OPTIONS: dict[str, Any] = {"error_model": "numpy", "cache": True, "nogil": True, "fastmath": True}
-NODES = np.zeros((33, 32, 2))  # nodes and weights of Gauss-Legendre quadrature, by their number
+NODES = np.zeros((33, 32, 2))  # nodes and weights of Gauss-Legendre rules, by number of nodes
 for _n in range(1, len(NODES)):
     NODES[_n, :_n] = np.stack(np.polynomial.legendre.leggauss(_n), axis=1)
 
@@ -21,9 +21,9 @@ for _n in range(1, len(NODES)):
 class Summing(NamedTuple):
     """Settings of the sums over pixels near an outline, and of their weights."""
 
-    coarse_rows: int = 3  # spacing of the rows used until the fit settles
+    coarse_rows: int = 3  # spacing of the rows used until the fit has converged
     outside_px: float = 4.0  # width of the background used beyond the edge
-    # residual beyond which a pixel weighs less and counts as fitting nothing
+    # residual beyond which a pixel has less weight and is counted as an outlier
     loose_sigmas: float = 5.0
 
 
@@ -35,16 +35,17 @@ class View(NamedTuple):
 
     pixels: Array  # [DN]
     background: Array  # [DN]
-    way: Array  # (2,) the ball's shift during the exposure [pixel]
+    way: Array  # (2,), shift of the ball during the exposure [pixel]
 
 
 @njit(**OPTIONS)
 def _fill(
     x: float, y: float, behind: float, p: Array, way: Array, rim: Profiles, light: Array, row: Array
 ) -> tuple[float, float]:
-    """Fill a pixel's derivatives by outline, shading and pattern; return its mean and outline.
+    """Fill `row` with the derivatives of a pixel by outline, shading and pattern.
 
-    (x, y) is from the centre at mid exposure; `light` is the brightness over the table's columns.
+    Return the expected grey value, and the share of the outline in the pixel. (x, y) is measured
+    from the centre at mid exposure, and `light` is the brightness for each column of the table.
     """
     table, s = rim.table, rim.width
     columns = light.size
@@ -92,10 +93,10 @@ def _fill(
 def _weigh(
     value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Array
 ) -> float:
-    """Weigh a pixel, and tally it.
+    """Return the weight of a pixel, and add the pixel to the tally.
 
-    The weight is 0 where full scale hides the true value, and where the background has moved, such
-    as a bat that recoils. `ball` and `edge` are the shares of ball and outline in the pixel.
+    The weight is 0 if the pixel is at full scale, and if the background has moved, such as a bat
+    that recoils. `ball` and `edge` are the shares of ball and outline in the pixel.
     """
     gain, read, black, prnu, top = noise
     light = max((value if first else mean) - black, 0.0)
@@ -120,12 +121,12 @@ def _weigh(
 def sector_sums(
     view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
 ) -> Array:
-    """Add up a region's normal equations by sector of the rim, and return the tally.
+    """Add up the normal equations of a region by sector of the rim, and return the tally.
 
-    `sums` (sector + 1, n, n), the last of pixels off the rim: over the shared parameters, the
-    pattern's knots (`pattern`, (sector, knot)) where a sector begins and where it ends, and what
-    is left of a pixel. `first`: the model is not yet one whose means could show the pixels' noise,
-    and some of the rows do.
+    `sums` is (sector + 1, n, n); the last sector is for pixels off the rim. The n variables are the
+    shared parameters, the pattern's knots at the beginning and at the end of the sector (`pattern`,
+    (sector, knot)), and the residual of the pixel. `first` is True as long as the model is too
+    inaccurate for the expected grey values to give the noise; then some of the rows are enough.
     """
     region, back, way = view
     rows, cols = region.shape

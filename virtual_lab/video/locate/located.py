@@ -21,9 +21,9 @@ class PlaceFlag(IntFlag):
     NOT_FOUND = 1
     SATURATED = 2  # pixels at full scale within the ball or at its edge
     CLIPPED = 4  # part of the ball is out of the frame
-    OVERLAP = 8  # something else touches the ball or covers it
-    POOR_FIT = 16  # the model of the image does not hold
-    OFF_WAY = 32  # not on its flight's way: the ball is being struck, or something hides at its rim
+    OVERLAP = 8  # another object touches or covers the ball
+    POOR_FIT = 16  # the image does not agree with the model
+    OFF_WAY = 32  # not on the path of its flight: contact, or an unseen object at the rim
 
 
 USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFlag.POOR_FIT
@@ -31,9 +31,10 @@ USELESS = PlaceFlag.NOT_FOUND | PlaceFlag.CLIPPED | PlaceFlag.OVERLAP | PlaceFla
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located:
-    """The ball in each region or frame, arrays of shape (region,); NaN where it was not found.
+    """The ball in each region or frame, arrays of shape (region,); NaN if it was not found.
 
-    Pixels of the full frame, OpenCV's convention; `u`s are one standard uncertainty each.
+    Positions are in pixels of the full frame, in OpenCV's convention. Fields that end in `_u` are
+    standard uncertainties.
     """
 
     x: Array
@@ -45,12 +46,12 @@ class Located:
     blur_y: Array
     chi_square: Array  # chi^2 per degree of freedom; NaN if the method has none
     flags: NDArray[np.uint16]  # bits of `PlaceFlag`
-    # u of the place from the ball's own pattern, correlated in neighbouring frames [pixels]
+    # u of the position from the pattern of the ball, correlated in neighbouring frames [pixels]
     pattern_u: Array
 
     @classmethod
     def start(cls, places: Array, radius: float, blur: Array) -> Located:
-        """Return the start of a fit: places (region, 2), a radius, blurs (region, 2) [pixels]."""
+        """Return the start of a fit: positions (region, 2), radius, blurs (region, 2) [pixels]."""
         count = len(places)
         names = ("x_u", "y_u", "chi_square", "pattern_u")
         moved = np.broadcast_to(blur, (count, 2))
@@ -66,17 +67,17 @@ class Located:
 
     @property
     def places(self) -> Array:
-        """Place of the ball, (region, 2)."""
+        """Position of the ball, (region, 2)."""
         return np.stack([self.x, self.y], axis=1)
 
     @property
     def u(self) -> Array:
-        """Standard uncertainty of x and y each, from noise, (region,)."""
+        """Standard uncertainty of x, and of y, from noise, (region,)."""
         return np.asarray(np.hypot(self.x_u, self.y_u) / np.sqrt(2))
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Whether the ball was found whole and round, (region,)."""
+        """Mask of the regions in which the ball was found whole and round, (region,)."""
         return np.asarray((self.flags & np.uint16(USELESS)) == 0)
 
 
@@ -93,14 +94,15 @@ Parts = TypeVar("Parts", Located, Regions)
 
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
-    """Return some of the regions."""
+    """Return the selected regions."""
     return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 
 def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, int]]:
     """Return the corners of square regions about the balls, (region, 2), and their shape.
 
-    A region that would leave the frame is moved back into it: the frame's edge cuts the ball.
+    A region that would extend beyond the frame is moved inside; the edge of the frame then cuts the
+    ball.
     """
     blur = np.hypot(start.blur_x, start.blur_y)
     half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN

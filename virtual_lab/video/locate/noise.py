@@ -1,8 +1,8 @@
-"""The noise of a camera's pixels, as EMVA 1288 has it: variance as a function of the mean.
+"""The noise of a camera's pixels by EMVA 1288: variance as a function of the mean.
 
-V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in grey values squared. The terms are the
-noise of photons, the differences between pixels, and the noise in the dark, which includes the
-rounding to whole grey values.
+V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in grey values squared. The terms are photon
+noise, differences between pixels, and noise in the dark, which includes the rounding to whole grey
+values.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ ROUNDING = 1 / 12  # variance of the rounding to whole grey values [DN^2]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """Noise and defects that a camera adds to a picture; every grey value in DN.
+    """Noise and defects that a camera adds to a picture. Grey values are in DN.
 
     Raises
     ------
     InputError
-        A figure is negative, or the dark is as bright as full scale.
+        A number is negative, or the black level is at least full scale.
     """
 
     gain: float  # system gain K [DN/e]
     read: float  # variance in the dark: dark current, reading, rounding [DN^2]
-    black: float = 0.0  # grey value of no light [DN]
+    black: float = 0.0  # grey value without light [DN]
     prnu: float = 0.0  # relative spread of the pixels' gains
     full_scale: float = np.inf  # highest grey value [DN]
 
@@ -56,9 +56,9 @@ class Noise:
     def from_frames(cls, frames: NDArray[np.generic], full_scale: float) -> Self:
         """Return the noise of frames of a still scene, by the photon-transfer method.
 
-        `frames` (frame, row, col) are two or more, without the ball; no light is a grey value of
-        0. Differences of successive frames show the noise in time alone: `prnu` is 0. Motion
-        in a few pixels is left out, and so is flicker, which changes all pixels alike.
+        `frames` (frame, row, col) are at least two, without the ball. The black level is assumed to
+        be 0. Differences of successive frames only show temporal noise, so `prnu` is 0. Motion in a
+        few pixels is excluded, and so is flicker, which changes all pixels equally.
         """
         first, second = frames[:-1].astype(float), frames[1:].astype(float)
         mean, change = (first + second).ravel() / 2, second - first
@@ -74,17 +74,17 @@ class Noise:
 
 
 def _spread(change: Array) -> float:
-    """Return the standard deviation of the middle of a sample: mends what rounding makes coarse."""
+    """Return the robust standard deviation of a sample, interpolated between rounded values."""
     middle = np.abs(change) <= max(4 * np.median(np.abs(change)) / 0.6745, 3.0)
     return float(change[middle].std())
 
 
 def _line(levels: Array, variances: Array) -> tuple[float, float]:
-    """Return slope and intercept of variance over level, at least 0 and `ROUNDING`."""
+    """Return slope (at least 0) and intercept (at least `ROUNDING`) of variance over level."""
     from scipy.optimize import nnls
 
     weights = 1 / variances  # the standard deviation of a variance is proportional to it
-    # one level shows only one of slope and intercept
+    # A single level determines either slope or intercept, not both.
     if np.ptp(levels) < 0.1 * max(levels.max(), 1.0):
         return max(float(np.mean(variances) - ROUNDING) / max(levels.mean(), 1.0), 0.0), ROUNDING
     design = np.stack([np.maximum(levels, 0.0), np.ones_like(levels)], axis=1) * weights[:, None]

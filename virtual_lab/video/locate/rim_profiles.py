@@ -1,8 +1,8 @@
-"""A ball's rim, seen through lens and pixel: tables over the depth, and the fit's parameters.
+"""The rim of a ball after lens and pixel: tables over the depth, and parameters of the fit.
 
-The surface of a sphere is seen at a slant: what lies an angle a from the rim lies R (1 - cos a)
-inside the outline. So brightness near the rim is given over sin a, the surface's facing: shading
-is linear in it, and a pattern has the same scale there all round.
+The surface of a sphere is inclined near its rim: a point at the angle a from the rim is R (1 - cos
+a) inside the outline. Brightness near the rim is therefore a function of sin a, called the facing
+of the surface. Shading is linear in it, and a pattern has the same scale around the whole rim.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from scipy.special import ndtr
 
 from virtual_lab.units import Array
 
-# parameters that all sectors share: centre, radius, the outline's oval (cos 2a, sin 2a), the
-# background's level and slopes, and the ball's shading: a level and how brightness rises with the
-# surface's normal along x, along y and toward the camera
+# parameters common to all sectors: centre, radius, oval of the outline (cos 2a, sin 2a), level and
+# slopes of the background, and shading of the ball: a level, and the slopes of brightness with the
+# x, y and camera components of the surface normal
 Shared = namedtuple(
     "Shared", "x y radius oval_c oval_s level slope_x slope_y plain side_x side_y face"
 )
@@ -27,39 +27,39 @@ Tally = namedtuple("Tally", "pixels near around seen full stray")
 TALLY = Tally._make(range(len(Tally._fields)))
 
 
-# columns of the table before the pattern's
+# columns of the table before those of the pattern
 SHADES = len(("level", "way to the side", "facing"))
 
 
 class Table(NamedTuple):
     """Layout of the tables, and assumptions about a pattern."""
 
-    # distance from the edge beyond which a pixel is all ball or all background; the tables begin
-    # there [`Profiles.width`]
+    # distance from the edge beyond which a pixel is completely ball or background, where the tables
+    # begin [`Profiles.width`]
     widths: float = 5.0
     per_width: int = 32  # number of table entries per width
     knot_spacing: float = 0.11  # spacing of a pattern's knots, in facing
     deepest_knot: float = 0.9  # facing beyond which a pattern is constant
-    # share of the motion blur by which a pattern at the outline is easily taken for it
+    # distance, as a share of the motion blur, at which a pattern is easily mistaken for the outline
     hiding_blur: float = 0.15
-    alike: float = 0.3  # approximate angle over which a pattern's brightness is alike [rad]
+    alike: float = 0.3  # approximate correlation angle of a pattern's brightness [rad]
 
 
 TABLE = Table()
 
 
 class Profiles(NamedTuple):
-    """Blurred brightness over the depth, and how a pattern is likely to vary along it."""
+    """Blurred brightness as a function of depth, and prior covariance of a pattern along it."""
 
     table: Array  # (entry, 2 column): columns, then their derivatives by the depth in widths
     stiffness: Array  # (knot, knot): inverse covariance of a pattern's knots, variance 1
-    hides: Array  # (knot,) inward shift of the outline that would look much like the knot [pixel]
+    hides: Array  # (knot,), inward shift of the outline that looks similar to the knot [pixel]
     width: float  # standard deviation of lens and pixel [pixel]
     inside: float  # largest depth inside the outline at which pixels are used, without blur [pixel]
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Return the rim tables for balls of about `radius`, smeared by `blur` in an exposure.
+    """Return the rim tables for balls of about `radius` and motion blur `blur`.
 
     `width` is the standard deviation of the blur by lens and pixel together, and `inside` the
     largest depth inside the outline at which pixels are used, without blur. All are in pixels.
@@ -69,7 +69,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     facings = np.linspace(0.0, deepest, max(3, 1 + round(deepest / TABLE.knot_spacing)))
     reach = 6.0 * width + depth
     entries = int(np.ceil((reach / width + TABLE.widths) * TABLE.per_width)) + 1
-    # twice as many depths as entries, denser near the edge
+    # twice as many depths as entries, more closely spaced near the edge
     ends = min(reach, radius) * np.linspace(0.0, 1.0, 2 * entries + 1) ** 2
     middles, steps = (ends[1:] + ends[:-1]) / 2, np.diff(ends)
     facing = _facing(middles, radius)
@@ -78,7 +78,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     t = -TABLE.widths + np.arange(entries) / TABLE.per_width
     away = t[:, None] - middles / width
     weight = np.exp(-(away**2) / 2) / np.sqrt(2 * np.pi) * steps / width
-    # brightness is constant beyond the last depth
+    # Brightness is constant beyond the last depth.
     beyond = ndtr(t - ends[-1] / width)[:, None]
     at_last = np.exp(-((t - ends[-1] / width) ** 2) / 2)[:, None] / np.sqrt(2 * np.pi)
     values = weight @ columns + beyond * columns[-1]

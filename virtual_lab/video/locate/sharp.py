@@ -1,4 +1,4 @@
-"""Sharp places of one ball in a clip: its outline fitted, region by region."""
+"""Sharp positions of one ball in a clip, by a fit of its outline in each region."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from virtual_lab.video.locate.noise import Noise
 class SharpSettings:
     """Settings of a ball's fit: its rounds and starting points."""
 
-    # number of pixels from the sampled frames: they show the noise to 1 %
+    # number of pixels from the sampled frames, enough for the noise to 1 %
     noise_sample_px: float = 5e5
-    # smallest radius of a blob that is a whole ball [share of the ball's radius]: of a smaller one,
-    # a part is in the dark
+    # smallest radius of a blob that is a whole ball [share of the ball's radius]; part of a smaller
+    # blob is in the dark
     lit_share: float = 0.93
-    # largest shift from start to end of a fit: after a larger one it is repeated, because it may
-    # have taken the outline for a pattern
+    # largest shift from start to end of a fit. After a larger shift the fit is repeated, because it
+    # may have mistaken the outline for a pattern.
     refit_shift_px: float = 0.3
     rounds: int = 4
 
@@ -42,8 +42,8 @@ def sharp_places(
 ) -> Located:
     """Return the positions of the ball in regions of a clip, in pixels of the full frame.
 
-    `lens` is the standard deviation of its blur, `ball_radius` that of the ball where the clip's
-    scale is known [pixel].
+    `lens` is the standard deviation of the blur of the lens, and `ball_radius` the radius of the
+    ball if the scale of the clip is known, both in pixels.
     """
     if ball_radius and float(np.median(start.radius)) < SHARP.lit_share * ball_radius:
         start = on_the_limb(regions, replace(start, radius=np.full(len(start.x), ball_radius)))
@@ -62,10 +62,10 @@ def place(
 ) -> Located:
     """Return the positions of the ball in the full frame; `start` has them to about a pixel.
 
-    `lens` is the standard deviation of its blur [pixel], `middle` the pixel on the camera's axis.
-    A sphere at the distance d from the middle, in the direction a_d, has the outline
-    r = R (1 + k d² cos 2(a - a_d)). `oval` is k [1/px²], and the standard uncertainty of k d². A
-    position that cannot be fitted is NaN, with the flag `NOT_FOUND`.
+    `lens` is the standard deviation of the blur of the lens [pixel], and `middle` the pixel on the
+    axis of the camera. A sphere at the distance d from this pixel, in the direction a_d, has the
+    outline r = R (1 + k d² cos 2(a - a_d)). `oval` is the pair of k [1/px²] and the standard
+    uncertainty of k d². A position that cannot be fitted is NaN, with the flag `NOT_FOUND`.
     """
     x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval
@@ -93,12 +93,12 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def on_the_limb(regions: Regions, start: Located) -> Located:
-    """Return the positions from the lit limb, to a pixel or two, or those of `start` without one.
+    """Return positions from the lit limb, to a pixel or two; without a limb, those of `start`.
 
     A lamp at the side lights only part of a ball. One side of the outline of this part is the limb
-    of the ball, the other side is the border of the shade. The position is that of the circle of
-    the ball's size that contains most of the outline. The motion during an exposure must be small
-    compared with the radius, which `start` gives to 3 %.
+    of the ball, and the other side is the border of the shade. The position is the centre of the
+    circle with the ball's size that contains most of the outline. The motion during an exposure
+    must be small compared with the radius, which must be correct to 3 % in `start`.
     """
     import cv2
 

@@ -1,4 +1,4 @@
-"""A calibration as `virtual-lab calibrate` prints it, writes it for `track`, and draws it."""
+"""A calibration as text, as the file for `track`, and as a figure (`virtual-lab calibrate`)."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def _line(name: str, *values: str) -> str:
 
 def _entry(key: str, value: Any) -> str:
     note = f"  # {NOTES[key]}" if key in NOTES else ""
-    # JSON and TOML write numbers, strings and lists alike
+    # JSON and TOML have the same notation for numbers, strings and lists.
     return f"{key} = {json.dumps(value)}{note}"
 
 
@@ -108,7 +108,7 @@ def draw_calibration(result: Calibrated) -> PageFigure:
             ),
             angles="xy",
             scale_units="xy",
-            # an arrow of the rms has 2 % of the picture's width
+            # An arrow as long as the rms has 2 % of the width of the picture.
             scale=max(solved.rms, 1e-6) / (0.02 * wide),
             width=0.0012,
             headwidth=4,

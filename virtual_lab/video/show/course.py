@@ -1,4 +1,4 @@
-"""A ball's course through a clip, one record per position, to be drawn and written."""
+"""The course of a ball through a clip, one record per position, for figures and track.csv."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from virtual_lab.units import Array
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
 
-# one record per place, in the still frame; NaN: unknown
+# one record per position, in the still frame; NaN: unknown
 Places = NDArray[np.void]
 WRITTEN = {  # columns of track.csv
     "frame": int,
     **dict.fromkeys(("time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px"), float),
     **dict.fromkeys(("x_m", "y_m", "chi_square"), float),
-    "flight": "U8",  # its number, "" outside of flights
+    "flight": "U8",  # number of the flight, "" outside flights
     "flags": "U64",
     **dict.fromkeys(("drift_x_px", "drift_y_px", "right_mps", "up_mps"), float),
 }
-# deviation of a place from its flight, and distance from its middle to its blur's end
+# deviation of a position from its flight, and distance from its middle to the end of its blur
 DRAWN = dict.fromkeys(("along_px", "across_px", "reach_px"), float)
 PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
@@ -29,9 +29,9 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 def course_of(track: FollowedClip) -> Places:
     """Return the course of a ball, one record per position, in the order of frames.
 
-    The positions are those located sharply, if any, else those of its flights, else those of all
-    its pieces. If there are none of these, the result has up to 12 evenly spaced frames of the
-    clip, whose positions are NaN.
+    The positions are the sharp positions if there are any, otherwise those of the flights,
+    otherwise those of all pieces of motion. If there are none, the result has up to 12 evenly
+    spaced frames of the clip, with positions NaN.
     """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
     values: dict[str, Any]
@@ -57,7 +57,7 @@ def course_of(track: FollowedClip) -> Places:
         values = {
             "frame": np.concatenate([way.frames for way in ways]),
             "time_s": track.seconds * np.concatenate([way.t for way in ways]),
-            # mean of the half axes, as used for the scale
+            # mean of the half axes, which is also used for the scale
             "radius_px": (blobs["radius"] + blobs["length"]) / 2,
             "reach_px": blobs["length"],
         }
@@ -95,10 +95,10 @@ def course_rows(places: Places) -> list[dict[str, Any]]:
 
 
 def spots(places: Places) -> Array:
-    """Return the positions in the still frame, (place, 2) [pixels]; NaN if unknown."""
+    """Return the positions in the still frame, (position, 2) [pixels]; NaN if unknown."""
     return np.stack([places["x_px"], places["y_px"]], axis=1)
 
 
 def names_of(places: Places) -> list[str]:
-    """Return the names of the flights in order, none for places outside flights."""
+    """Return the names of the flights in order; positions outside flights have no name."""
     return [each for each in dict.fromkeys(places["flight"].tolist()) if each]

@@ -1,4 +1,4 @@
-"""A tracked clip drawn: the plot, a contact sheet, and a film that a browser plays."""
+"""Pictures of a tracked clip: plot, contact sheet, and a film for a browser."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Image = NDArray[np.uint8]
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colours of flights
-NONE = "#ff00ff"  # colour of places outside of flights: it is visible in front of any wall
+NONE = "#ff00ff"  # colour of positions outside flights, visible in front of any wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,8 +33,8 @@ class Layout:
     """Sizes and number of the pictures."""
 
     tile_px: float = 1e5  # size of a picture in sheet, film and plot [pixels]
-    # number of pictures on the sheet, beside those about contacts, and about that of the balls in
-    # the plot
+    # number of pictures on the sheet in addition to those near contacts, and approximate number of
+    # balls in the plot
     tiles: int = 12
     frames: int = 80  # largest number of frames in the film
     frame_ms: int = 60
@@ -44,13 +44,13 @@ LAYOUT = Layout()
 
 
 class Pictures:
-    """Pictures of a ball's course through a clip, small ones: sheet, film and plot."""
+    """Small pictures of a ball's course through a clip: sheet, film and plot."""
 
     def __init__(self, track: FollowedClip, *, film: bool = False) -> None:
-        """Read the frames that are shown: those that were searched are kept as JPEG."""
+        """Read the frames to show; searched frames are available as JPEG."""
         self.clip, self.contacts, self.places = track.clip, track.contacts, course_of(track)
         self.names = names_of(self.places)
-        # factor of `y_m` that makes it point up
+        # factor of `y_m` for an upward axis
         self.up = -track.sharp.plane.sense if track.sharp else -1.0
         self.film = _spread(len(self.places), LAYOUT.frames * film)
         visible = np.flatnonzero(np.isfinite(self.places["radius_px"]))
@@ -63,7 +63,7 @@ class Pictures:
         rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
         selection = np.concatenate([self.sheet, self.balls, self.film])
         wanted = np.unique(self.places["frame"][selection])
-        # the stored frames have 8 bits
+        # The stored frames have 8 bits.
         thumbs = track.watched.thumbs if self.clip.samples.dtype == np.uint8 else {}
         stored = {k: cv2.imdecode(thumbs[k], cv2.IMREAD_UNCHANGED) for k in wanted if k in thumbs}
         left = np.array([each for each in wanted if each not in thumbs], np.intp)
@@ -74,7 +74,7 @@ class Pictures:
         }
 
     def _light(self) -> tuple[float, float]:
-        """Return the grey values that are shown as black and as white."""
+        """Return the grey values to show as black and as white."""
         samples = self.clip.samples
         if samples.ndim == 4 and samples.dtype == np.uint8:
             return 0.0, 255.0  # a colour clip keeps its brightness
@@ -104,7 +104,7 @@ class Pictures:
         """Return a frame with its number and time, the ball's outline and earlier positions."""
         one, fine = self.places[k], 4  # number of bits for fractions of a pixel
         image = self.frames[int(one["frame"])].copy()
-        # earlier places of the still frame are shifted by this picture's drift
+        # Earlier positions of the still frame are shifted by the drift of this picture.
         at = (spots(self.places) + [one["drift_x_px"], one["drift_y_px"]] + 0.5) * self.scale - 0.5
         dots = [(j, 2.0, cv2.FILLED) for j in range(k + 1)]
         for j, radius, line in (*dots, (k, float(one["radius_px"]) * self.scale, 1)):
@@ -123,8 +123,8 @@ class Pictures:
         return COLOURS[self.names.index(name) % len(COLOURS)] if name else NONE
 
     def strobe(self) -> Image:
-        """Return a picture that shows the ball at several positions, without the area around it."""
-        # standing things, also a bat, are shown as they are at the first contact
+        """Return one picture with the ball at several positions."""
+        # The background, including a bat, is that of the first contact.
         times = self.places["time_s"][self.sheet]
         time = self.contacts[0].time.value if self.contacts else times[0]
         whole = self._still(self.sheet[np.abs(times - time).argmin()]).copy()
@@ -173,7 +173,7 @@ class Pictures:
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
 
     def _draw_motion(self, below: Iterable[Axes]) -> None:
-        """Draw places (right and up), speeds, and residuals of the fit over the clip's time."""
+        """Draw positions (right and up), speeds, and residuals of the fit over the clip's time."""
         place, speed, along, across = below
         metres = np.stack([self.places["x_m"], self.up * self.places["y_m"]])
         metres -= metres[:, np.isfinite(metres).all(axis=0)][:, :1]
@@ -202,12 +202,12 @@ class Pictures:
 
 
 def _spread(places: int, count: int) -> NDArray[np.intp]:
-    """Return the indices of at most `count` of `places` positions, evenly spread, in order."""
+    """Return up to `count` evenly spaced indices of `places` positions, in order."""
     return np.unique(np.linspace(0, places - 1, min(count, places)).round()).astype(np.intp)
 
 
 def _display_image(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
-    """Return a frame in 8 bits and three colours, with a given width and height."""
+    """Return a frame with 8 bits and three colours, reduced to the given width and height."""
     way = cv2.INTER_AREA if size[0] < frame.shape[1] else cv2.INTER_LINEAR
     colours = frame if frame.ndim == 2 else np.ascontiguousarray(frame[..., :3])
     small = cv2.resize(colours, size, interpolation=way)

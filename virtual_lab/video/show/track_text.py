@@ -25,8 +25,8 @@ Row = dict[str, Any]
 def flight_rows(track: FollowedClip) -> list[Row]:
     """Return one row per flight, with the contact at its end.
 
-    Measured values are estimates, or None if unknown. Those of the contact are None if there is
-    none at the end of the flight.
+    Measured values are estimates, or None if unknown. The values of the contact are None if there
+    is no contact at the end of the flight.
     """
     contacts = {each.before: each for each in track.contacts}
     return [
@@ -80,7 +80,7 @@ def write_table(rows: Iterable[Mapping[str, Any]], path: Path) -> None:
 
 
 def _cell(name: str, value: object) -> object:
-    # a time is written in full, because it identifies its frame
+    # A time is written in full, because it identifies its frame.
     if not isinstance(value, float) or name == "time_s":
         return value
     return "" if np.isnan(value) else f"{value:.7g}"
@@ -99,11 +99,16 @@ def track_document(track: FollowedClip) -> Row:
     """Return the result as a dictionary for JSON.
 
     The values of ``contact``, ``restitution`` and ``restitution_of`` are None unless the clip has
-    exactly one contact. ``speed_in_mps`` and ``angle_in_deg`` are those at the end of the flight
-    before it, ``speed_out_mps`` and ``angle_out_deg`` those at the start of the flight after it.
-    Without exactly one contact, an only flight counts as the one before, and the values of the one
-    after are None. If there are several flights and the ball was located sharply, the first counts
-    as the one before and the second as the one after. Otherwise all four values are None.
+    exactly one contact. ``speed_in_mps`` and ``angle_in_deg`` are those at the end of the incoming
+    flight, ``speed_out_mps`` and ``angle_out_deg`` those at the start of the outgoing flight. These
+    flights are:
+
+    * with exactly one contact, the flights before and after it;
+    * otherwise, with a single flight, this flight and None;
+    * otherwise, if the ball was located sharply, the first and the second flight;
+    * otherwise None and None.
+
+    The values of a flight None are None.
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
@@ -156,7 +161,7 @@ def _scale(scale: PixelScale) -> Row:
 
 
 def _roll(track: FollowedClip) -> float | None:
-    """Return the angle [deg] of fitted gravity from the picture's down to its right, or None."""
+    """Return the angle of fitted gravity from down, toward the right [deg], or None."""
     rulers = (track.scale, *track.checks)
     if track.fit is None or not any(each and each.source == GRAVITY for each in rulers):
         return None
@@ -165,11 +170,7 @@ def _roll(track: FollowedClip) -> float | None:
 
 
 def _hit(track: FollowedClip) -> list[Flight | None]:
-    """Return the flights before and after the only contact, None for one that does not exist.
-
-    Without exactly one contact, an only flight counts as the one before. If there are several
-    flights and the ball was located sharply, the first two count. Otherwise both are None.
-    """
+    """Return the incoming and the outgoing flight as `track_document` defines them, or None."""
     if len(track.contacts) == 1:
         return [track.flights[k] for k in (track.contacts[0].before, track.contacts[0].after)]
     alone = track.flights if track.sharp or len(track.flights) == 1 else []
@@ -186,7 +187,7 @@ def motion_of(track: FollowedClip) -> str:
 
 
 def _with_ball(track: FollowedClip) -> int:
-    """Count of frames that show the ball."""
+    """Return the number of frames that show the ball."""
     ways = track.ways or track.pieces
     return len(track.sharp.frames) if track.sharp else sum(len(each.t) for each in ways)
 
@@ -200,7 +201,7 @@ def track_text(track: FollowedClip) -> str:
     contacts = {each.before: each for each in track.contacts}
     for k, row in enumerate(flight_rows(track)):
         speeds = [row["speed_in_mps"], row["speed_out_mps"]]
-        if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit's, by a calibration
+        if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit, with a calibration
             speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
@@ -208,7 +209,7 @@ def track_text(track: FollowedClip) -> str:
             f"{row['places']} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
         )
         pull = row["acceleration_mps2"]
-        if pull and pull.u < pull.value:  # else the flight bends too little to show it
+        if pull and pull.u < pull.value:  # otherwise the flight bends too little
             words += f", acceleration {_format(pull)} m/s²"
         lines.append(words)
         if contact := contacts.get(k):
@@ -227,7 +228,7 @@ def track_text(track: FollowedClip) -> str:
 
 
 def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
-    """Return a sentence on the ruler of the scale, its u, and the deviations of other rulers."""
+    """Return a sentence on the source of the scale, its u, and the deviations of other scales."""
     size = 1e3 * scale.metres_per_pixel
     said = (
         f"scale {with_uncertainty(size, size * scale.relative_u)} mm per pixel "
@@ -247,7 +248,7 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
 
 
 def track_title(track: FollowedClip) -> str:
-    """Return the result in one line, and the flags; without a flight, the reason and advice."""
+    """Return the result and the flags in one line; without a flight, the reason and advice."""
     ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
     parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
     lines = [f"{track.clip.source.path.name}: {'; '.join(parts)}"]

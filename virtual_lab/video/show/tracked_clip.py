@@ -1,7 +1,7 @@
-"""Tracking of a clip with its user's knowledge, for the command and for Python.
+"""Tracking of a clip with the user's statements, for the command and for Python.
 
-The ball is followed in any clip. If the camera was calibrated and stands still, and the clip shows
-one contact at most, the ball is then located sharply, for the speeds of a hit.
+The ball is followed in any clip. If the camera was calibrated and does not move, and the clip has
+at most one contact, the ball is then located sharply, for the speeds of a hit.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from virtual_lab.video.show.track_text import (
     write_table,
 )
 
-# statements of the user: quantities in SI units, by keys of a calibration file, by fields of
-# `ClipKnowledge`, and by `file`, `corrected`, `phone`, `mass`, `ball_mass`, `exposure`, `assumed`
+# statements of the user in SI units. The names are keys of a calibration file, fields of
+# `ClipKnowledge`, and `file`, `corrected`, `phone`, `mass`, `ball_mass`, `exposure` and `assumed`.
 Said = Mapping[str, Any]
 UNSURE_BALL = "no u of the ball's diameter is given"
 STANDING = (UNSURE_BALL, UNSURE_RATE)  # beginnings of remarks that apply to most clips of phones
@@ -58,7 +58,7 @@ def track_clip(
     A clip without a ball gives a result without flights, with a warning. Raises `InputError` if a
     file cannot be read, a statement does not fit the clip, or no length is known.
     """
-    # the file is opened first, because a file that is no clip needs no scale
+    # The file is opened first, because a file that is not a clip needs no scale.
     source = open_source(file)
     calibration, notes = _calibration(said)
     progress(f"reading {source.path}")
@@ -70,7 +70,7 @@ def track_clip(
     else:
         track = follow(clip, knowledge, progress=progress)
     messages = (*track.notes, *notes)
-    if "phone" in said:  # the option implies these notes
+    if "phone" in said:  # the option makes these notes unnecessary
         messages = tuple(
             e for e in messages if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING)
         )
@@ -78,20 +78,20 @@ def track_clip(
 
 
 def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
-    """Return the calibration, with stated values in place of its keys, and notes of assumptions."""
+    """Return the calibration, with stated values instead of those of the file, and notes."""
     file, ruler = said.get("file"), said.get("ruler")
     keys = {each.name: said[each.name] for each in fields(ClipCalibration) if each.name in said}
     if file and "exposure" in said:  # else frames stored twice may be shorter
         keys["exposure_s"] = said["exposure"]
     calibration = read_calibration(file, keys, ruler != GRAVITY)
-    # a mass that is stated replaces the file's drag, the mass of a kind of ball does not
+    # A stated mass replaces the drag in the file; the mass of a kind of ball does not.
     mass = said.get("mass", said.get("ball_mass") if not calibration.drag_per_m else None)
     if mass:
         if not (diameter := calibration.ball_diameter_m):
             allowed = "the drag depends on the ball's size; give --ball"
             raise InputError("", "--mass", f"{1e3 * mass:g}g", allowed)
         drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, mass))
-        # seams, roughness and speed move C_d by a fifth, far more than a ball's mass varies
+        # Seams, roughness and speed change C_d by a fifth, far more than the mass of a ball varies.
         calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
     if calibration.metres_per_pixel or calibration.camera:
         if ruler:
@@ -107,7 +107,7 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
 def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnowledge:
     """Return the knowledge of an opened clip. Raises `InputError` if a statement does not fit."""
     calibrated, rate, turn = "file" in said, clip.source.rate, clip.source.rotation
-    # a faster clip is from a laboratory's camera
+    # A faster clip comes from a laboratory's camera.
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
@@ -118,9 +118,10 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
             "readout_axis": {90: (0, -1), 180: (1, -1), 270: (0, 1)}.get(int(turn or 0), (1, 1)),
             "rate_of": FILE if unsure else GIVEN,
             "tripod": calibrated,
-            # with a calibrated camera, sharp places show the ball's size better than gravity does
+            # With a calibrated camera, the size of the ball is more accurate than gravity.
             "ruler": BALL if calibrated else None,
-            # without one, or with places by hand, there is nothing to locate the ball sharply by
+            # Without a calibrated camera, or with positions by hand, the ball cannot be located
+            # sharply.
             "calibration": calibration if calibrated and "corrected" not in said else None,
         }
         | more,
@@ -152,9 +153,9 @@ def save_track(
 ) -> None:
     """Write track.csv, speeds.csv, result.json, track.png and sheet.png into a folder.
 
-    With `film` also track.webp, with `settings` also settings.toml. With `overwrite` the folder
-    replaces an earlier result folder. Raises `InputError` if the folder is not empty or cannot be
-    written.
+    With `film` track.webp is written too, with `settings` settings.toml. With `overwrite` the
+    folder replaces an earlier result folder. Raises `InputError` if the folder is not empty or
+    cannot be written.
     """
     from virtual_lab.video.show.pictures import Pictures
 
