@@ -87,8 +87,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-# The matrices here are small: threads inside one product wait for one another, and burn the
-# processor while they do. Read as numpy loads; who has set one of them, or all, is left alone.
+# The matrices of this program are small: threads within one product only wait for one another,
+# which takes processor time. The variables are read when numpy is loaded. A value that the user has
+# set is not changed.
 if "OMP_NUM_THREADS" not in os.environ:
     for variable in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
         os.environ.setdefault(variable, "1")
@@ -97,7 +98,7 @@ from virtual_lab import api
 from virtual_lab.errors import VERSION
 from virtual_lab.files.caches import provide_cache
 
-provide_cache(Path(__file__).parent)  # read as numba loads
+provide_cache(Path(__file__).parent)  # before numba is loaded, which reads the setting
 
 if TYPE_CHECKING:
     from virtual_lab.api import *  # noqa: F403
@@ -105,12 +106,13 @@ if TYPE_CHECKING:
 __version__ = VERSION
 
 
-# no `__all__`, so that help(vl) is the text above: pydoc would describe every name in it
+# There is no `__all__`, because pydoc would describe every name in it, and help(vl) would be more
+# than the text above.
 def __dir__() -> list[str]:
     return sorted(["__version__", *api.PLACES])
 
 
-if not TYPE_CHECKING:  # a reader of types would take any name for one of ours
+if not TYPE_CHECKING:  # a type checker would accept any name as an attribute
 
     def __getattr__(name: str) -> Any:
         """Load an attribute at its first use."""

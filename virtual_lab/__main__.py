@@ -1,4 +1,4 @@
-"""``virtual-lab`` and ``python -m virtual_lab``: the command line, which ends when asked to."""
+"""``virtual-lab`` and ``python -m virtual_lab``: the command line, which a signal ends at once."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ STOPS = ("SIGINT", "SIGTERM", "SIGHUP")  # Ctrl-C, kill, a closed terminal
 
 
 def main() -> None:
-    """Run the command line; a signal to stop ends it with 128 and the signal's number."""
+    """Run the command line. The exit code after a stop signal is 128 plus the signal's number."""
     for stop in signal.Signals:
-        # a program that starts with nohup, or with & in a script, ignores some of them
+        # A program that was started with nohup, or with & in a script, ignores some signals.
         if stop.name in STOPS and signal.getsignal(stop) is not signal.SIG_IGN:
             signal.signal(stop, _end)
     from virtual_lab.cli import main as run
@@ -23,10 +23,10 @@ def main() -> None:
 
 
 def _end(number: int, _: object) -> None:
-    """Remove what is half-written and end at once.
+    """Remove partly written files and end at once.
 
-    An exception would have to find its way out of wherever the program is, and in a callback of
-    compiled code, a finaliser or an import it gets lost or becomes another one.
+    An exception is not used, because in a callback of compiled code, a finaliser or an import it
+    would be lost or become another exception.
     """
     remove_drafts()
     with suppress(OSError):

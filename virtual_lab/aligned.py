@@ -10,15 +10,15 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-EVERY_FIELD: tuple[str, ...] = ("*",)  # value of `aligned` if every field is
+EVERY_FIELD: tuple[str, ...] = ("*",)  # value of `aligned` if all fields are aligned
 
 
 class AlignedArrays:
     """A dataclass whose fields named in `aligned` have one row per laboratory, shot or hit.
 
-    Such a field is an array, another instance of this class, a mapping of them, the readings of
-    flights of another package (which have a method `part`), or a number or None, which stand for
-    all rows. The other fields belong to all rows together.
+    Such a field is an array, another instance of this class, a mapping of these, or flight readings
+    of another package (which have a method `part`). A number or None applies to all rows. The other
+    fields belong to all rows together.
     """
 
     __slots__ = ()
@@ -42,8 +42,8 @@ class AlignedArrays:
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """Return one instance with the rows of all parts in order.
 
-        The fields that are not aligned are those of the first part, and so is an aligned number or
-        None.
+        Fields that are not aligned, and aligned fields that are a number or None, are those of the
+        first part.
         """
         kind: Any = cls
         names, shared = _names(kind)

@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import Any
 
 VERSION = "0.2.0.dev0"
-DISTRIBUTION = "virtual-bat-lab"  # as installed; on public indexes another has the program's name
+DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the index is another one
 
 
 class InputError(ValueError):
@@ -22,16 +22,16 @@ class InputError(ValueError):
         super().__init__(f"{': '.join(parts)}; {allowed}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
-        """Return the error's type and parts, from which another process makes it again."""
+        """Return type and arguments of the error, so that another process can raise it."""
         return type(self), (self.where, self.key, self.value, self.allowed)
 
     def _render_traceback_(self) -> list[str]:
-        """Return the lines that a notebook prints in place of a traceback."""
+        """Return the lines that a notebook prints instead of a traceback."""
         return [f"{type(self).__name__}: {self}"]
 
 
 class IncompleteError(Exception):
-    """A result that was saved without some of its forms; the text is one line."""
+    """A result was saved without some of its files; the text is one line."""
 
     def __init__(self, where: str, missing: list[str]) -> None:
         self.missing = missing
@@ -40,10 +40,11 @@ class IncompleteError(Exception):
 
 @contextmanager
 def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
-    """Suppress an error in the block, and append the form and the reason to `missing`.
+    """Suppress an error in the context, and append `form` and the reason to `missing`.
 
-    `form` names the file that the block makes. Panics of Typst, which are not derived from
-    `Exception`, are suppressed too. `KeyboardInterrupt` and `SystemExit` are raised again.
+    `form` is the name of the file that is made in the context. Panics of Typst, which are not
+    derived from `Exception`, are suppressed too. `KeyboardInterrupt` and `SystemExit` are raised
+    again.
     """
     try:
         yield
@@ -57,7 +58,7 @@ def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
 def nearest(name: object, names: Iterable[str]) -> str:
     """Return ``did you mean r161? `` with up to two names similar to a mistyped one.
 
-    Upper and lower case count as equal. The text is empty if no name is similar.
+    The case of letters is ignored. The text is empty if no name is similar.
     """
     folded = {each.lower(): each for each in names}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
@@ -67,7 +68,7 @@ def nearest(name: object, names: Iterable[str]) -> str:
 def of_extra(module: str, name: str, who: str) -> Any:
     """Return a module of the extra `name`, imported. Raises `InputError` if it is not installed.
 
-    `who` is the subject of the message: who needs the extra.
+    `who` is the subject of the message, the feature that needs the extra.
     """
     try:
         return import_module(module)
@@ -78,7 +79,7 @@ def of_extra(module: str, name: str, who: str) -> Any:
 def with_extra(name: str) -> str:
     """Return a text for error messages that states how to install an extra.
 
-    It has the place and the command, because the package is not on a public index. `name` is not
+    It names the clone and the command, because the package is not on a public index. `name` is not
     checked.
     """
     return f"in a clone of the repository: pip install '.[{name}]'"

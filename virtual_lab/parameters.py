@@ -1,7 +1,7 @@
-"""Types of public parameters. Each type carries its rule, for Python and for the shell alike.
+"""Types of public parameters. Each type contains its rule, for Python and for the command line.
 
-A rule has one reader, one sentence of what is allowed, and one completer. A ``Literal`` and the
-plain types need no rule of their own: `rule_of` derives it.
+A rule has a reader, a sentence on the allowed values, and a completer. A ``Literal`` and the plain
+types need no explicit rule, because `rule_of` derives it.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ LARGEST_SEED = 2**SEED_BITS - 1
 class ParameterRule:
     """The rule for the values of a parameter.
 
-    `read` returns a value of Python in the form that the function takes. It raises `TypeError` or
-    `ValueError` for a value that is not allowed. `parse` converts a word of the shell to such a
-    value.
+    `read` converts a Python value to the form that the function takes. It raises `TypeError` or
+    `ValueError` for a value that is not allowed. `parse` converts a word of the command line to a
+    Python value.
     """
 
     read: Callable[[Any], Any]
@@ -35,7 +35,7 @@ class ParameterRule:
     metavar: str = "TEXT"
     several: ParameterRule | None = None  # rule of one value, if the parameter takes a list
     flag: bool = False
-    python: str = ""  # advice for callers in Python, behind the sentence of what is allowed
+    python: str = ""  # advice for Python, appended to the sentence on the allowed values
 
 
 def read_word(value: Any) -> str:
@@ -90,8 +90,8 @@ def whole(
 ) -> ParameterRule:
     """Return the rule of a whole number from `least` to `most`, both included, of any integer type.
 
-    `words` replace `least` in the sentence of what is allowed; `python` is the advice for callers
-    in Python.
+    `words` replace `least` in the sentence on the allowed values. `python` is the advice for
+    Python.
     """
 
     def read(value: Any) -> int:
@@ -109,7 +109,7 @@ def whole(
 def between(least: float, most: float, words: str) -> ParameterRule:
     """Return the rule of a number from `least` to `most`, both included; NaN is refused.
 
-    `words` are the sentence of what is allowed.
+    `words` is the sentence on the allowed values.
     """
 
     def read(value: Any) -> float:
@@ -139,8 +139,8 @@ def choice(*values: str) -> ParameterRule:
 def several(one: ParameterRule, words: str = "") -> ParameterRule:
     """Return a rule that accepts one value, or a list of at least one, and returns a tuple.
 
-    Each value is checked and converted by the rule `one`. `words` replace the description of what
-    `one` allows; empty keeps it.
+    Each value is checked and converted by the rule `one`. `words` replace the sentence of `one` on
+    the allowed values, unless they are empty.
     """
 
     def read(value: Any) -> tuple[Any, ...]:
@@ -161,7 +161,7 @@ def several(one: ParameterRule, words: str = "") -> ParameterRule:
 
 
 def _is_list(value: Any) -> bool:
-    """Return whether a value has items in an order, and is no text, table of keys or sheet."""
+    """Return whether a value is a sequence of items, and not a text, a mapping or a sheet."""
     return isinstance(value, Iterable) and not isinstance(value, str | bytes | Path | Mapping | Set)
 
 

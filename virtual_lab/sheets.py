@@ -1,9 +1,9 @@
 """Catalog entries (sheets) as objects: read them, or change values for a call.
 
 A changed sheet keeps source and verification of every unchanged number; a changed number has the
-source ``changed`` and is not verified. The name of a changed bat, ball or procedure says what was
-changed, ``astm-f1881 (valid_hits=9)``, so that two variants never share a row of a table; the title
-of every changed sheet lists the keys.
+source ``changed`` and is not verified. The name of a changed bat, ball or procedure contains the
+changes, ``astm-f1881 (valid_hits=9)``, so that two variants never share a row of a table. The title
+of every changed sheet lists the changed keys.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from virtual_lab.parameters import (
 if TYPE_CHECKING:
     import pandas as pd
 
-NAMED = ("bats", "balls", "procedures")  # kinds whose changed sheets take another name
+NAMED = ("bats", "balls", "procedures")  # kinds whose changed sheets get another name
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
 LONGEST_TITLE = 200
 LONGEST_NAME = 100
-UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # in the name of a file, on one system or another
+UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # characters that some system refuses in file names
 
 
 @dataclass(frozen=True, repr=False)
 class Sheet:
     """A sheet of the catalog, or of a user's file.
 
-    `kind` is ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, …; `name` its name
-    or path; `text` the TOML; `origin` the name of the sheet or file it was made from, and `changes`
-    what was changed since, by key.
+    `kind` is ``bats``, ``balls``, ``procedures``, ``instruments``, ``rigs``, …; `name` is its name
+    or path, and `text` its TOML. `origin` is the name of the sheet or file from which it was made,
+    and `changes` holds the values that were changed since, by key.
     """
 
     kind: str
@@ -58,7 +58,7 @@ class Sheet:
 
     @classmethod
     def of(cls, kind: str, name: str | Path) -> Sheet:
-        """Return the sheet of a catalog name or a .toml file; `InputError` if there is none."""
+        """Return the sheet of a catalog name or .toml file. Raises `InputError` without one."""
         from virtual_lab import catalog
 
         catalog.require_kind(kind)
@@ -109,7 +109,7 @@ class Sheet:
         Raises
         ------
         InputError
-            An unknown key, a value that is not allowed, a unit of another quantity.
+            A key is unknown, a value is not allowed, or a unit is one of another quantity.
         """
         if not isinstance(changes, Mapping | None):
             allowed = "allowed: keys and values, {'windows.rebound_angle': 5} or valid_hits=9"
@@ -121,7 +121,7 @@ class Sheet:
         if "title" not in every:
             title = f"{document['title']}; changed: {', '.join(every)}"
             document["title"] = title[:LONGEST_TITLE]
-        if self.kind not in NAMED:  # a rig finds its instruments by their names
+        if self.kind not in NAMED:  # rigs refer to instruments by name, so the name must not change
             changed = Sheet(self.kind, self.name, toml_text(document))
         else:
             changed = self._rename(document, every)
@@ -132,7 +132,7 @@ class Sheet:
         return changed
 
     def _nested_key_error(self, every: Mapping[str, Any]) -> InputError | None:
-        """Return the error for a key that stands within a table of this sheet."""
+        """Return the error for a key without its table, if a table of this sheet has this key."""
         from virtual_lab import catalog
 
         keys = [datum.key for datum in catalog.datums(self.document)]
@@ -144,7 +144,10 @@ class Sheet:
         return None
 
     def _rename(self, document: dict[str, Any], every: Mapping[str, Any]) -> Sheet:
-        """Return the sheet of a changed document; its name tells the changes, or is given."""
+        """Return the sheet of a changed document, with a name that contains the changes.
+
+        A name among the changes is used instead.
+        """
         from virtual_lab import catalog
 
         if "name" in every:
@@ -192,7 +195,7 @@ class Sheet:
             document[last] = self._written(old, key, value)
 
     def _written(self, old: Any, key: str, value: Any) -> Any:
-        """Return a value in the form of a file."""
+        """Return a new value in the form in which a file states it."""
         provenance = {"source": "changed", "verified": False}
         if isinstance(value, bool) or (isinstance(value, str) and isinstance(old, str)):
             return value
@@ -216,7 +219,7 @@ class Sheet:
         return InputError(self.name, key, None, allowed)
 
     def _check(self, where: str) -> None:
-        """Refuse an unusable sheet; sheets of instruments are checked at their use."""
+        """Refuse an unusable sheet. Sheets of instruments are checked when they are used."""
         if self.kind in NAMED:
             self._entry(where)
 
@@ -310,7 +313,7 @@ def _instruments(value: Any) -> tuple[Sheet, ...]:
 
 
 def _instrument_in_file(text: str) -> Sheet:
-    """Return the sheet of ``NAME=FILE``: an instrument or rig of the catalog, with other values."""
+    """Return the sheet in FILE under the NAME of an instrument or rig, for a text ``NAME=FILE``."""
     name, _, path = text.partition("=")
     if not path:
         raise InputError(
@@ -389,7 +392,7 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     rigs
         Names or paths of rigs, by stage.
     key
-        Stage and key of the rig's sheet, ``impact.pivot.from_knob_u``; where that names an
+        Stage and key of the rig's sheet, ``impact.pivot.from_knob_u``. If this key names an
         instrument, a key of the instrument's sheet follows, ``impact.gates.distance_u``.
 
     Raises
@@ -414,9 +417,9 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
 def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
     """Return the arguments of a call as a file of settings, which ``--config`` reads.
 
-    `call` is the first line. An argument that no file can hold is only named, in a comment: a
-    sheet with changed values, an array, a function. If the truth is sealed, its seed and its faults
-    are left out. The faults are not mentioned, because a remark would show that there are some.
+    `call` is the first line. An argument that a file cannot contain (a sheet with changed values,
+    an array, a function) is only named in a comment. If the truth is sealed, seed and faults are
+    left out. Faults are not even named, because a comment would reveal that there are some.
     """
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():
@@ -433,14 +436,14 @@ def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> s
 
 
 def _description(value: Any) -> str:
-    """Return the words for an argument that no file gives again."""
+    """Return a description of an argument that a file cannot contain."""
     values = value if isinstance(value, list | tuple) else [value]
     sheets = any(isinstance(each, Sheet) for each in values)
     return "sheets with changed values" if sheets else f"{type(values[0]).__name__} of the program"
 
 
 def _setting(value: Any) -> Any:
-    """Return an argument as a value of a file; None if no file gives it again."""
+    """Return an argument as a value of a file; None if a file cannot contain it."""
     if isinstance(value, Sheet):
         if value.origin.endswith(".toml"):
             return f"{value.name}={value.origin}"
@@ -479,13 +482,13 @@ def _inline(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_inline, value))}]"
     if isinstance(value, float):
-        return repr(value)  # nan and inf too, which are refused where they are read
+        return repr(value)  # also nan and inf, which the reader of the file refuses
     if isinstance(value, datetime.date):
         return value.isoformat()
     try:
         if value is None:
             raise TypeError
-        return json.dumps(value, ensure_ascii=False)  # its texts, numbers and truths are TOML's
+        return json.dumps(value, ensure_ascii=False)  # JSON and TOML write texts and bools alike
     except (TypeError, ValueError) as fault:  # ValueError: a number of thousands of digits
         allowed = (
             "cannot be written in a sheet; allowed: texts, numbers, True, False, lists, tables"
@@ -498,14 +501,14 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_table(value: Any) -> bool:
-    """Return whether a value needs separate lines: a table that is no number, or tables."""
+    """Return whether a value needs separate lines: a table that is not a quantity, or tables."""
     if isinstance(value, dict):
         return not _is_number(value)
     return isinstance(value, list) and bool(value) and isinstance(value[0], dict)
 
 
 def _flatten(changes: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the values within tables, each under its key with dots."""
+    """Yield the values within nested tables, with dotted keys."""
     for key, value in changes.items():
         if isinstance(value, Mapping):
             yield from _flatten(value, f"{above}{key}.")
@@ -514,7 +517,7 @@ def _flatten(changes: Mapping[str, Any], above: str = "") -> Iterator[tuple[str,
 
 
 def _in_name(value: Any) -> str:
-    """Return a new value as a part of a name, of characters that any file's name may have."""
+    """Return a new value as part of a name, with characters that are allowed in file names."""
     if _is_list(value):
         return " ".join(_in_name(each) for each in value)
     text = "none" if value is None else str(_plain(value))

@@ -1,8 +1,8 @@
-"""Exact constants and the conversions at the edges: SI inside, one table for units in files.
+"""Exact constants, and conversions of units in files and printed output to SI.
 
-Every constant is exact by definition. The local acceleration of gravity of a laboratory replaces
-the standard one. A Python name that crosses an edge carries its unit (``speed_mph``); a number in a
-file has a unit that `to_si` and `from_si` convert.
+Every constant is exact by definition. A laboratory uses its local acceleration of gravity, not the
+standard value. A Python name for a number that is not in SI ends in its unit (``speed_mph``).
+Numbers in files have units that `to_si` and `from_si` convert.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "angular acceleration": {"rad/s^2": 1.0},
     "rate": {"1/s": 1.0},
     "density": {"kg/m^3": 1.0},
-    "temperature": {"K": 1.0, "mK": 1e-3},  # and differences of it
+    "temperature": {"K": 1.0, "mK": 1e-3},  # also for differences of temperature
     "pressure": {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3},
     "modulus": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
     "acceleration": {"m/s^2": 1.0, "in/s^2": INCH},
@@ -70,7 +70,7 @@ def from_si(value: float, unit: str, dimension: str) -> float:
 
 
 def suffix(unit: str) -> str:
-    """Return `unit` in the form of the end of a name: ``m_per_s`` for m/s, ``kg_m2`` for kg m^2."""
+    """Return `unit` as the ending of a name: ``m_per_s`` for m/s, ``kg_m2`` for kg m^2."""
     return unit.replace("/", "_per_").replace(" ", "_").replace("^", "")
 
 
