@@ -1,0 +1,1 @@
+"""Plans of a laboratory that reach a target uncertainty."""
