@@ -27,7 +27,7 @@ def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
     """With the wall first, the scale last and single shots, metric and all records are equal."""
     by_the_book = certified(seed=3).certification
     day = lab.TestDay.begin(opened("r161", procedure=PROCEDURE, seed=3))
-    day = day.hit_wall().swing().weigh().prepare()
+    day = day.hit_wall().measure_bat().prepare()
     while (asked := day.next_shots()).owner.size:
         day = day.fire(NextShots(asked.owner[:1], asked.place[:1])).judge()
     found = day.finish().of(0).certification

@@ -37,8 +37,6 @@ from virtual_lab.records.session import Session
 from virtual_lab.simulation.stations.rig import FilmingStation, RigOutput, ShotPlan, Stage
 from virtual_lab.units import INCH
 
-SWUNG = frozenset({"pendulum"})  # channels of the bench for which the bat swings
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestDay:
@@ -59,13 +57,11 @@ class TestDay:
         """Return the day before its first step."""
         return cls(laboratory=laboratory, sessions=laboratory.sessions)
 
-    def weigh(self) -> TestDay:
-        """Weigh, measure and balance the bat, and weigh the balls."""
-        return self._on_bench(lambda channel: channel not in SWUNG)
-
-    def swing(self) -> TestDay:
-        """Swing the bat on the pendulum."""
-        return self._on_bench(lambda channel: channel in SWUNG)
+    def measure_bat(self) -> TestDay:
+        """Weigh, measure, balance and swing the bat, and weigh the balls."""
+        setup = self.laboratory.setup
+        bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
+        return replace(self, sessions=self._add_records(Stage.BENCH, bench), bench=bench)
 
     def hit_wall(self) -> TestDay:
         """Fire every ball at the wall at each of the procedure's speeds, which ages the balls.
@@ -189,17 +185,9 @@ class TestDay:
         session = laboratory.session_of(sessions, {})
         return film_of(station, *done, laboratory.draws, session, readings.flights)
 
-    def _on_bench(self, select: Callable[[str], bool]) -> TestDay:
-        setup = self.laboratory.setup
-        bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
-        records = {name: record for name, record in bench.records.items() if select(name)}
-        sessions = self._add_records(Stage.BENCH, replace(bench, records=records))
-        return replace(self, sessions=sessions, bench=bench)
-
     def _add_records(self, stage: Stage, play: RigOutput) -> SessionBlock:
         """Return the sessions with the new records of a stage."""
-        before = self.sessions.records.get(stage.value, {})
-        records = {**self.sessions.records, stage.value: {**before, **play.records}}
+        records = {**self.sessions.records, stage.value: play.records}
         return replace(self.sessions, records=records)
 
     def _owner(self, plans: tuple[ShotPlan, ...]) -> NDArray[np.intp]:
@@ -231,7 +219,7 @@ def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     """
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")
-    day = TestDay.begin(laboratory).weigh().swing()
+    day = TestDay.begin(laboratory).measure_bat()
     progress(f"ball-wall rig: {rules.wall_hits} hits of each of {rules.balls} balls")
     return day.hit_wall().prepare()
 

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import count
 from math import inf, sqrt
 from typing import ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from virtual_lab.aligned import AlignedArrays
 from virtual_lab.uncertainty.estimate import Estimates
@@ -110,15 +112,20 @@ class Components(AlignedArrays):
         """
         from virtual_lab.uncertainty.budget_kernel import add_lines
 
-        alone, pools = count(), dict.fromkeys(pool for pool in self.pools if pool)
-        first = self.pools.count("")
-        number = {pool: at for at, pool in enumerate(pools, first)}
-        line = np.array([number[pool] if pool else next(alone) for pool in self.pools], np.int64)
-        square, dof = np.zeros((2, len(self.effect), first + len(pools)))
+        line = _line_numbers(self.pools)
+        square, dof = np.zeros((2, len(self.effect), line.max(initial=-1) + 1))
         # copies of views and of read-only arrays, for which the function would be compiled again
         effect, freedom = (np.require(each, float, ("C", "W")) for each in (self.effect, self.dof))
         add_lines(effect, freedom, line, square, dof)
         return square, dof
+
+
+@lru_cache
+def _line_numbers(pools: tuple[str, ...]) -> NDArray[np.int64]:
+    """Return the line of each source: those without a pool in turn, then one for each pool."""
+    alone, first = count(), pools.count("")
+    number = {pool: at for at, pool in enumerate(dict.fromkeys(filter(None, pools)), first)}
+    return np.array([number[pool] if pool else next(alone) for pool in pools], np.int64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +189,7 @@ class Variants(AlignedArrays):
     @classmethod
     def of(cls, constants: Mapping[str, Estimates]) -> Self:
         """Return the variants of a block's constants; certain constants are not shifted."""
-        uncertain = tuple(name for name, constant in constants.items() if np.any(constant.u > 0))
+        uncertain = tuple(name for name, constant in constants.items() if constant.u.any())
         laboratories = next((len(constant.value) for constant in constants.values()), 1)
 
         def beside(field: str) -> Array:
@@ -208,15 +215,16 @@ class Variants(AlignedArrays):
 
         Each access returns new arrays.
         """
-        columns = {}
-        for name, constant in self.constants.items():
-            best = np.asarray(constant.value, float)[:, None, None]
-            columns[name] = np.broadcast_to(best, (len(best), self.sets, 1))
-        for at, name in enumerate(self.uncertain, 1):
-            columns[name] = np.array(columns[name])
-            columns[name][:, at, 0] += self.constants[name].u
-            columns[name][:, at + len(self.uncertain), 0] -= self.constants[name].u
-        return columns
+        best = np.array([constant.value for constant in self.constants.values()], float)
+        every = np.broadcast_to(best[..., None, None], (*best.shape, self.sets, 1))
+        shifted = np.repeat(self.value.T[..., None, None], self.sets, axis=2)
+        constant = np.arange(len(shifted))
+        shifted[constant, :, constant + 1, 0] += self.stated.T
+        shifted[constant, :, constant + 1 + len(shifted), 0] -= self.stated.T
+        return {
+            **dict(zip(self.constants, every, strict=True)),
+            **dict(zip(self.uncertain, shifted, strict=True)),
+        }
 
     def components(self, values: Array) -> Components:
         """Return the contribution of each constant to an output with `values` (laboratory, k)."""
@@ -352,7 +360,7 @@ def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Comp
         pools=("",),
         value=np.reshape(value, column),
         u=u[:, None],
-        dof=np.broadcast_to(dof, u.shape)[:, None],
+        dof=np.full(u.shape, dof)[:, None],
         effect=u[:, None],
         shift=np.zeros(column),
     )

@@ -24,7 +24,7 @@ from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality
-from virtual_lab.uncertainty.budget import types_a
+from virtual_lab.uncertainty.budget import combine_components, types_a
 from virtual_lab.uncertainty.estimate import Estimate
 
 
@@ -47,7 +47,7 @@ def test_the_p_value_is_students_t() -> None:
     """The oracle is scipy's t for one component of scatter and no lower limit."""
     for value, dof in ((2.0, 5.0), (3.3, 40.0), (-4.0, 11.0)):
         scatter = types_a("scatter", np.zeros(1), np.ones(1), dof)
-        u, likely = chances(np.array([value]), scatter, least=1e-9)
+        u, likely = chances(combine_components(np.array([value]), scatter), 1e-9)
         assert u == pytest.approx(1.0)
         assert likely == pytest.approx(2 * stats.t.sf(abs(value), dof), rel=1e-6)
 

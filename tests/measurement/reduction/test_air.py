@@ -39,7 +39,7 @@ def test_the_measured_density_scatters_about_the_true_one_as_its_u_says() -> Non
     """
     setup = lab.TestSetup.of("r161", procedure="astm-f1881", seed=1, detail=RecordDetail.SUMMED)
     laboratory = lab.Laboratory.open(replace(setup, number=np.arange(LABORATORIES)))
-    density = measured_density(test_day.TestDay.begin(laboratory).weigh().sessions)
+    density = measured_density(test_day.TestDay.begin(laboratory).measure_bat().sessions)
     true = laboratory.stations[Stage.IMPACT].true_constants["air.density"]
     assert np.std(true) == pytest.approx(0.02, rel=0.1)  # standard deviation of the sheet
     score = (density.value - true) / density.u

@@ -28,7 +28,7 @@ def rows_of(seed: int, shots: int) -> Iterator[dict[str, object]]:
     """Yield the table's row of each shot."""
     setup = {"procedure": "bbcor", "rig": "filmed-cannon", "detail": RecordDetail.SUMMED}
     day = TestDay.begin(opened("ea70", seed=seed, **setup))
-    day = day.weigh().swing().hit_wall().prepare()
+    day = day.measure_bat().hit_wall().prepare()
     day = day.fire(day.next_shots()).judge()
     laboratory, plan, readings = day.laboratory, day.plans[0], day.readings
     assert readings is not None

@@ -230,7 +230,6 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
 
     `swings` and `odd` are (laboratory, release, swing), `counted` is (laboratory, release).
     """
-    usual = np.median(swings, axis=(1, 2))
     irregular: Mask = np.asarray(odd.any(axis=2))
     # Odd releases are used if too few others remain.
     too_many: Mask = np.asarray((irregular & counted).any(axis=1))
@@ -239,7 +238,8 @@ def _odd_releases(swings: Array, odd: Mask, counted: Mask) -> Iterator[Raised]:
     def describe(i: int) -> str:
         release = int(irregular[i].argmax())
         swing = int(odd[i, release].argmax())
-        times, swing_count = swings[i, release, swing] / usual[i], int(irregular[i].sum())
+        times = swings[i, release, swing] / np.median(swings[i])
+        swing_count = int(irregular[i].sum())
         outcome = "too many to leave out" if too_many[i] else "left out of the period"
         return (
             f"in release {release + 1} of bench/pendulum, the swing after passage {swing + 1} "

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtr
 
-from virtual_lab.uncertainty.budget import Components, combine_components, types_a
+from virtual_lab.uncertainty.budget import Budgets, Components, combine_components
 from virtual_lab.units import Array, Mask
 
 # probability of an equal or larger difference in a sound laboratory, below which it is flagged
@@ -159,11 +159,12 @@ def pairs(
     compared
         Mask of the laboratories with both measurements; None: all.
     """
-    u, likely = chances(value, components, least=least)
+    budget = combine_components(value, components)
+    u, likely = chances(budget, least)
     moves = np.broadcast_to(np.asarray(moves, dtype=float), value.shape)
     harms = moves > 0
     spared = np.where(harms, HARMLESS / np.where(harms, moves, 1.0), 0.0)
-    _, harmful = chances(value, components, least=np.maximum(least, spared))
+    _, harmful = chances(budget, np.maximum(least, spared))
     # Noise has infinite degrees of freedom here, unlike the scatter of a few shots. The larger
     # probability is on the safe side.
     harmful = np.maximum(harmful, likely)
@@ -179,16 +180,17 @@ def pairs(
     )
 
 
-def chances(value: Array, components: Components, *, least: Array | float) -> tuple[Array, Array]:
+def chances(budget: Budgets, least: Array | float) -> tuple[Array, Array]:
     """Return u of values that should be 0, and the probability of an equal or larger |value|.
 
     All arrays are (laboratory,). The probability is two-sided, for a t distribution. `least` is
-    added in quadrature to the uncertainty, so it is a lower bound of u.
+    added in quadrature to the uncertainty, with infinite degrees of freedom, so it is a lower bound
+    of u.
     """
-    floor = types_a("scatter", np.zeros(value.shape), np.broadcast_to(least, value.shape))
-    budget = combine_components(value, components + floor)
-    likely = 2 * stdtr(np.minimum(budget.dof, 1e9), -np.abs(value) / budget.u)
-    return budget.u, np.asarray(likely)
+    u = np.hypot(budget.u, least)
+    with np.errstate(divide="ignore"):  # a value without uncertainty of its own
+        dof = budget.dof * (u / budget.u) ** 4  # Welch and Satterthwaite
+    return u, np.asarray(2 * stdtr(np.minimum(dof, 1e9), -np.abs(budget.value) / u))
 
 
 def _of_any(likely: Array, among: NDArray[Any] | int) -> Array:

@@ -195,13 +195,13 @@ def energy_split(
 
 
 def kernel_is_compiled() -> bool:
-    """Return whether the compiled kernel is cached on disk, so that no compilation is needed.
+    """Return whether the kernel is compiled, in this process or on disk.
 
     It is also True if numba's compiler is disabled.
     """
     from virtual_lab.simulation.collision.batch_kernel import collide_lanes
     from virtual_lab.simulation.collision.powers import COMPILES
 
-    if not COMPILES:
+    if not COMPILES or collide_lanes.overloads:
         return True
     return any(Path(str(collide_lanes.stats.cache_path)).glob("batch_kernel.*collide_lanes-*.nbi"))

@@ -106,7 +106,7 @@ def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | flo
     laboratory, whose result is an `Estimate`.
     """
     if not laboratories:
-        return replace(constant, u=constant.u * float(share))
+        return constant if share == 1.0 else replace(constant, u=constant.u * float(share))
     return Estimates(
         value=np.full(laboratories, constant.value),
         u=np.broadcast_to(constant.u * share, laboratories),

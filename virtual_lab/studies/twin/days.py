@@ -81,7 +81,7 @@ class TwinDays:
         lacks a rig, or if a rig is not installed here or cannot be simulated in blocks.
         """
         laboratory = self._laboratory(days, detail)
-        day = TestDay.begin(laboratory).weigh().swing().hit_wall()
+        day = TestDay.begin(laboratory).measure_bat().hit_wall()
         stated = self.statement.session.records["bench"]
         kept = {
             name: record for name, record in day.sessions.records["bench"].items() if name in stated
