@@ -13,6 +13,7 @@ import pytest
 
 from virtual_lab import catalog
 from virtual_lab.cli import cli
+from virtual_lab.errors import VERSION
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
@@ -62,6 +63,12 @@ def test_the_readme_is_short_and_begins_with_a_certificate() -> None:
     assert README.index("data/figures/certificate.png") < README.index("```")
     for name, most in (("certificate", 150_000), ("rehearse", 180_000)):
         assert (ROOT / "data" / "figures" / f"{name}.png").stat().st_size <= most
+
+
+def test_citations_and_changelog_name_this_version() -> None:
+    for page in ("README.md", "virtual_lab/docs/index.md"):
+        assert f"version = {{{VERSION}}}" in (ROOT / page).read_text("utf-8"), page
+    assert f"## [{VERSION}] - " in (ROOT / "CHANGELOG.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

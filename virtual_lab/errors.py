@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-VERSION = "0.2.0.dev0"
+VERSION = "0.2.0"
 DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the index is another one
 
 
