@@ -8,7 +8,7 @@ rate and angle, and the light boards measure the incoming and the rebound speed 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import tau
 from typing import Annotated, ClassVar
 
@@ -110,6 +110,13 @@ class NcaaSwingStation(CannonStation):
             "air": self.air,
             "hall": self.hall,
         }
+
+    def equipped(
+        self, records: Mapping[str, Record], measured: Mapping[str, float]
+    ) -> NcaaSwingStation:
+        """Return the machine with a drive whose speed scatters as measured."""
+        drive = replace(self.drive, speed_scatter=measured["turn_rate_scatter"])
+        return replace(self, drive=drive)
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the rotating bat. The ball is timed in both directions, the shaft to contact."""

@@ -1,5 +1,6 @@
 """The twin: its days against shifted reductions, blind to the truth, clear about bad folders."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,19 +17,19 @@ from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
+from virtual_lab.simulation.faults.size import blend, sized
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, Stage
 from virtual_lab.studies.twin import noticing, readings
-from virtual_lab.studies.twin.days import TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.improving import improvements, promising_changes
-from virtual_lab.studies.twin.noticing import blend, sized
 from virtual_lab.studies.twin.readings import (
     TWIN_READINGS,
     holm,
     largest_deviation,
     unlike_readings,
 )
-from virtual_lab.studies.twin.statement import stated_by
+from virtual_lab.studies.twin.statement import Statement
 from virtual_lab.studies.twin.twin import Twin, certify_records, summed_days
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
@@ -43,7 +44,7 @@ def certification() -> Certification:
 
 @pytest.fixture(scope="module")
 def days(certification) -> TwinDays:
-    return scattered_as_stated(stated_by(certification), seed=1, days=256)
+    return TwinDays.fit(Statement.of(certification), seed=1, days=256)
 
 
 def with_constant(session: Session, key: str, **values: float) -> Session:
@@ -121,10 +122,10 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
     }
     one_hit = replace(session, records={**session.records, "impact": impact})
     with pytest.raises(InputError, match="needs a test with a result: fewer than two hits"):
-        stated_by(certify_session(one_hit))
+        Statement.of(certify_session(one_hit))
     equal = certified(reality=Reality.NOISE_FREE).certification
     with pytest.raises(InputError, match="hits; all equal or not repeated"):
-        stated_by(equal)
+        Statement.of(equal)
     bench = session.records["bench"]
     once = replace(bench["bat-mass"], readings=bench["bat-mass"].readings[:, :1])
     records = {**session.records, "bench": {**bench, "bat-mass": once}}
@@ -139,17 +140,17 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
     with pytest.raises(InputError, match=r"session.json"):
         vl.twin(tmp_path / "nothing", progress=quiet)
     with pytest.raises(InputError, match=r"impact rig = 'filmed-cannon'; has no twin"):
-        scattered_as_stated(
+        TwinDays.fit(
             replace(
-                stated_by(certified().certification),
+                Statement.of(certified().certification),
                 session=replace(session, rigs={**session.rigs, "impact": "filmed-cannon"}),
             ),
             seed=1,
         )
     unknown = replace(certified().certification.session, rigs={**session.rigs, "impact": "mine"})
-    statement = stated_by(certify_session(unknown))
+    statement = Statement.of(certify_session(unknown))
     with pytest.raises(InputError, match=r"impact rig = 'mine'; .*installed"):
-        scattered_as_stated(statement, seed=1)
+        TwinDays.fit(statement, seed=1)
 
 
 def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
@@ -279,14 +280,17 @@ def sized_set(name: str, size: float) -> FaultSet:
 
 
 def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monkeypatch) -> None:
-    few = {name: CATALOGUE[name] for name in ("gate-moved", "ounces-as-grams", "sabot-trip")}
-    monkeypatch.setattr(noticing, "CATALOGUE", few)
+    few = ["gate-moved", "ounces-as-grams", "sabot-trip"]
+    monkeypatch.setattr(noticing, "faults_at", lambda rig: few)
     monkeypatch.setattr(noticing, "SIZES", (1e-4, 1.0))
     rows = noticing.noticed_faults(days, 0.006, tmp_path, days=1)
     shown = {row.fault: row for row in rows}
     assert shown["ounces-as-grams"].noticed_from == 1.0
     assert shown["gate-moved"].shares[0] == 0.0
-    (tmp_path / "sabot-trip.json").unlink()
+    file = tmp_path / "faults.json"
+    kept = json.loads(file.read_text())
+    del kept["rows"]["sabot-trip"]
+    file.write_text(json.dumps(kept))
     played = []
     monkeypatch.setattr(noticing, "_played", lambda *each: played.append(each) or rows[-1])
     assert noticing.noticed_faults(days, 0.006, tmp_path, days=1) == rows

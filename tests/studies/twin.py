@@ -27,12 +27,11 @@ from tests.laboratories import certify, setup_of
 from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.certification import Certification
-from virtual_lab.simulation.faults import FaultSet
-from virtual_lab.simulation.faults.catalogue import CATALOGUE
-from virtual_lab.studies.twin.days import scattered_as_stated
-from virtual_lab.studies.twin.noticing import sized
+from virtual_lab.simulation.faults import CATALOGUE, FaultSet, faults_at
+from virtual_lab.simulation.faults.size import sized
+from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
-from virtual_lab.studies.twin.statement import stated_by
+from virtual_lab.studies.twin.statement import Statement
 from virtual_lab.studies.twin.twin import summed_days
 
 SEED = 8_200_000
@@ -75,7 +74,7 @@ def faulty(
 ) -> Iterator[tuple[dict[str, Any], Certification]]:
     """Yield laboratories with a fault that moves their metric far enough, with their columns."""
     setup = setup_of(bat, procedure=procedure, seed=SEED)
-    names = [name for name in CATALOGUE if can_occur(name, setup.rig)]
+    names = faults_at(setup.rig)
     last = int(done[-1]["laboratory"]) if done else -1
     found = len(done)
     for number, name in enumerate(cycle(names)):
@@ -101,20 +100,11 @@ def faulty(
                 break
 
 
-def can_occur(name: str, rig: str) -> bool:
-    """Return whether a rig can have a fault."""
-    try:
-        FaultSet.of([name], rig=rig)
-    except InputError:
-        return False
-    return True
-
-
 def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
     """Return the columns of a laboratory that compare it with its twin."""
     shown = f"{certification.verdict.value}{' and flags' if certification.flags else ''}"
     try:
-        playing = scattered_as_stated(stated_by(certification), seed)
+        playing = TwinDays.fit(Statement.of(certification), seed)
         (metric, *_), _ = summed_days(certification, playing, 1000)
         with np.errstate(all="ignore"):
             rows, days = unlike_readings(certification, playing, DAYS)

@@ -18,7 +18,7 @@ from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.simulation.physics.cubics import PiecewiseCubic, smooth_cubic
-from virtual_lab.simulation.stations.rig import ImpactStation, ShotPlan, Specimen
+from virtual_lab.simulation.stations.rig import ErrorFreeTest, ShotPlan, Specimen
 from virtual_lab.streams import Owner
 from virtual_lab.units import Array
 
@@ -28,7 +28,7 @@ POINTS = 41  # number of points of the continuous curve
 
 
 def measurands(
-    station: ImpactStation,
+    station: ErrorFreeTest,
     specimen: Specimen,
     reduced: Reduction,
     weights: Array,
@@ -149,7 +149,7 @@ def _at(curves: PiecewiseCubic, place: Array) -> Array:
 
 
 def true_curve(
-    station: ImpactStation,
+    station: ErrorFreeTest,
     specimen: Specimen,
     procedure: Procedure,
     places: Array,

@@ -14,6 +14,7 @@ from virtual_lab.simulation.stations.rig import (
     Specimen,
     Stage,
     Station,
+    find_rig,
     installed_rigs,
 )
 from virtual_lab.streams import Draws, Quiet
@@ -91,6 +92,13 @@ class FaultSet:
                 changed = replace(record, **fault.record(record, written))
                 play = replace(play, records={**play.records, fault.channel: changed})
         return play
+
+
+def faults_at(rig: str) -> list[str]:
+    """Return the names of the faults of the catalogue that an installed impact rig can have."""
+    installed = find_rig(rig, Stage.IMPACT)
+    station = installed.commission(Quiet())
+    return [name for name, fault in sorted(CATALOGUE.items()) if fault.befalls(installed, station)]
 
 
 def _able(fault: Fault) -> list[str]:

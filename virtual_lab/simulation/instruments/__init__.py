@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from enum import Enum
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 from virtual_lab import catalog
+from virtual_lab.records import Record
 from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, CalibratedSpec
 from virtual_lab.streams import Draws, Owner
 
@@ -96,9 +97,33 @@ class FittedStation:
     (laboratory,).
     """
 
+    # channels of the records of an instrument; without an entry the channel has its name
+    channels: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
     def instruments(self) -> Mapping[str, Instrument]:
         """Return the instruments, by the names used for their constants."""
         raise NotImplementedError
+
+    def parts(self) -> dict[str, tuple[str, CalibratedInstrument[Any]]]:
+        """Return name and instrument of each field that holds a calibrated instrument, by field.
+
+        An instrument that is not among `instruments` has the name of its field.
+        """
+        names = {id(each): name for name, each in self.instruments().items()}
+        values = {part.name: getattr(self, part.name) for part in fields(self)}
+        return {
+            field: (names.get(id(each), field), each)
+            for field, each in values.items()
+            if isinstance(each, CalibratedInstrument)
+        }
+
+    def equipped(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> Self:
+        """Return the station with what its raw records show beside the numbers of instruments.
+
+        `measured` are values that a reduction found: ``turn_rate_scatter``, the relative scatter of
+        the bat's angular rate before contact.
+        """
+        return self
 
     def with_instrument(self, name: str, instrument: Instrument) -> Self:
         """Return the station with the instrument `name` replaced."""

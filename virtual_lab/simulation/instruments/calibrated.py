@@ -13,7 +13,7 @@ expanded to (shot,) when shots are simulated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, cast
@@ -22,6 +22,7 @@ import numpy as np
 from annotated_types import Gt
 
 from virtual_lab.catalog.specs import Dimension, Spec
+from virtual_lab.records import Record
 from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
@@ -53,6 +54,22 @@ class CalibratedSpec(Spec):
                 is_tuple = isinstance(value, tuple)
                 changes[name] = (0.0,) * len(value) if is_tuple else type(value)()
         return cast("Self", replace(cast("Any", self), **changes))
+
+    def restated(self, records: Sequence[Record], known: Mapping[str, float]) -> Self:
+        """Return the data sheet with `known` values [SI], and with the numbers in raw `records`.
+
+        Names of `known` that are not on the sheet are ignored.
+        """
+        names = {part.name for part in fields(cast("Any", self))}
+        values = {name: value for name, value in known.items() if name in names}
+        numbers = {**values, **self.numbers_in(records, known)}
+        return cast("Self", replace(cast("Any", self), **numbers))
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return the numbers of the sheet that the instrument's raw records show [SI], by name."""
+        return {}
 
     def certificate(self) -> dict[str, Estimate]:
         """Return the constants with their σ and degrees of freedom, by name."""
@@ -144,6 +161,19 @@ class CalibratedInstrument(Generic[S]):
     def commission(cls, spec: S, draws: Draws, name: str) -> Self:
         """Return an instrument of a data sheet, with constants drawn under `name`."""
         return cls(spec, *drawn(spec.certificate(), draws, name))
+
+    def restated(
+        self, records: Sequence[Record], known: Mapping[str, Estimate], draws: Draws, name: str
+    ) -> Self:
+        """Return an instrument of this kind as its raw records and `known` constants show it.
+
+        The true constants are drawn about the known ones, under `name`.
+        """
+        values = {key: each.value for key, each in known.items()}
+        fresh = self.commission(self.spec.restated(records, values), draws, name)
+        sheet = {key: each for key, each in known.items() if key in fresh.true}
+        stated, true = drawn(sheet, draws, name)
+        return replace(fresh, stated=stated, true={**fresh.true, **true})
 
     @property
     def laboratories(self) -> tuple[int, ...]:

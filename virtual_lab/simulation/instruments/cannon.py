@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, sqrt
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.errors import InputError
-from virtual_lab.records import AimMarks
+from virtual_lab.records import AimMarks, Record
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
@@ -42,6 +43,24 @@ class CannonSpec(CalibratedSpec):
     along: Annotated[float, Dimension("length")] = 0.0  # mean impact position minus set position
     along_dof: Freedom = inf
     across: Annotated[float, Dimension("length")] = 0.0  # mean height above the line of fire
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return number and scatter of the marks, and the mean height of the shots with its u."""
+        numbers: dict[str, object] = {}
+        for marks in records:
+            if isinstance(marks, AimMarks) and marks.along.size > 1:
+                across = float(marks.across.std(ddof=1))
+                numbers = {
+                    "marks": marks.along.size,
+                    "mark_resolution": 0.0,
+                    "along_scatter": float(marks.along.std(ddof=1)),
+                    "across_scatter": across,
+                    "across": float(marks.across.mean()),
+                    "across_u": across / sqrt(marks.across.size),
+                }
+        return numbers
 
 
 @dataclass(frozen=True, slots=True)

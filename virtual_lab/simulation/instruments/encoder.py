@@ -7,7 +7,7 @@ factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt, tau
 from typing import Annotated, ClassVar
@@ -16,7 +16,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension, YesNo
-from virtual_lab.records import EncoderRecord, RateRecord
+from virtual_lab.records import EncoderRecord, RateRecord, Record
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
@@ -44,6 +44,21 @@ class EncoderSpec(CalibratedSpec):
     scale_dof: Freedom = inf
     whole_counts: YesNo = True
     sees_ring: YesNo = True
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return rate and duration of the sampling, and whether the counts are whole."""
+        numbers: dict[str, object] = {}
+        for record in records:
+            if isinstance(record, EncoderRecord):
+                tick = float(record.times[1] - record.times[0])
+                numbers = {
+                    "sample_rate": 1 / tick,
+                    "duration": record.times.size * tick,
+                    "whole_counts": bool(np.array_equal(record.counts, np.rint(record.counts))),
+                }
+        return numbers
 
     def sample_times(self) -> Array:
         """Return the sampling times after the trigger [s], shape (sample,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, prod
 from typing import Annotated, TypeVar
@@ -11,7 +12,7 @@ from annotated_types import Ge, Gt
 from numpy.typing import ArrayLike
 
 from virtual_lab.catalog.specs import Dimension
-from virtual_lab.records import LengthReadings, MassReadings
+from virtual_lab.records import LengthReadings, MassReadings, Record
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
@@ -38,6 +39,17 @@ class IndicatorSpec(CalibratedSpec):
     __slots__ = ()
     resolution: float
     repeatability: float
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return the repeatability, the scatter of the readings without that of the rounding."""
+        squares = [
+            float(each.readings.var(axis=1, ddof=1).mean()) - known["resolution"] ** 2 / 12
+            for each in records
+            if isinstance(each, MassReadings | LengthReadings)
+        ]
+        return {"repeatability": float(np.sqrt(np.maximum(squares, 0)).mean())} if squares else {}
 
 
 S = TypeVar("S", bound=IndicatorSpec)

@@ -7,6 +7,7 @@ early or late. Occasionally a fragment of the sabot crosses the first board just
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -15,7 +16,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Lt, MinLen
 
 from virtual_lab.catalog.specs import Dimension
-from virtual_lab.records import BoardRecord, PassageRecord
+from virtual_lab.records import BoardRecord, PassageRecord, Record
 from virtual_lab.simulation.instruments.calibrated import Freedom, drawn, stated_constant
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import (
@@ -61,6 +62,14 @@ class LightBoardSpec(GateSheet):
             raise ValueError(
                 f"beams from {self.lowest:g} to {self.highest:g} m: none at the line of fire"
             )
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return the distances of the `known` boards, and the number of beams in the record."""
+        numbers = dict(GateSheet.numbers_in(self, records, known)) | {"heights": ()}
+        beams = [each.times.shape[3] for each in records if isinstance(each, BoardRecord)]
+        return numbers | {"beams": beams[0]} if beams else numbers
 
     @property
     def highest(self) -> float:

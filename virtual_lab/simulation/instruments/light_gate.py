@@ -8,6 +8,7 @@ passage of the ball's centre, whatever the trip level of the curtain is.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Annotated, ClassVar, NamedTuple, TypeVar
@@ -53,6 +54,14 @@ class GateSheet(CalibratedSpec):
         falling = sorted(set(self.distances), reverse=True)
         if list(self.distances) != falling or falling[-1] <= 0:
             raise ValueError("distances must fall from the cannon's to the target's, all above 0")
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return the distances of the `known` gates."""
+        count = sum(key.startswith("distance_") for key in known)
+        gates = tuple(known[f"distance_{at}"] for at in range(count))
+        return {"distances": gates} if gates else {}
 
     def certificate(self) -> dict[str, Estimate]:
         """Return the distance of each gate, and the clock: recorded time = clock x true time."""
@@ -150,6 +159,23 @@ class LightGateSpec(GateSheet):
     other_errors: ClassVar[tuple[str, ...]] = ("tick",)
 
     half_height: Annotated[float, Gt(0), Dimension("length")]  # half height about the line of fire
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return the distances of the `known` gates, and the jitter that the edges show.
+
+        The chords of an incoming ball at two gates differ by the jitter of four edges.
+        """
+        numbers = dict(GateSheet.numbers_in(self, records, known))
+        for record in records:
+            if isinstance(record, GateRecord):
+                chords = np.diff(record.times[:, 0], axis=-1)[..., 0]
+                apart = chords[:, 0] - chords[:, -1]
+                apart = apart[np.isfinite(apart)]
+                if apart.size > 1:
+                    numbers |= {"edge_jitter": float(apart.std(ddof=1)) / 2, "tick": 0.0}
+        return numbers
 
     @property
     def room(self) -> float:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, sqrt
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 
 from virtual_lab.catalog.specs import Dimension
-from virtual_lab.records import PendulumRecord
+from virtual_lab.records import PendulumRecord, Record
 from virtual_lab.relations.pendulum import amplitude_factor, small_period
 from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
@@ -53,6 +54,30 @@ class PendulumSpec(CalibratedSpec):
     pivot_dof: Freedom = inf
     clamp_inertia_dof: Freedom = inf
     clamp_moment_dof: Freedom = inf
+
+    def numbers_in(
+        self, records: Sequence[Record], known: Mapping[str, float]
+    ) -> Mapping[str, object]:
+        """Return number, amplitude and decay of the swings, and the jitter that the times show."""
+        numbers: dict[str, object] = {}
+        for record in records:
+            if not isinstance(record, PendulumRecord):
+                continue
+            swings = record.times.shape[1] - 1
+            spans = record.times[:, -1] - record.times[:, 0]
+            first, last = (
+                float(ends.mean()) - known["amplitude_offset"]
+                for ends in (record.first_amplitude, record.last_amplitude)
+            )
+            numbers = {
+                "swings": swings,
+                "release_amplitude": first,
+                "amplitude_decay": max(1 - (last / first) ** (1 / swings), 0.0),
+                "amplitude_resolution": 0.0,
+                "timer_resolution": 0.0,
+                "timer_jitter": float(spans.std(ddof=1)) / sqrt(2),
+            }
+        return numbers
 
     def certificate(self) -> dict[str, Estimate]:
         """Return the certified constants of timer, amplitude scale, pivot and clamp."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -103,6 +104,7 @@ class CannonStation(FittedStation):
     """An impact rig commissioned in one laboratory or a block of laboratories."""
 
     name: ClassVar[str]  # prefix of the names of its random numbers
+    channels: ClassVar[Mapping[str, tuple[str, ...]]] = {"cannon": ("aim",)}
 
     holder: Holder[Any]
     cannon: Cannon

@@ -147,13 +147,17 @@ class Station(Protocol):
         ...
 
 
-@runtime_checkable
-class ImpactStation(Station, Protocol):
-    """A station that fires at bats and also returns the error-free result."""
+class ErrorFreeTest(Protocol):
+    """A test without errors."""
 
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return the measurand of this bat with the lot's mean ball at the plan's shots."""
         ...
+
+
+@runtime_checkable
+class ImpactStation(Station, ErrorFreeTest, Protocol):
+    """A station that fires at bats and also returns the error-free result."""
 
 
 @runtime_checkable

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -20,6 +20,9 @@ from virtual_lab.simulation.physics.truth import TrueBat, TrueOutcome, TrueRecoi
 from virtual_lab.simulation.stations.impact import CONTACT_TIME, scenes_of
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    from virtual_lab.simulation.physics.modes import Modes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +42,9 @@ class StatedCurve:
     """e_A along the barrel: the mean at each impact position, joined by the certificate's curve.
 
     Beyond the fitted curve the positions are joined by cubics without extra maxima. Beyond the
-    outermost positions the last slope continues.
+    outermost positions the last slope continues. For a single position the slope is that of the
+    procedure, without its u: this adds at most 1 % to the u of a result, because it acts only
+    through the error of the aim.
     """
 
     place: Array  # impact positions, increasing, from the tip [m], (position,)
@@ -52,11 +57,10 @@ class StatedCurve:
         """Return e_A at `place` [m], in its shape."""
         if self.place.size == 1:
             return np.asarray(self.efficiency[0] + self.slope * (place - self.place[0]))
-        cubic = monotone_cubic(self.place, self.efficiency)
         inside = np.clip(place, self.place[0], self.place[-1])
-        e_A: Array = cubic(inside)
-        slopes = np.diff(self.efficiency[[0, 1, -2, -1]]) / np.diff(self.place[[0, 1, -2, -1]])
-        e_A = e_A + (place - inside) * np.where(place < inside, slopes[0], slopes[2])
+        slopes = np.diff(self.efficiency) / np.diff(self.place)
+        beyond = (place - inside) * np.where(place < inside, slopes[0], slopes[-1])
+        e_A: Array = monotone_cubic(self.place, self.efficiency)(inside) + beyond
         if self.fitted is None:
             return e_A
         near = (place >= self.ends[0]) & (place <= self.ends[1])
@@ -64,30 +68,25 @@ class StatedCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ring:
-    """The vibration of the handle after a hit, from the fit of an encoder's record, (ring,)."""
+class StatedMotion:
+    """The motion of the section at the pivot after a hit: rotation, then vibrations, (mode,).
 
-    angular_frequency: Array  # [rad/s]
-    damping_ratio: float  # common to all vibrations
-    angle: Array  # angle at release per angular rate of the rigid bat [s]
-    rate: Array  # angular rate at release per angular rate of the rigid bat
-
-
-NO_RING = Ring(
-    angular_frequency=np.zeros(0), damping_ratio=0.0, angle=np.zeros(0), rate=np.zeros(0)
-)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatedModes:
-    """The motion of the section at the pivot: rotation of the rigid bat, then its vibrations."""
+    The vibrations are those of the fit of an encoder's record. Angle and rate at release are per
+    angular rate of the rigid bat.
+    """
 
     angular_frequencies: Array  # 0 for the rotation [rad/s]
+    angle: Array  # 0 for the rotation [s]
+    rate: Array  # 1 for the rotation
+    damping_ratio: float = 0.0  # common to all vibrations
     rigid: int = 1
 
     def rotation(self, _place: float) -> Array:
         """Return the rotation of the section per unit of each coordinate, (mode,)."""
         return np.ones(self.angular_frequencies.size)
+
+
+RIGID = StatedMotion(angular_frequencies=np.zeros(1), angle=np.zeros(1), rate=np.ones(1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,14 +104,13 @@ class StatedCollision:
     ball_mass: float  # mass of the mean ball of the lot [kg]
     # e0 of the mean ball of the lot at the nominal relative speed: value at the tip, slope [1/m]
     ball_restitution: tuple[float, float]
-    ring: Ring = NO_RING
+    motion: StatedMotion = RIGID
 
     def recoil_factor(self, place: Array, ball_mass: Array | float, *, free: bool) -> Array:
         """Return r of the measured bat, free or on its pivot, in the shape of `place` [m]."""
+        yields = (self.axis - place) ** 2 / self.bat.inertia(self.axis)
         if free:
             yields = 1 / self.bat.mass + (place - self.bat.z_cm) ** 2 / self.bat.inertia_cm
-        else:
-            yields = (self.axis - place) ** 2 / self.bat.inertia(self.axis)
         return np.asarray(ball_mass * yields)
 
     def efficiency(self, scenes: Scenes) -> Array:
@@ -173,28 +171,24 @@ class StatedModel:
     rung = "stated"
 
     @property
-    def modes(self) -> Any:
-        """Rotation and vibrations of the section at the pivot."""
-        frequencies = np.concatenate([[0.0], self.law.ring.angular_frequency])
-        return StatedModes(angular_frequencies=frequencies)
+    def modes(self) -> Modes:
+        """Rotation and vibrations of the section at the pivot, which is all an encoder needs."""
+        return cast("Modes", self.law.motion)
 
     def collide(self, scenes: Scenes) -> Collisions:
         """Return the collisions of the scenes, with the vibration in proportion to the recoil."""
-        e_A, ring = self.law.efficiency(scenes), self.law.ring
+        e_A, motion, bat = self.law.efficiency(scenes), self.law.motion, self.law.bat
         impulse = scenes.ball_mass * scenes.relative_speed * (1 + e_A)
-        bat = self.law.bat
         rate = impulse * (self.axis - scenes.impact_position) / bat.inertia(self.axis)
-        nothing, none = np.zeros(len(scenes)), np.zeros(len(scenes), dtype=np.int64)
+        zero, none = np.zeros(len(scenes)), np.zeros(len(scenes), dtype=np.int64)
         return Collisions(
             collision_efficiency=e_A,
-            modal_displacements=rate[:, None] * np.concatenate([[0.0], ring.angle]),
-            modal_velocities=rate[:, None] * np.concatenate([[1.0], ring.rate]),
+            modal_displacements=np.outer(rate, motion.angle),
+            modal_velocities=np.outer(rate, motion.rate),
             contact_time=np.full(len(scenes), CONTACT_TIME),
             impulse=impulse,
             contacts=none + 1,
             reloads=none,
             redone=none,
-            energy=EnergySplit(
-                ball=e_A**2, rigid=nothing, bending=nothing, hoop=nothing, hysteresis=nothing
-            ),
+            energy=EnergySplit(ball=e_A**2, rigid=zero, bending=zero, hoop=zero, hysteresis=zero),
         )

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from math import sqrt
 from typing import Any, cast
 
 import numpy as np
 
 from virtual_lab.catalog import Entry
-from virtual_lab.catalog.specs import (
-    BallSpread,
-    BatBody,
-    BatSpec,
-    BatSpread,
-    Material,
-    Profile,
-    RestitutionLine,
-)
+from virtual_lab.catalog.specs import BatBody, BatSpec, BatSport, BatSpread, Material, Profile
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestDay, TestSetup
 from virtual_lab.lab.laboratory import constant_name
@@ -28,19 +21,11 @@ from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.session_reduction import observe_hits
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import FittedStation, RecordDetail
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
-from virtual_lab.simulation.physics.truth import TrueBalls
-from virtual_lab.simulation.stations.rig import (
-    ImpactStation,
-    Specimen,
-    Stage,
-    Station,
-    find_rig,
-    knows_blocks,
-)
-from virtual_lab.streams import Draws
+from virtual_lab.simulation.physics.truth import TrueBalls, draw_balls
+from virtual_lab.simulation.stations.rig import Specimen, Stage, Station, find_rig, knows_blocks
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.studies.twin.collision import StatedBat
-from virtual_lab.studies.twin.statement import Statement, ball_template
+from virtual_lab.studies.twin.statement import Statement
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Array, Mask
 
@@ -74,34 +59,62 @@ class TwinDays:
     hit_scatter: float  # the same at the bat, which stands for all scatter of a hit
     faults: FaultSet = NO_FAULTS
 
-    def play(self, days: Any, detail: RecordDetail = RecordDetail.SUMMED) -> PlayedDays:
+    @classmethod
+    def fit(cls, statement: Statement, seed: int, days: int = SIDE_BY_SIDE) -> TwinDays:
+        """Return days whose hits scatter as those of the records.
+
+        Some of the scatter comes from the instruments and the aim. The rest is a scatter of e0,
+        found from `days` days with and without one, because a variance is linear in the square of
+        the latter. It is 0 if instruments and aim alone scatter at least as much as the records.
+        """
+        stated = np.array([statement.wall_variance, statement.hit_variance])
+        trial = statement.wall_variance
+        without, with_it = (
+            cls(
+                statement=statement, seed=seed, wall_scatter=scatter, hit_scatter=scatter
+            )._mean_variances(days)
+            for scatter in (0.0, sqrt(trial))
+        )
+        scatter = np.sqrt(trial * np.maximum(stated - without, 0.0) / (with_it - without))
+        wall, hit = scatter.tolist()
+        return cls(statement=statement, seed=seed, wall_scatter=wall, hit_scatter=hit)
+
+    def _mean_variances(self, days: int) -> Array:
+        """Return the mean variances of a hit at the wall and at the bat."""
+        played = self.play(np.arange(days))
+        test, metric = played.certified, played.certified.results["metric"]
+        assert metric.scatter is not None
+        preparation, hits = test.reduced.preparation, metric.scatter.variance
+        number = (preparation.balls.ball[:, 0] == 0).sum(axis=1)
+        wall = preparation.constants["balls.restitution_0"].u ** 2 * number
+        return np.array([wall.mean(), hits.total[played.sound & (hits.dof > 0)].mean()])
+
+    def play(self, days: int | Slots, detail: RecordDetail = RecordDetail.SUMMED) -> PlayedDays:
         """Return the tests of the days with the numbers `days`, (n,), or of a single number.
 
         Records of every edge and count need a single number. Raises `InputError` if the session
         lacks a rig, or if a rig is not installed here or cannot be simulated in blocks.
         """
-        laboratory = self._laboratory(days, detail)
-        day = TestDay.begin(laboratory).measure_bat().hit_wall()
+        day = TestDay.begin(self._laboratory(days, detail)).measure_bat().hit_wall()
         stated = self.statement.session.records["bench"]
-        kept = {
-            name: record for name, record in day.sessions.records["bench"].items() if name in stated
+        written = {
+            key: each for key, each in day.sessions.records["bench"].items() if key in stated
         }
-        records = {**day.sessions.records, "bench": kept}
+        records = {**day.sessions.records, "bench": written}
         day = replace(day, sessions=replace(day.sessions, records=records)).prepare()
         specimen = day.laboratory.specimen
-        balls = _with_scatter(specimen.balls, self.hit_scatter)
-        impact = replace(day.laboratory, specimen=replace(specimen, balls=balls))
-        day = replace(day, laboratory=impact)
+        specimen = replace(specimen, balls=_with_scatter(specimen.balls, self.hit_scatter))
+        day = replace(day, laboratory=replace(day.laboratory, specimen=specimen))
         while (shots := day.next_shots()).owner.size:
             day = day.fire(shots).judge()
         reduced, sessions = day.reduced, day.collect_records()
         assert reduced is not None
         readings = day.readings or observe_hits(sessions, reduced.preparation)
         certified = evaluate(sessions, reduced, readings)
-        control = self.statement.calibration.get(CONTROL)
+        control = self.statement.session.calibration.get(CONTROL)
         true = measurands(
-            cast("ImpactStation", self.statement.law),  # has `outcome`, the only method called
-            day.laboratory.specimen,
+            self.statement.law,
+            specimen,
             reduced,
             certified.outcome.weights,
             control.value if control else 1.0,
@@ -116,226 +129,117 @@ class TwinDays:
         for begin in range(first, first + days, SIDE_BY_SIDE):
             yield self.play(np.arange(begin, min(begin + SIDE_BY_SIDE, first + days)))
 
-    def _laboratory(self, days: Any, detail: RecordDetail) -> Laboratory:
-        statement, law = self.statement, self.statement.law
-        stated_rigs = statement.session.rigs
-        rigs = {stage: stated_rigs[stage.value] for stage in Stage if stage.value in stated_rigs}
+    def _laboratory(self, days: int | Slots, detail: RecordDetail) -> Laboratory:
+        statement, session = self.statement, self.statement.session
+        if lacking := [stage.value for stage in Stage if stage.value not in session.rigs]:
+            raise InputError("session.json", "rigs", None, f"missing: {', '.join(lacking)}")
+        count = max(np.size(days), 1)
         setup = TestSetup(
-            bat=Entry(spec=_bat_sheet(statement), text="", sheet=()),
-            ball=Entry(spec=ball_template(statement.rules.spec), text="", sheet=()),
+            bat=_bat(statement),
+            ball=Entry(spec=statement.ball, text="", sheet=()),
             rules=statement.rules,
-            rig=rigs[Stage.IMPACT],
+            rig=session.rigs[Stage.IMPACT.value],
             doubtful_rigs={},
             seed=self.seed,
             number=days,
             faults=self.faults,
             detail=detail,
             made=False,
-            history={
-                name: Estimates.stack([each] * max(np.size(days), 1))
-                for name, each in statement.session.history.items()
-            },
+            history={key: _stack(each, count) for key, each in session.history.items()},
         )
         draws = setup.draws(self.seed)
-        if lacking := [each.value for each in Stage if each not in rigs]:
-            raise InputError("session.json", "rigs", None, f"missing: {', '.join(lacking)}")
         stations = {
-            stage: self.faults.station(stage, _commissioned(stage, rig, statement, draws))
-            for stage, rig in rigs.items()
+            stage: self.faults.station(stage, _commissioned(stage, statement, draws))
+            for stage in Stage
         }
-        known = {
+        constants = {
             constant_name(stage, name): estimate
             for stage, station in stations.items()
             for name, estimate in station.calibration.items()
         }
         stated = {
-            name: self._stated(name, estimate, known, draws)
-            for name, estimate in statement.calibration.items()
+            name: constants[name]
+            if name in constants
+            else _measured_anew(name, estimate, draws, setup)
+            for name, estimate in session.calibration.items()
         }
-        entered = self.faults.calibration(cast("Any", stated))
-        balls = _balls(statement, draws, setup.shape, self.wall_scatter)
-        bat = StatedBat(name=statement.session.bat, bodies=(_body(statement),), measured=law.bat)
+        entered = self.faults.calibration(cast("Mapping[str, Estimate]", stated))
+        balls = draw_balls(statement.ball, statement.ball_mass.size, draws)
+        shape = balls.mass.shape
+        balls = replace(
+            balls,
+            mass=np.broadcast_to(statement.ball_mass, shape),
+            restitution=np.broadcast_to(statement.ball_restitution, shape),
+        )
+        bat = StatedBat(name=session.bat, bodies=(setup.bat.spec.body,), measured=statement.law.bat)
+        balls = _with_scatter(balls, self.wall_scatter)
         return Laboratory(
             setup=setup,
             seed=self.seed,
             salt=SALT,
-            date=statement.session.date,
+            date=session.date,
             sealing="",
             draws=draws,
-            collision=law,
+            collision=statement.law,
             stations=stations,
-            specimen=Specimen(bat=bat, balls=balls, collision=law),
-            calibration={name: _stack(each, setup.count) for name, each in entered.items()},
-        )
-
-    @staticmethod
-    def _stated(
-        name: str, estimate: Estimate, known: Mapping[str, Any], draws: Draws
-    ) -> Estimate | Estimates:
-        """Return a constant as known on the days.
-
-        One of no instrument, the ratio of a control bat, was measured anew, with its u.
-        """
-        if name in known:
-            return cast("Estimates", known[name])
-        if name.startswith("ball.") or not estimate.u:
-            return estimate
-        error = draws.normal(f"twin.{name}")
-        shape = np.shape(error) or (1,)
-        return Estimates(
-            value=estimate.value + estimate.u * np.reshape(error, shape),
-            u=np.full(shape, estimate.u),
-            dof=np.full(shape, estimate.dof),
+            specimen=Specimen(bat=bat, balls=balls, collision=statement.law),
+            calibration={name: _stack(each, count) for name, each in entered.items()},
         )
 
 
-def scattered_as_stated(statement: Statement, seed: int, days: int = SIDE_BY_SIDE) -> TwinDays:
-    """Return days whose hits scatter as those of the records.
-
-    Some of the scatter comes from the instruments and the aim. The rest is a scatter of e0, found
-    from days with and without one, because a variance is linear in the square of the latter. It is
-    0 if instruments and aim alone scatter at least as much as the records.
-    """
-    squares = np.zeros(2)
-    stated = np.array([statement.wall_variance, statement.hit_variance])
-    trial = np.full(2, statement.wall_variance)
-    without, with_it = (
-        _mean_variances(
-            TwinDays(
-                statement=statement,
-                seed=seed,
-                wall_scatter=float(np.sqrt(square[0])),
-                hit_scatter=float(np.sqrt(square[1])),
-            ),
-            days,
-        )
-        for square in (squares, trial)
-    )
-    scatter = np.sqrt(trial * np.maximum(stated - without, 0.0) / (with_it - without))
-    wall, hit = scatter.tolist()
-    return TwinDays(statement=statement, seed=seed, wall_scatter=wall, hit_scatter=hit)
+def _commissioned(stage: Stage, statement: Statement, draws: Draws) -> Station:
+    """Return a rig as records and constants state it; its true constants differ by their u."""
+    name, records = statement.session.rigs[stage.value], statement.session.records[stage.value]
+    rig = find_rig(name, stage)
+    station: object = rig.commission(draws) if knows_blocks(rig) else None
+    if not isinstance(station, FittedStation):
+        allowed = "has no twin: it is simulated in one laboratory at a time"
+        raise InputError("", f"{stage.value} rig", name, allowed)
+    scatter = statement.scatter[stage]
+    parts: dict[str, Any] = {}
+    for field, (part, instrument) in station.parts().items():
+        prefix = constant_name(stage, f"{part}.")  # of the hall for its air and gravity
+        known = {key: Estimate(value=value) for key, value in scatter.items()} | {
+            key.removeprefix(prefix): estimate
+            for key, estimate in statement.constants.items()
+            if key.startswith(prefix)
+        }
+        channels = station.channels.get(part, (part,))
+        written = [records[channel] for channel in channels if channel in records]
+        parts[field] = instrument.restated(written, known, draws, f"twin.{prefix.rstrip('.')}")
+    return cast("Station", replace(station, **parts).equipped(records, scatter))
 
 
-def _mean_variances(days: TwinDays, number: int) -> Array:
-    """Return the mean variances of a hit at the wall and at the bat."""
-    played = days.play(np.arange(number))
-    test, sound = played.certified, played.sound
-    preparation, metric = test.reduced.preparation, test.results["metric"]
-    assert metric.scatter is not None
-    hits = (preparation.balls.ball[:, 0] == 0).sum(axis=1)
-    wall = preparation.constants["balls.restitution_0"].u ** 2 * hits
-    total = metric.scatter.variance
-    counted = sound & (total.dof > 0)
-    return np.array([wall.mean(), total.total[counted].mean()])
+def _measured_anew(
+    name: str, estimate: Estimate, draws: Draws, setup: TestSetup
+) -> Estimate | Estimates:
+    """Return a constant of no instrument on the days: the ratio of a control bat with its u."""
+    if name.startswith("ball.") or not estimate.u:
+        return estimate
+    error = np.reshape(draws.normal(f"twin.{name}"), setup.count)
+    days = Estimates.stack([estimate] * setup.count)
+    return replace(days, value=days.value + days.u * error)
 
 
 def _stack(estimate: Estimate | Estimates, count: int) -> Estimates:
-    return estimate if isinstance(estimate, Estimates) else Estimates.stack([estimate] * count)
+    return Estimates.stack([estimate] * count) if isinstance(estimate, Estimate) else estimate
 
 
-def _commissioned(stage: Stage, rig: str, statement: Statement, draws: Draws) -> Station:
-    """Return a rig with the stated constants, and true ones that differ by their u."""
-    installed = find_rig(rig, stage)
-    if not knows_blocks(installed):
-        allowed = "has no twin: it is simulated in one laboratory at a time"
-        raise InputError("", f"{stage.value} rig", rig, allowed)
-    station: Any = installed.commission(draws)
-    assert isinstance(station, FittedStation)
-    for part in fields(cast("Any", station)):
-        old = getattr(station, part.name)
-        if isinstance(old, CalibratedInstrument):
-            station = replace(
-                station, **{part.name: _restated(stage, station, old, statement, draws)}
-            )
-    if stage is Stage.BENCH:
-        station = replace(station, spec=replace(station.spec, **statement.bench))
-    drive = statement.sheets.get("impact.drive")
-    if stage is Stage.IMPACT and drive and hasattr(station, "drive"):
-        station = replace(station, drive=replace(station.drive, **drive))
-    return cast("Station", station)
-
-
-def _restated(
-    stage: Stage, station: Any, old: Any, statement: Statement, draws: Draws
-) -> CalibratedInstrument[Any]:
-    named = [name for name, each in station.instruments().items() if each is old]
-    part = named[0] if named else _field_name(station, old)
-    spec = replace(old.spec, **statement.sheets.get(f"{stage.value}.{part}", {}))
-    prefix = constant_name(stage, f"{part}.")
-    name = prefix.rstrip(".")  # of the hall for its air and gravity, which all stages share
-    fresh = type(old).commission(spec, draws, f"twin.{name}")
-    exact = fresh.exact()
-    sheet = {
-        key.removeprefix(prefix): estimate
-        for key, estimate in statement.calibration.items()
-        if key.startswith(prefix) and key.removeprefix(prefix) not in exact
-    }
-    stated, true = drawn(sheet, draws, f"twin.{name}")
-    if stage is Stage.IMPACT and part == "cannon" and statement.across:
-        across = statement.across
-        true["across"] = across.value + across.u * draws.normal("twin.across")
-    true = {**fresh.true, **true}
-    if "density" in true and statement.density is not None:
-        true["density"] = np.full(np.shape(true["density"]), statement.density)[()]
-    return cast("CalibratedInstrument[Any]", replace(fresh, stated=stated, true=true))
-
-
-def _field_name(station: Any, instrument: Any) -> str:
-    return next(part.name for part in fields(station) if getattr(station, part.name) is instrument)
-
-
-def _body(statement: Statement) -> BatBody:
+def _bat(statement: Statement) -> Entry[BatSpec]:
     """Return a cylinder of the measured barrel; the measured rigid body replaces its mass."""
-    length, across = statement.law.bat.length, 2 * statement.barrel_radius
-    profile = Profile(z=(0.0, length / 2, length), outer_diameter=(across,) * 3)
-    return BatBody(
-        profile=profile, material=MATERIAL, damping_ratio=statement.law.ring.damping_ratio
+    session, length = statement.session, statement.law.bat.length
+    profile = Profile(
+        z=(0.0, length / 2, length), outer_diameter=(2 * statement.barrel_radius,) * 3
     )
-
-
-def _bat_sheet(statement: Statement) -> BatSpec:
-    session = statement.session
-    return BatSpec(
+    damping = statement.law.motion.damping_ratio
+    spec = BatSpec(
         name=session.bat,
         title=session.bat,
-        body=_body(statement),
+        body=BatBody(profile=profile, material=MATERIAL, damping_ratio=damping),
         spread=NO_SPREAD,
-        sport=cast("Any", session.bat_sport or None),
+        sport=cast("BatSport | None", session.bat_sport or None),
     )
-
-
-def _balls(
-    statement: Statement, draws: Draws, shape: tuple[int, ...], wall_scatter: float
-) -> TrueBalls:
-    """Return the measured lot; its radius and the slope of its e0 differ by their u."""
-    balls = statement.balls
-    radius, slope = (
-        each.value + each.u * draws.normal(f"twin.{name}")
-        for name, each in (("ball.radius", balls.radius), ("ball.slope", balls.slope))
-    )
-    sport: Any = statement.session.ball_sport or None
-    level = np.full(shape, float(balls.restitution.mean()))[()]
-    line: Any = RestitutionLine(
-        speed=balls.speed, value=cast("Any", level), slope=cast("Any", slope), floor=0.05
-    )
-    spread = BallSpread(mass=0.0, restitution=0.0, hit_restitution=wall_scatter)
-    spec = replace(
-        ball_template(statement.rules.spec),
-        radius=cast("Any", radius),
-        stiffness_spread=0.0,
-        restitution=line,
-        spread=spread,
-        sport=sport,
-        ageing=None,
-        humidity=None,
-    )
-    spec = replace(spec, stiffness=cast("Any", np.full(shape, spec.stiffness)[()]))
-    whole = (*shape, balls.mass.size)
-    return TrueBalls(
-        spec=spec,
-        mass=np.broadcast_to(balls.mass, whole),
-        restitution=np.broadcast_to(balls.restitution, whole),
-    )
+    return Entry(spec=spec, text="", sheet=())
 
 
 def _with_scatter(balls: TrueBalls, scatter: float) -> TrueBalls:

@@ -6,7 +6,7 @@ with the change, show whether this u is reached.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from virtual_lab.output.tables import column
 from virtual_lab.sheets import Sheet
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.statement import Statement
-from virtual_lab.uncertainty.budget import HITS, Budget
+from virtual_lab.uncertainty.budget import HITS
 
 SHOWN = 3  # number of changes that are simulated
 HALVED = 0.75  # share of a variance that vanishes if its u is halved
@@ -55,12 +55,27 @@ def promising_changes(certification: Certification) -> list[Change]:
 
     There are none if no change removes a part of its variance.
     """
-    budget = certification.metric
-    assert budget is not None
-    return sorted(
-        (each for each in _changes(budget, certification) if each.variance > 0),
-        key=lambda each: -each.variance,
-    )
+    assert certification.metric is not None
+    square = {part.name: part.contribution**2 for part in certification.metric.components}
+    instruments: dict[str, float] = {}
+    for name, variance in square.items():
+        at = AIM_ALONG if name == SLOPE_ERROR else name
+        if at in certification.session.calibration:
+            instrument = at.rpartition(".")[0]
+            instruments[instrument] = instruments.get(instrument, 0.0) + variance
+    number = certification.procedure.valid_hits
+    hits = f"{2 * number} instead of {number} hits per impact position"
+    repeated = DOUBLED * square.get(REPEATABILITY, 0.0)
+    changes = [
+        *(
+            Change(f"half the u of {name}", HALVED * variance, _with_half_u(f"{name}."))
+            for name, variance in instruments.items()
+        ),
+        Change(hits, DOUBLED * square.get(HITS, 0.0), _with_double_hits),
+        Change("twice as many balls", repeated, _with_double_balls),
+        Change("twice as many wall hits", repeated, _with_double_wall_hits),
+    ]
+    return sorted((each for each in changes if each.variance > 0), key=lambda each: -each.variance)
 
 
 def improvements(
@@ -73,37 +88,17 @@ def improvements(
     `simulate` returns the standard deviation of the errors of the metric on some days, and its
     95 % interval.
     """
-    budget = certification.metric
-    assert budget is not None
-    rows = []
+    assert certification.metric is not None
+    rows, u = [], certification.metric.u
     for words, variance, apply in promising_changes(certification)[:SHOWN]:
         sd, low, high = simulate(replace(playing, statement=apply(playing.statement)))
-        planned = sqrt(max(budget.u**2 - variance, 0.0))
-        gain = 1 - planned / budget.u
+        planned = sqrt(max(u**2 - variance, 0.0))
         rows.append(
-            Improvement(change=words, planned=planned, sd=sd, low=low, high=high, gain=gain)
+            Improvement(
+                change=words, planned=planned, sd=sd, low=low, high=high, gain=1 - planned / u
+            )
         )
     return rows
-
-
-def _changes(budget: Budget, certification: Certification) -> Iterator[Change]:
-    square = {part.name: part.contribution**2 for part in budget.components}
-    parts: dict[str, float] = {}
-    for name, variance in square.items():
-        at = AIM_ALONG if name == SLOPE_ERROR else name
-        if at in certification.session.calibration:
-            instrument = at.rpartition(".")[0]
-            parts[instrument] = parts.get(instrument, 0.0) + variance
-    for instrument, variance in parts.items():
-        yield Change(
-            f"half the u of {instrument}", HALVED * variance, _with_half_u(f"{instrument}.")
-        )
-    rules = certification.procedure
-    hits = f"{2 * rules.valid_hits} instead of {rules.valid_hits} hits per impact position"
-    yield Change(hits, DOUBLED * square.get(HITS, 0.0), _with_double_hits)
-    repeated = DOUBLED * square.get(REPEATABILITY, 0.0)
-    yield Change("twice as many balls", repeated, _with_double_balls)
-    yield Change("twice as many wall hits", repeated, _with_double_wall_hits)
 
 
 def _with_half_u(prefix: str) -> Callable[[Statement], Statement]:
@@ -129,10 +124,13 @@ def _with_double_hits(statement: Statement) -> Statement:
 
 
 def _with_double_balls(statement: Statement) -> Statement:
-    balls, rules = statement.balls, statement.rules
-    twice = replace(balls, mass=np.tile(balls.mass, 2), restitution=np.tile(balls.restitution, 2))
-    spec = replace(rules.spec, balls=2 * rules.spec.balls)
-    return replace(statement, balls=twice, rules=replace(rules, spec=spec))
+    spec = replace(statement.rules.spec, balls=2 * statement.rules.spec.balls)
+    return replace(
+        statement,
+        ball_mass=np.tile(statement.ball_mass, 2),
+        ball_restitution=np.tile(statement.ball_restitution, 2),
+        rules=replace(statement.rules, spec=spec),
+    )
 
 
 def _with_double_wall_hits(statement: Statement) -> Statement:

@@ -1,28 +1,26 @@
 """Faults of the catalogue that a laboratory would notice, and the smallest size noticed.
 
 Each fault is played on full days of the twin in several sizes, as a share of the fault in the
-catalogue. The days of a fault are kept in a folder, so that an interrupted study goes on.
+catalogue. The faults played so far are kept in a file, so that an interrupted study goes on.
 """
 
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_json
+from virtual_lab.files import read_json, whole_file
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import column
 from virtual_lab.records.session import pack
-from virtual_lab.simulation.faults import FaultSet
+from virtual_lab.simulation.faults import FaultSet, faults_at
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.fault import Fault
+from virtual_lab.simulation.faults.size import sized
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.units import Array
@@ -32,7 +30,6 @@ DAYS = 10  # number of days per fault and size
 FIRST = 2**21  # number of the first of these days
 # faults that a twin cannot play: its balls have no law of humidity, and its bat no stiffness
 NOT_PLAYED = {"balls-not-conditioned", "bat-cracked"}
-NO_SIZE = {"records-swapped"}  # faults that are there or not
 NOTICED = 0.9  # share of the days on which a fault is noticed, for "from which size on"
 
 
@@ -69,7 +66,7 @@ def noticed_faults(
     u
         Stated u of the metric [SI].
     folder
-        Folder of the days played so far; it is made if there is none.
+        Folder of the faults played so far; it is made if there is none.
     progress
         Function that is called with a text, the number of faults done, and the total.
     days
@@ -78,33 +75,28 @@ def noticed_faults(
     Raises
     ------
     InputError
-        A folder of other days.
+        A folder with faults on other days.
     """
-    digest = pack(playing.statement.session).digest
-    _require_same(folder, {"session": digest, "seed": playing.seed, "days": days})
-    names = [name for name in sorted(CATALOGUE) if _can_occur(name, playing)]
-    rows: list[NoticedFault] = []
-    numbers = range(FIRST, FIRST + days)
-    sound: list[float] = []
+    session, path = playing.statement.session, folder / "faults.json"
+    names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]
+    about = {"session": pack(session).digest, "seed": playing.seed, "days": days}
+    played = read_json(path) if path.exists() else {}
+    kept = played.setdefault("rows", {})
+    if played.setdefault("about", about) != about:
+        allowed = "has days of other records, another seed or number; allowed: a new folder"
+        raise InputError("", "faults", str(folder), allowed)
+    rows, sound = [], np.zeros(0)
     for number, name in enumerate(names, 1):
-        path = folder / f"{name}.json"
-        if not path.exists():
-            sound = sound or [_error(playing, day)[1] for day in numbers]
-            _write(path, asdict(_played(CATALOGUE[name], playing, u, np.array(sound))))
-        row = read_json(path)
-        rows.append(NoticedFault(**{**row, "shares": tuple(row["shares"])}))
+        if name not in kept:
+            if not sound.size:
+                sound = np.array([_error(playing, FIRST + day)[1] for day in range(days)])
+            kept[name] = asdict(_played(CATALOGUE[name], playing, u, sound))
+            folder.mkdir(parents=True, exist_ok=True)
+            with whole_file(path) as file:
+                file.write(json.dumps(played, indent=1).encode())
+        rows.append(NoticedFault(**{**kept[name], "shares": tuple(kept[name]["shares"])}))
         progress("faults", number, len(names))
     return rows
-
-
-def _can_occur(name: str, playing: TwinDays) -> bool:
-    if name in NOT_PLAYED:
-        return False
-    try:
-        FaultSet.of([name], rig=playing.statement.session.rigs["impact"])
-    except InputError:
-        return False
-    return True
 
 
 def _error(playing: TwinDays, day: int) -> tuple[bool, float]:
@@ -125,89 +117,16 @@ def _played(fault: Fault, playing: TwinDays, u: float, sound: Array) -> NoticedF
     shares, shift = [], None
     for size in SIZES:
         faulty = replace(playing, faults=FaultSet(faults=(sized(fault, size),)))
-        shown, errors = zip(
-            *(_error(faulty, FIRST + day) for day in range(sound.size)), strict=True
-        )
-        shares.append(sum(shown) / sound.size)
-        changes = np.array(errors) - sound
+        days = [_error(faulty, FIRST + day) for day in range(sound.size)]
+        shares.append(sum(shown for shown, _ in days) / sound.size)
+        changes = np.array([error for _, error in days]) - sound
         if size == 1 and np.isfinite(changes).any():
             shift = float(np.nanmedian(changes)) / u
-    enough = np.array(shares) >= NOTICED
-    from_there = [size for at, size in enumerate(SIZES) if enough[at:].all()]
+    missed = [at for at, share in enumerate(shares) if share < NOTICED]
+    enough = SIZES[max(missed, default=-1) + 1 :]
     return NoticedFault(
         fault=fault.name,
-        noticed_from=from_there[0] if from_there else None,
+        noticed_from=enough[0] if enough else None,
         shares=tuple(shares),
         shift=shift,
     )
-
-
-def sized(fault: Fault, size: float) -> Fault:
-    """Return a fault whose changes of numbers are multiplied by `size`.
-
-    Changes of whole numbers and texts keep their full size, and so do readings that the fault adds
-    or removes. A fault in `NO_SIZE` is returned unchanged.
-    """
-    if fault.name in NO_SIZE:
-        return fault
-
-    def scaled(hook: Callable[[Any], Any] | None) -> Any:
-        return hook and (lambda before: _scaled(before, hook(before), size))
-
-    def record(before: Any, context: Any) -> Mapping[str, Any]:
-        assert fault.record is not None
-        changed = fault.record(before, context)
-        return {name: blend(getattr(before, name), after, size) for name, after in changed.items()}
-
-    return replace(
-        fault,
-        station=scaled(fault.station),
-        specimen=scaled(fault.specimen),
-        plan=scaled(fault.plan),
-        calibration=scaled(fault.calibration),
-        record=record if fault.record else None,
-    )
-
-
-def _scaled(before: Any, after: Any, size: float) -> Any:
-    return None if after is None else blend(before, after, size)
-
-
-def blend(before: Any, after: Any, size: float) -> Any:
-    """Return `before` with its change to `after` multiplied by `size`, number by number.
-
-    Whole numbers, texts and the keys of a mapping are those of `after`, and so are numbers that are
-    not finite in `before` or in `after`.
-    """
-    if before is after:
-        return before
-    if isinstance(before, Mapping) and isinstance(after, Mapping):
-        return {key: blend(before.get(key, each), each, size) for key, each in after.items()}
-    if is_dataclass(before) and type(before) is type(after):
-        whole: Any = after
-        names = [part.name for part in fields(before)]
-        parts = {key: blend(getattr(before, key), getattr(after, key), size) for key in names}
-        return replace(whole, **parts)
-    if np.asarray(before).dtype.kind != "f" or np.asarray(after).dtype.kind != "f":
-        return after
-    both = np.isfinite(before) & np.isfinite(after)
-    with np.errstate(invalid="ignore"):
-        blended = np.where(both, before + size * (np.asarray(after) - before), after)
-    return blended if isinstance(after, np.ndarray) else float(blended)
-
-
-def _require_same(folder: Path, settings: Mapping[str, Any]) -> None:
-    path = folder / "faults.json"
-    folder.mkdir(parents=True, exist_ok=True)
-    if not path.exists():
-        _write(path, settings)
-    elif read_json(path) != settings:
-        allowed = "has days of other records, another seed or number; allowed: a new folder"
-        raise InputError("", "faults", str(folder), allowed)
-
-
-def _write(path: Path, document: Any) -> None:
-    """Write a file at once, so that an interruption leaves no part of it."""
-    draft = path.with_suffix(".part")
-    draft.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    os.replace(draft, path)

@@ -24,11 +24,11 @@ from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder, Seed
 from virtual_lab.records.session import SESSION
 from virtual_lab.studies.foreign import certify_folder
-from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays, scattered_as_stated
+from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
 from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, unlike_readings
-from virtual_lab.studies.twin.statement import stated_by
+from virtual_lab.studies.twin.statement import Statement
 from virtual_lab.units import Array
 
 if TYPE_CHECKING:
@@ -253,8 +253,8 @@ def twin(
     if full_days and full_days < FEWEST_FULL:
         raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST_FULL}")
     certification = certify_records(Path(folder))
-    statement = stated_by(certification)
-    playing = scattered_as_stated(statement, seed, min(days, SIDE_BY_SIDE))
+    statement = Statement.of(certification)
+    playing = TwinDays.fit(statement, seed, min(days, SIDE_BY_SIDE))
     rows, invalid = summed_days(certification, playing, days, progress)
 
     def simulate(changed: TwinDays) -> tuple[float, float, float]:

@@ -1,0 +1,53 @@
+"""Data sheets read from raw records, against the sheets of the instruments that wrote them."""
+
+import pytest
+
+from tests.laboratories import opened
+from virtual_lab import lab
+from virtual_lab.lab.laboratory import constant_name
+from virtual_lab.simulation.instruments import FittedStation
+from virtual_lab.simulation.stations.rig import Stage
+
+# numbers that records show exactly, and noise that they show up to the scatter of few readings
+EXACT = {"distances", "swings", "marks", "beams", "lowest", "pitch", "sample_rate", "duration"}
+EXACT |= {"counts_per_turn", "whole_counts", "resolution"}
+NOISE = {"repeatability", "timer_jitter", "along_scatter", "across_scatter", "edge_jitter"}
+ABOUT = {"release_amplitude": 0.05, "amplitude_decay": 0.3}
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "ncaa-modified"])
+def test_the_records_of_a_day_show_the_sheets_of_its_instruments(procedure) -> None:
+    laboratory = opened("r161", procedure=procedure, seed=5)
+    day = lab.TestDay.begin(laboratory).weigh().swing().hit_wall().prepare()
+    day = day.fire(day.next_shots())
+    compared = set()
+    for stage, station in laboratory.stations.items():
+        assert isinstance(station, FittedStation)
+        records = day.collect_records().records[stage.value]
+        for name, instrument in station.parts().values():
+            prefix = constant_name(stage, f"{name}.")
+            known = {
+                key.removeprefix(prefix): float(each.value[0])
+                for key, each in laboratory.calibration.items()
+                if key.startswith(prefix)
+            }
+            channels = station.channels.get(name, (name,))
+            written = [records[each] for each in channels if each in records]
+            spec, shown = instrument.spec, instrument.spec.numbers_in(written, known)
+            restated = spec.restated(written, known)
+            for key in shown.keys() & EXACT:
+                assert getattr(restated, key) == pytest.approx(getattr(spec, key)), (name, key)
+            for key in shown.keys() & (NOISE | ABOUT.keys()):
+                wide = 1.0 if key in NOISE else ABOUT[key]
+                expected = pytest.approx(getattr(spec, key), rel=wide)
+                assert getattr(restated, key) == expected, (name, key)
+                assert getattr(restated, key) > 0.2 * getattr(spec, key), (name, key)
+            compared |= shown.keys()
+    assert compared >= {"repeatability", "distances", "swings", "along_scatter", "sample_rate"}
+    bench = laboratory.stations[Stage.BENCH]
+    assert isinstance(bench, FittedStation)
+    equipped = bench.equipped(day.collect_records().records["bench"], {})
+    assert equipped.spec.repeats == bench.spec.repeats
+    assert equipped.spec.releases == bench.spec.releases
+    assert equipped.spec.reference == pytest.approx(bench.spec.reference, abs=2e-4)
+    assert equipped.spec.hall.temperature == pytest.approx(bench.spec.hall.temperature, abs=8)

@@ -1,0 +1,67 @@
+"""Faults of another size: their changes of numbers multiplied by a factor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from virtual_lab.simulation.faults.fault import Fault
+
+NO_SIZE = {"records-swapped"}  # faults that are there or not
+
+
+def sized(fault: Fault, size: float) -> Fault:
+    """Return a fault whose changes of numbers are multiplied by `size`.
+
+    Changes of whole numbers and texts keep their full size, and so do readings that the fault adds
+    or removes. A fault in `NO_SIZE` is returned unchanged.
+    """
+    if fault.name in NO_SIZE:
+        return fault
+
+    def scaled(hook: Callable[[Any], Any] | None) -> Any:
+        return hook and (lambda before: _scaled(before, hook(before), size))
+
+    def record(before: Any, context: Any) -> Mapping[str, Any]:
+        assert fault.record is not None
+        changed = fault.record(before, context)
+        return {name: blend(getattr(before, name), after, size) for name, after in changed.items()}
+
+    return replace(
+        fault,
+        station=scaled(fault.station),
+        specimen=scaled(fault.specimen),
+        plan=scaled(fault.plan),
+        calibration=scaled(fault.calibration),
+        record=record if fault.record else None,
+    )
+
+
+def _scaled(before: Any, after: Any, size: float) -> Any:
+    return None if after is None else blend(before, after, size)
+
+
+def blend(before: Any, after: Any, size: float) -> Any:
+    """Return `before` with its change to `after` multiplied by `size`, number by number.
+
+    Whole numbers, texts and the keys of a mapping are those of `after`, and so are numbers that are
+    not finite in `before` or in `after`.
+    """
+    if before is after:
+        return before
+    if isinstance(before, Mapping) and isinstance(after, Mapping):
+        return {key: blend(before.get(key, each), each, size) for key, each in after.items()}
+    if is_dataclass(before) and type(before) is type(after):
+        whole: Any = after
+        names = [part.name for part in fields(before)]
+        parts = {key: blend(getattr(before, key), getattr(after, key), size) for key in names}
+        return replace(whole, **parts)
+    if np.asarray(before).dtype.kind != "f" or np.asarray(after).dtype.kind != "f":
+        return after
+    both = np.isfinite(before) & np.isfinite(after)
+    with np.errstate(invalid="ignore"):
+        blended = np.where(both, before + size * (np.asarray(after) - before), after)
+    return blended if isinstance(after, np.ndarray) else float(blended)
