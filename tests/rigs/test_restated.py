@@ -18,7 +18,7 @@ ABOUT = {"release_amplitude": 0.05, "amplitude_decay": 0.3}
 @pytest.mark.parametrize("procedure", ["astm-f1881", "ncaa-modified"])
 def test_the_records_of_a_day_show_the_sheets_of_its_instruments(procedure) -> None:
     laboratory = opened("r161", procedure=procedure, seed=5)
-    day = lab.TestDay.begin(laboratory).weigh().swing().hit_wall().prepare()
+    day = lab.TestDay.begin(laboratory).measure_bat().hit_wall().prepare()
     day = day.fire(day.next_shots())
     compared = set()
     for stage, station in laboratory.stations.items():

@@ -23,6 +23,7 @@ from virtual_lab.simulation.stations.rig import Reality, Stage
 from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.improving import improvements, promising_changes
+from virtual_lab.studies.twin.quantities import summed_days
 from virtual_lab.studies.twin.readings import (
     TWIN_READINGS,
     holm,
@@ -30,7 +31,7 @@ from virtual_lab.studies.twin.readings import (
     unlike_readings,
 )
 from virtual_lab.studies.twin.statement import Statement
-from virtual_lab.studies.twin.twin import Twin, certify_records, summed_days
+from virtual_lab.studies.twin.twin import Twin, certify_records
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 SCALE = "impact.encoder.scale"

@@ -30,9 +30,9 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.simulation.faults import CATALOGUE, FaultSet, faults_at
 from virtual_lab.simulation.faults.size import sized
 from virtual_lab.studies.twin.days import TwinDays
+from virtual_lab.studies.twin.quantities import summed_days
 from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
 from virtual_lab.studies.twin.statement import Statement
-from virtual_lab.studies.twin.twin import summed_days
 
 SEED = 8_200_000
 SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)  # sizes of a fault [its size in the catalogue]

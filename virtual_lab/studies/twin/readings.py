@@ -50,6 +50,49 @@ class TwinReading:
     meaning: str
 
 
+@dataclass(frozen=True, slots=True)
+class _Comparison:
+    """One reading of the records beside those of the days, (day,)."""
+
+    name: str
+    value: float
+    days: Array
+
+    @property
+    def tail(self) -> float:
+        """Share of the days, and of the records themselves, that are as extreme."""
+        value, days = self.value, self.days
+        if self.name in TWO_SIDED:
+            middle = np.median(days)
+            value, days = abs(value - middle), np.abs(days - middle)
+        return float((1 + np.sum(days >= value)) / (1 + days.size))
+
+    @property
+    def extreme(self) -> int:
+        """Smallest number of these days that are as extreme, whatever the days to come.
+
+        In a two-sided reading the records can be on either side of the final median, so the side
+        with fewer days counts.
+        """
+        above, below = np.sum(self.days >= self.value), np.sum(self.days <= self.value)
+        return int(min(above, below) if self.name in TWO_SIDED else above)
+
+    def row(self, adjusted: float) -> TwinReading:
+        """Return the row of the table, given the adjusted tail probability."""
+        low, median, high = np.quantile(self.days, (0.025, 0.5, 0.975)).tolist()
+        return TwinReading(
+            reading=self.name,
+            value=self.value,
+            low=low,
+            median=median,
+            high=high,
+            tail=self.tail,
+            adjusted=adjusted,
+            finding="unlike its twins" if adjusted < LEVEL else "",
+            meaning=TWIN_READINGS[self.name],
+        )
+
+
 def unlike_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
@@ -74,71 +117,30 @@ def unlike_readings(
     block = certification.block
     ours = readings_of(evaluate(block, *reduce_block(block)))
     twins: list[Mapping[str, float]] = []
-    rows: dict[str, tuple[float, Array]] = {}
+    compared: list[_Comparison] = []
     for day in range(2 * days):
         played = playing.play(FIRST + day, RecordDetail.FULL)
         if played.sound.all():
             twins.append(readings_of(played.certified))
         progress("full days", len(twins), days)
-        rows = _beside(ours, twins)
-        if len(twins) == days or ((day + 1) % ROUND == 0 and not _open(rows, days)):
+        compared = _compare(ours, twins)
+        smallest = [len(compared) * (1 + each.extreme) / (1 + days) for each in compared]
+        settled = min(smallest, default=1.0) >= LEVEL
+        if len(twins) == days or ((day + 1) % ROUND == 0 and settled):
             break
-    tails = {name: _tail(name, *row) for name, row in rows.items()}
-    adjusted = dict(zip(tails, holm(np.array(list(tails.values()))), strict=True))
-    return [
-        _row(name, *row, tails[name], float(adjusted[name])) for name, row in rows.items()
-    ], len(twins)
+    adjusted = holm(np.array([each.tail for each in compared])).tolist()
+    return [each.row(tail) for each, tail in zip(compared, adjusted, strict=True)], len(twins)
 
 
-def _beside(
-    ours: Mapping[str, float], twins: list[Mapping[str, float]]
-) -> dict[str, tuple[float, Array]]:
-    """Return the value of each reading and those of the days, (day,), by name."""
-    rows = {}
+def _compare(ours: Mapping[str, float], twins: list[Mapping[str, float]]) -> list[_Comparison]:
+    """Return a comparison for each reading that is known in the records and on a day."""
+    compared = []
     for name, value in ours.items():
-        of_days = np.array([each.get(name, np.nan) for each in twins])
-        of_days = of_days[np.isfinite(of_days)]
-        if np.isfinite(value) and of_days.size:
-            rows[name] = value, of_days
-    return rows
-
-
-def _open(rows: Mapping[str, tuple[float, Array]], days: int) -> bool:
-    """Return whether a reading can be unlike its twins after all `days` days.
-
-    The days that are as extreme as the records can only become more. In a two-sided reading those
-    on the side with fewer days count, whichever side of the final median the records are on.
-    """
-    for name, (value, of_days) in rows.items():
-        extreme = int(np.sum(of_days >= value))
-        if name in TWO_SIDED:
-            extreme = min(extreme, int(np.sum(of_days <= value)))
-        if len(rows) * (1 + extreme) / (1 + days) < LEVEL:
-            return True
-    return False
-
-
-def _row(name: str, value: float, days: Array, tail: float, adjusted: float) -> TwinReading:
-    low, median, high = np.quantile(days, (0.025, 0.5, 0.975)).tolist()
-    return TwinReading(
-        reading=name,
-        value=value,
-        low=low,
-        median=median,
-        high=high,
-        tail=tail,
-        adjusted=adjusted,
-        finding="unlike its twins" if adjusted < LEVEL else "",
-        meaning=TWIN_READINGS[name],
-    )
-
-
-def _tail(name: str, value: float, days: Array) -> float:
-    """Return the share of the days, and of the value itself, that are as extreme as a value."""
-    if name in TWO_SIDED:
-        middle = np.median(days)
-        value, days = abs(value - middle), np.abs(days - middle)
-    return float((1 + np.sum(days >= value)) / (1 + days.size))
+        days = np.array([each.get(name, np.nan) for each in twins])
+        days = days[np.isfinite(days)]
+        if np.isfinite(value) and days.size:
+            compared.append(_Comparison(name, value, days))
+    return compared
 
 
 def holm(tails: Array) -> Array:

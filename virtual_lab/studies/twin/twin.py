@@ -8,28 +8,28 @@ The study reads records only, never a sealed truth.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
-from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.output.tables import record, table_text
 from virtual_lab.parameters import Folder, Seed
 from virtual_lab.records.session import SESSION
 from virtual_lab.studies.foreign import certify_folder
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
+from virtual_lab.studies.twin.quantities import TwinQuantity, summed_days
 from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, unlike_readings
 from virtual_lab.studies.twin.statement import Statement
-from virtual_lab.units import Array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 RECORDS = "records"  # folder of the records in a result folder
-TOLERANCE = 0.1  # largest harmless error of a stated u: that of its coverage is then below 2 %
 FEWEST = 100  # smallest number of days; their standard deviation then has an error of 7 %
 # smallest number of full days with which a reading can be unlike its twins, whatever their number
 FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
@@ -62,45 +61,6 @@ READING_WORDS = (
     f"of readings (Holm). Below {LEVEL:g} a reading is unlike its twins. The days end early if\n"
     "more of them could show no such reading."
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TwinQuantity:
-    """The stated uncertainty of one quantity beside the errors of the twin's days."""
-
-    quantity: str = column("quantity")
-    value: float = column("value", "SI", ".5g")
-    u: float = column("stated u", "SI", ".3g")
-    sd: float = column("sd of the errors", "SI", ".3g")
-    low: float = column("  at least", "SI", ".3g")  # 95 % interval of the standard deviation
-    high: float = column("  at most", "SI", ".3g")
-    ratio: float = column("u / sd", form=".3f")
-    bias: float = column("mean error", "u", "+.3f")
-    bias_se: float = column("  its standard error", "u", ".3f")
-    finding: str = column("stated u")
-
-    @classmethod
-    def of(cls, quantity: str, value: float, u: float, errors: Array) -> TwinQuantity:
-        """Return the row of a quantity from the errors of the days, (day,)."""
-        sd, dof = float(errors.std(ddof=1)), errors.size - 1
-        low, high = (sd * float(np.sqrt(dof / chi2.ppf(p, dof))) for p in (0.975, 0.025))
-        finding = "right"
-        if u < low * (1 - TOLERANCE):
-            finding = "too small"
-        elif u > high * (1 + TOLERANCE):
-            finding = "too large"
-        return cls(
-            quantity=quantity,
-            value=value,
-            u=u,
-            sd=sd,
-            low=low,
-            high=high,
-            ratio=u / sd,
-            bias=float(errors.mean()) / u,
-            bias_se=sd / u / float(np.sqrt(errors.size)),
-            finding=finding,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -147,32 +107,29 @@ class Twin(StudyResult):
         return "\n\n".join(parts)
 
     @property
+    def parts(self) -> dict[str, Sequence[Any]]:
+        """Rows of the further tables by name, () if they were not requested."""
+        return {
+            "readings": self.readings,
+            "improvements": self.improvements,
+            "faults": self.faults,
+        }
+
+    @property
     def tables(self) -> dict[str, pd.DataFrame]:
-        """The tables of the quantities, of the readings and of the changes."""
-        others = {
-            "twin-readings": self.readings,
-            "twin-improvements": self.improvements,
-            "twin-faults": self.faults,
-        }
-        return {self.name: self.table} | {
-            name: frame(rows) for name, rows in others.items() if rows
-        }
+        """The tables of the quantities, of the readings, of the changes and of the faults."""
+        others = {f"twin-{name}": frame(rows) for name, rows in self.parts.items() if rows}
+        return {self.name: self.table} | others
 
     @property
     def document(self) -> Json:
         """The result for JSON."""
+        numbers = ("bat", "procedure", "days", "invalid", "remark", "full_days")
+        tables = {"quantities": self.rows, **self.parts}
         return {
-            "bat": self.bat,
-            "procedure": self.procedure,
-            "days": self.days,
-            "invalid": self.invalid,
-            "remark": self.remark,
-            "quantities": [dict(record(row)) for row in self.rows],
-            "improvements": [dict(record(row)) for row in self.improvements],
-            "faults": [dict(record(row)) for row in self.faults],
-            "full_days": self.full_days,
+            **{name: getattr(self, name) for name in numbers},
             "smallest_tail": self.smallest if self.readings else None,
-            "readings": [dict(record(row)) for row in self.readings],
+            **{name: [dict(record(row)) for row in rows] for name, rows in tables.items()},
         }
 
     def draw(self) -> PageFigure:
@@ -294,32 +251,3 @@ def certify_records(folder: Path) -> Certification:
     """
     inner = folder / RECORDS
     return certify_folder(inner if (inner / SESSION).exists() else folder, lambda each: each)
-
-
-def summed_days(
-    certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
-) -> tuple[list[TwinQuantity], int]:
-    """Return one row per quantity, and the number of days without a valid result.
-
-    Raises `InputError` if fewer than half of the days give a valid result.
-    """
-    assert certification.metric is not None
-    stated = {"metric": certification.metric, **certification.quantities}
-    errors: dict[str, list[Array]] = {name: [] for name in stated}
-    played = 0
-    for block in playing.blocks(days, first=SIDE_BY_SIDE):  # after the days that give the scatter
-        sound = block.sound
-        for name, parts in errors.items():
-            error = block.certified.results[name].value - block.measurands[name]
-            parts.append(error[sound])
-        played += sound.size
-        progress("days", played, days)
-    valid = sum(part.size for part in errors["metric"])
-    if valid < days / 2:
-        allowed = f"only {valid} of {days} days of its twin give a valid result; needs half of them"
-        raise InputError("", "folder", None, allowed)
-    rows = [
-        TwinQuantity.of(name, budget.value, budget.u, np.concatenate(errors[name]))
-        for name, budget in stated.items()
-    ]
-    return rows, days - valid

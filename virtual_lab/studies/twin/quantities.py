@@ -1,0 +1,85 @@
+"""The stated uncertainties of a laboratory beside the errors of its twin's days."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from virtual_lab.errors import InputError
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.tables import column
+from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
+from virtual_lab.units import Array
+
+TOLERANCE = 0.1  # largest harmless error of a stated u: that of its coverage is then below 2 %
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwinQuantity:
+    """The stated uncertainty of one quantity beside the errors of the twin's days."""
+
+    quantity: str = column("quantity")
+    value: float = column("value", "SI", ".5g")
+    u: float = column("stated u", "SI", ".3g")
+    sd: float = column("sd of the errors", "SI", ".3g")
+    low: float = column("  at least", "SI", ".3g")  # 95 % interval of the standard deviation
+    high: float = column("  at most", "SI", ".3g")
+    ratio: float = column("u / sd", form=".3f")
+    bias: float = column("mean error", "u", "+.3f")
+    bias_se: float = column("  its standard error", "u", ".3f")
+    finding: str = column("stated u")
+
+    @classmethod
+    def of(cls, quantity: str, value: float, u: float, errors: Array) -> TwinQuantity:
+        """Return the row of a quantity from the errors of the days, (day,)."""
+        sd, dof = float(errors.std(ddof=1)), errors.size - 1
+        low, high = (sd * float(np.sqrt(dof / chi2.ppf(p, dof))) for p in (0.975, 0.025))
+        finding = "right"
+        if u < low * (1 - TOLERANCE):
+            finding = "too small"
+        elif u > high * (1 + TOLERANCE):
+            finding = "too large"
+        return cls(
+            quantity=quantity,
+            value=value,
+            u=u,
+            sd=sd,
+            low=low,
+            high=high,
+            ratio=u / sd,
+            bias=float(errors.mean()) / u,
+            bias_se=sd / u / float(np.sqrt(errors.size)),
+            finding=finding,
+        )
+
+
+def summed_days(
+    certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
+) -> tuple[list[TwinQuantity], int]:
+    """Return one row per quantity, and the number of days without a valid result.
+
+    Raises `InputError` if fewer than half of the days give a valid result.
+    """
+    assert certification.metric is not None
+    stated = {"metric": certification.metric, **certification.quantities}
+    errors: dict[str, list[Array]] = {name: [] for name in stated}
+    played = 0
+    for block in playing.blocks(days, first=SIDE_BY_SIDE):  # after the days that give the scatter
+        sound = block.sound
+        for name, parts in errors.items():
+            error = block.certified.results[name].value - block.measurands[name]
+            parts.append(error[sound])
+        played += sound.size
+        progress("days", played, days)
+    valid = sum(part.size for part in errors["metric"])
+    if valid < days / 2:
+        allowed = f"only {valid} of {days} days of its twin give a valid result; needs half of them"
+        raise InputError("", "folder", None, allowed)
+    rows = [
+        TwinQuantity.of(name, budget.value, budget.u, np.concatenate(errors[name]))
+        for name, budget in stated.items()
+    ]
+    return rows, days - valid
