@@ -18,6 +18,7 @@ import pytest
 import virtual_lab as vl
 from virtual_lab import lab
 from virtual_lab.cli import cli
+from virtual_lab.output import progress as shown_progress
 from virtual_lab.simulation.instruments import RecordDetail
 
 
@@ -130,6 +131,21 @@ def test_without_a_writable_home_compiled_code_goes_to_a_private_folder(tmp_path
     another, said = run()
     assert another != folder
     assert str(another) in said
+
+
+def test_every_long_function_shows_its_progress(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is shown on stderr unless a function of the caller takes it."""
+    monkeypatch.setattr(shown_progress, "PIPE_STEP", 0.0)
+    vl.certify("r161", seed=7)
+    assert capsys.readouterr().err.startswith("… ")
+    vl.certify("r161", seed=7, progress=quiet)
+    assert capsys.readouterr().err == ""
+    for name in dir(vl):
+        function = getattr(vl, name)
+        if inspect.isfunction(function) and "progress" in inspect.signature(function).parameters:
+            assert re.search(r"shows?n?\W+(the )?progress|progress\W+is\W+shown", function.__doc__)
 
 
 def test_a_certificate_has_the_numbers_of_its_document(tested: vl.Certificate) -> None:

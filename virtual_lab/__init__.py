@@ -8,7 +8,8 @@
 ``help(vl.certify)`` describes a function with its arguments. Wherever a function takes the name of
 a bat, ball or procedure it also takes the path of a .toml file or a sheet, such as
 ``vl.procedure("bbcor")``. Results of tests and studies have ``.text``, ``.document`` (for JSON) and
-``.save(folder)``, and most of them ``.table`` (pandas) and ``.plot()``.
+``.save(folder)``, and most of them ``.table`` (pandas) and ``.plot()``. A function that takes more
+than two seconds shows its progress on stderr; with ``progress=lambda *_: None`` it shows none.
 
 Test a bat
     certify          test a bat by a procedure, and make its certificate

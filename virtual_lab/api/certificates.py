@@ -451,7 +451,8 @@ def certify(
     uncertainty
         Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
     progress
-        Function that is called with a text that names the present task.
+        Function that is called with a text that names the present task. By default the progress is
+        shown on stderr.
 
     Raises
     ------

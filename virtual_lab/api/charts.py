@@ -28,7 +28,8 @@ def chart(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the present task.
+        Function that is called with a text that names the present task. By default the progress is
+        shown on stderr.
 
     Raises
     ------
@@ -55,7 +56,8 @@ def stability(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the present task.
+        Function that is called with a text that names the present task. By default the progress is
+        shown on stderr.
 
     Raises
     ------

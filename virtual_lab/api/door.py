@@ -20,7 +20,7 @@ from virtual_lab.sheets import NAMED, Sheet, settings_text
 
 LABORATORY = "instruments"  # the parameter that changes the laboratory itself
 SEALED = ("certify", "rehearse")  # functions whose seed and faults are sealed with the truth
-SHOWN = ("propagate", "sweep")  # functions whose progress is shown by default
+PROGRESS = "progress"  # the parameter that is called with the progress; by default it is shown
 Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
 
@@ -43,12 +43,12 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
                 request[key] = _read(name, description, key, value)
                 bound.arguments[key] = _store_sheets(request[key], store)
         function = getattr(import_module(place[0]), place[1])
-        waiting = name in SHOWN and "progress" not in bound.arguments
+        shown = PROGRESS in description.parameters and PROGRESS not in bound.arguments
         with (
             catalog.sheets_in_place(store) as sheets_read,
-            show_progress() if waiting else nullcontext() as bar,
+            show_progress() if shown else nullcontext() as bar,
         ):
-            more = {"progress": bar} if waiting else {}
+            more = {PROGRESS: bar} if shown else {}
             result = function(*bound.args, **bound.kwargs, **more)
         for sheet in request.get(LABORATORY, ()):
             if (sheet.kind, sheet.name) not in sheets_read:

@@ -61,7 +61,8 @@ def campaign(
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a text, the number of tests done, and the total. While a new
-        campaign is prepared, cases and columns are counted instead.
+        campaign is prepared, cases and columns are counted instead. By default the progress is
+        shown on stderr.
 
     Raises
     ------

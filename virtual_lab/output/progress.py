@@ -1,8 +1,8 @@
 """Progress of long computations: amount done, rate, and time left.
 
-On a terminal one line is updated; in a pipe a line is written every ten seconds, so that a log
-shows that the program is running. While a kernel is compiled, the line names it. Computations of
-less than two seconds show nothing.
+On a terminal and in a notebook one line with a bar is updated; in a pipe a line is written every
+ten seconds, so that a log shows that the program is running. While a kernel is compiled, the line
+names it. Computations of less than two seconds show nothing, and load no tqdm.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from shutil import get_terminal_size
 from typing import Protocol, TextIO
 
-PATIENCE = 2.0  # time before the first line on a terminal [s]
-TERMINAL_STEP, PIPE_STEP = 0.2, 10.0  # times between two lines [s]
-CLEAR_LINE = "\r\x1b[K"
+PATIENCE = 2.0  # time before the first bar [s]
+BAR_STEP, PIPE_STEP = 0.2, 10.0  # times between two bars, and between two lines in a pipe [s]
+COUNTED = "{n_fmt} of {total_fmt}, {rate_fmt}, {remaining} left{postfix}"
+BAR, LINE = f"{{desc}} |{{bar}}| {COUNTED}", f"{{desc}}: {COUNTED}"  # formats of tqdm
 
 
 class Progress(Protocol):
@@ -71,33 +72,54 @@ class _Status:
             self.since, self.first = time.monotonic(), done
         self.text, self.done, self.total = text, done, total
 
-    def line(self) -> str:
-        now = time.monotonic()
-        if not self.total:
-            return f"{self.text or 'working'}, {_duration(now - self.begun)}"
-        line = f"{self.text}: {self.done} of {self.total}"
-        if self.done > self.first and now > self.since:
-            rate = (self.done - self.first) / (now - self.since)
-            remaining = (self.total - self.done) / rate
-            line += f", {_rate(rate)}, {_duration(remaining)} left"
-        return line
+    def line(self, counted: str, width: int | None = None, *, plain: bool = False) -> str:
+        """Return the line of the present task.
+
+        `counted` is the format of tqdm for a task that is counted; any other shows its duration.
+        A bar is as wide as `width` leaves room, and drawn in ASCII if `plain`.
+        """
+        from tqdm import tqdm
+
+        return str(
+            tqdm.format_meter(
+                self.done,
+                self.total,
+                time.monotonic() - (self.since if self.total else self.begun),
+                ncols=width,
+                prefix=self.text or "working",
+                ascii=plain,
+                bar_format=counted if self.total else "{desc}, {elapsed}{postfix}",
+                postfix=_compilation(),
+                initial=self.first,
+            )
+        )
 
 
 def _write(status: _Status, stream: TextIO, over: threading.Event) -> None:
-    terminal = stream.isatty()
-    if over.wait(PATIENCE if terminal else PIPE_STEP):
-        return
+    bar = stream.isatty() or type(stream).__module__.startswith("ipykernel")  # or a notebook
+    write = _write_bar if bar else _write_lines
+    if not over.wait(PATIENCE if bar else PIPE_STEP):
+        with suppress(OSError, ValueError):  # the reader has closed the stream
+            write(status, stream, over)
+
+
+def _write_bar(status: _Status, stream: TextIO, over: threading.Event) -> None:
+    """Update one line with a bar until the end, and remove it."""
+    plain = not (stream.encoding or "utf-8").lower().startswith("utf")
     while True:
-        line = f"… {status.line()}{_compilation()}"
-        if terminal:
-            line = CLEAR_LINE + line[: get_terminal_size().columns - 1]
-        try:
-            print(line, end="" if terminal else "\n", file=stream, flush=True)
-            if over.wait(TERMINAL_STEP if terminal else PIPE_STEP):
-                if terminal:
-                    print(CLEAR_LINE, end="", file=stream, flush=True)
-                return
-        except (OSError, ValueError):  # the reader has closed the stream
+        width = get_terminal_size().columns - 1
+        line = status.line(BAR, width, plain=plain)
+        print("\r" + line[:width].ljust(width), end="", file=stream, flush=True)
+        if over.wait(BAR_STEP):
+            print("\r" + " " * width, end="\r", file=stream, flush=True)
+            return
+
+
+def _write_lines(status: _Status, stream: TextIO, over: threading.Event) -> None:
+    """Write a line every ten seconds until the end."""
+    while True:
+        print(f"… {status.line(LINE)}", file=stream, flush=True)
+        if over.wait(PIPE_STEP):
             return
 
 
@@ -107,17 +129,4 @@ def _compilation() -> str:
         return ""
     from virtual_lab.output.compiling import COMPILED
 
-    return "".join(f", compiling {name} (first run only)" for name in COMPILED.names[:1])
-
-
-def _rate(rate: float) -> str:
-    """Return the rate per second or, for slow work, per minute."""
-    return f"{rate:.3g} per second" if rate >= 1 else f"{60 * rate:.3g} per minute"
-
-
-def _duration(seconds: float) -> str:
-    whole = round(seconds)
-    hours, minutes = divmod(whole // 60, 60)
-    if hours:
-        return f"{hours} h {minutes:02d} min"
-    return f"{minutes} min {whole % 60:02d} s" if minutes else f"{whole} s"
+    return "".join(f"compiling {name} (first run only)" for name in COMPILED.names[:1])

@@ -90,7 +90,8 @@ def clip_coverage(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of clips done, and the total.
+        Function that is called with a text, the number of clips done, and the total. By default the
+        progress is shown on stderr.
 
     Raises
     ------

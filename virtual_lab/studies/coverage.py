@@ -198,7 +198,8 @@ def coverage(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of laboratories done, and the total.
+        Function that is called with a text, the number of laboratories done, and the total. By
+        default the progress is shown on stderr.
 
     Raises
     ------

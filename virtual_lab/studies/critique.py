@@ -259,7 +259,7 @@ def critique(
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a text that names the procedure, the number of bats done, and
-        the total.
+        the total. By default the progress is shown on stderr.
 
     Raises
     ------

@@ -154,7 +154,7 @@ def faults(
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a text that names the procedure and the fault, the number of
-        laboratories done, and the total.
+        laboratories done, and the total. By default the progress is shown on stderr.
 
     Returns
     -------

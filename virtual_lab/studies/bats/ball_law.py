@@ -100,7 +100,8 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     progress
-        Function that is called with a text that names the law and its exponent.
+        Function that is called with a text that names the law and its exponent. By default the
+        progress is shown on stderr.
 
     Raises
     ------

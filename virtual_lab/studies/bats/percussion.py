@@ -204,7 +204,7 @@ def percussion(
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a text, the number of impact positions done in all
-        laboratories, and the total.
+        laboratories, and the total. By default the progress is shown on stderr.
 
     Returns
     -------

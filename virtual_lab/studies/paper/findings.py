@@ -88,7 +88,8 @@ def paper(*, progress: Progress = quiet) -> Findings:
     Parameters
     ----------
     progress
-        Function that is called with a text, the number of claims done, and the total.
+        Function that is called with a text, the number of claims done, and the total. By default
+        the progress is shown on stderr.
     """
     rows: list[Row] = []
     for claim in CLAIMS:

@@ -197,7 +197,8 @@ def twin(
     seed
         Seed of the days.
     progress
-        Function that is called with a text, the number of days or faults done, and the total.
+        Function that is called with a text, the number of days or faults done, and the total. By
+        default the progress is shown on stderr.
 
     Raises
     ------
