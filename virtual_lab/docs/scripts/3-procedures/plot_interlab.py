@@ -1,0 +1,25 @@
+"""
+Why laboratories differ
+=======================
+
+Scatter of laboratories that test one EA70 by bbcor, each factor alone; dashed: reproducibility s_R.
+Normalising removes the effect of lots and store; stiffness of the balls and wall remain.
+"""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pandas as pd
+
+import virtual_lab as vl
+
+folder = Path(vl.__file__).parents[1] / "tests" / "studies"
+table = pd.read_csv(next(folder.glob("interlab-2*.csv")))
+table = table.query("bat == 'ea70' & procedure == 'bbcor'")
+causes = ["lot", "stiffness", "store", "calibration", "wall"]
+figure, panels = plt.subplots(1, 2, sharey=True)
+for axes, result in zip(panels, ["as found", "normalised"], strict=True):
+    spread = 1e3 * table[table["result"] == result].set_index("term")["found"]
+    axes.barh(causes, spread[causes], hatch="//", edgecolor="white")
+    axes.axvline(spread["s_R"], color="C1", linestyle="--")
+    axes.set(title=f"{result}, s_R {spread['s_R']:.1f}", xlabel="sd of BBCOR, 0.001", xlim=(0, 5))
