@@ -234,7 +234,7 @@ def test_a_script_is_played_line_by_line_and_a_wrong_line_is_named(tmp_path: Pat
     path.write_text(json.dumps({"actions": actions}), "utf-8")
     found = vl.rehearse(script=path, seed=3)
     assert found.debrief.value == debrief_by("book").value
-    with pytest.raises(InputError, match=r"day.json: actions\[1\]; .*known"):
+    with pytest.raises(InputError, match=r"day.json: actions\[1\]; .*allowed"):
         by_script({"actions": [{"do": "sing"}]}, "day.json")
     with pytest.raises(InputError, match=r"actions\[2\]"):
         by_script({"actions": [{"do": "tare"}, "tare"]}, "day.json")

@@ -54,7 +54,7 @@ def shown(day: StoredDay, name: str, **given: object) -> dict[str, object]:
 def test_eight_scenarios_ship_and_are_documented() -> None:
     names = catalog.names("bench/scenarios")
     assert len(names) >= 8
-    page = (Path(__file__).parents[2] / "data" / "README.md").read_text("utf-8")
+    page = (Path(__file__).parents[2] / "virtual_lab/docs/scenarios.md").read_text("utf-8")
     assert [name for name in names if f"`{name}`" not in page] == []
 
 
