@@ -19,6 +19,7 @@ import virtual_lab as vl
 from virtual_lab import lab
 from virtual_lab.cli import cli
 from virtual_lab.output import progress as shown_progress
+from virtual_lab.output.dictionary import column_meaning
 from virtual_lab.simulation.instruments import RecordDetail
 
 
@@ -380,8 +381,23 @@ def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
     assert together["procedure"].tolist() == [
         f"astm-f1881 (valid_hits={hits}, attempts={3 * hits})" for hits in (6, 12, 24)
     ]
-    alone = vl.sweep("r161", procedures=variants[1], **said)
-    assert alone.iloc[0].to_dict() == together.iloc[1].to_dict()
+    assert together["valid_hits"].tolist() == [6, 12, 24]
+    assert together["attempts"].tolist() == [18, 36, 72]
+    (alone,) = vl.sweep("r161", procedures=variants[1], **said).to_dict("records")
+    assert alone.items() <= together.iloc[1].to_dict().items()
+
+
+def test_a_sweep_has_a_column_for_each_number_that_varies() -> None:
+    """A tolerance of 1 m/s is 2.237 mph, the unit of the sheet; `valid_hits` does not vary."""
+    base = vl.procedure("astm-f1881").with_(valid_hits=7)
+    key = "windows.speed_tolerance"
+    variants = [base.with_({key: width}) for width in ("3 mph", "1 m/s")]
+    table = vl.sweep("r161", procedures=variants, laboratories=1, seed=0, progress=quiet)
+    assert table[f"{key}_mph"].tolist() == pytest.approx([3, 1 / 0.44704])
+    assert "valid_hits" not in table
+    assert table.attrs["units"][f"{key}_mph"] == "mph"
+    assert [name for name in table if column_meaning(name) is None] == [f"{key}_mph"]
+    assert {*table.attrs["units"]} == {*table.columns}
 
 
 def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:

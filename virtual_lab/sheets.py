@@ -34,8 +34,11 @@ from virtual_lab.parameters import (
 if TYPE_CHECKING:
     import pandas as pd
 
+    from virtual_lab.catalog.reading import Datum
+
 NAMED = ("bats", "balls", "procedures")  # kinds whose changed sheets get another name
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
+CHANGED = "changed"  # source of a number that `Sheet.with_` changed
 LONGEST_TITLE = 200
 LONGEST_NAME = 100
 UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # characters that some system refuses in file names
@@ -78,13 +81,20 @@ class Sheet:
         return str(self.document["title"])
 
     @property
+    def datums(self) -> tuple[Datum, ...]:
+        """The numbers as written in the file, each with unit and source."""
+        from virtual_lab import catalog
+
+        return tuple(catalog.datums(self.document))
+
+    @property
     def numbers(self) -> pd.DataFrame:
         """One row per number: key, value, unit, source, verified, note."""
         import pandas as pd
 
-        from virtual_lab import catalog
+        from virtual_lab.output.dictionary import with_units
 
-        return pd.DataFrame([asdict(each) for each in catalog.datums(self.document)])
+        return with_units(pd.DataFrame([asdict(each) for each in self.datums]))
 
     @property
     def spec(self) -> Any:
@@ -133,9 +143,7 @@ class Sheet:
 
     def _nested_key_error(self, every: Mapping[str, Any]) -> InputError | None:
         """Return the error for a key without its table, if a table of this sheet has this key."""
-        from virtual_lab import catalog
-
-        keys = [datum.key for datum in catalog.datums(self.document)]
+        keys = [datum.key for datum in self.datums]
         for key in every:
             within = [each for each in keys if each.endswith(f".{key}")]
             if within and key not in self.document:
@@ -196,7 +204,7 @@ class Sheet:
 
     def _written(self, old: Any, key: str, value: Any) -> Any:
         """Return a new value in the form in which a file states it."""
-        provenance = {"source": "changed", "verified": False}
+        provenance = {"source": CHANGED, "verified": False}
         if isinstance(value, bool) or (isinstance(value, str) and isinstance(old, str)):
             return value
         number = NUMBER.fullmatch(value) if isinstance(value, str) else None

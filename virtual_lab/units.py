@@ -74,6 +74,24 @@ def suffix(unit: str) -> str:
     return unit.replace("/", "_per_").replace(" ", "_").replace("^", "")
 
 
+def name_with_unit(name: str, unit: str) -> str:
+    """Return the name of a column whose numbers are in `unit`; "" and "1" are left out."""
+    return f"{name}_{suffix(unit)}" if unit not in ("", "1") else name
+
+
+def convert(value: float, unit: str, target: str) -> float:
+    """Return `value`, which is in `unit`, in the unit `target` of the same dimension.
+
+    Units are those of `DIMENSIONS`. Raises `ValueError` for units of different dimensions.
+    """
+    if unit == target:
+        return value
+    for sizes in DIMENSIONS.values():
+        if unit in sizes and target in sizes:
+            return value * sizes[unit] / sizes[target]
+    raise ValueError(f"{unit} and {target} are units of different dimensions")
+
+
 def miles_per_hour(speed: float) -> float:
     """Return a speed [m/s] in mph."""
     return speed / MPH

@@ -22,12 +22,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import virtual_lab as vl
-from tests.campaigns.conftest import KEY, STUDY, begun, contents, part
+from tests.campaigns.conftest import COLUMN, KEY, STUDY, begun, contents, part
 from virtual_lab import catalog, lab
 from virtual_lab.campaigns import workers
 from virtual_lab.campaigns.folder import PARTS, Campaign
+from virtual_lab.campaigns.summary import VERDICTS
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
+from virtual_lab.output.dictionary import COLUMNS, column_meaning
 
 
 @pytest.mark.parametrize("repeat", [0, 1])
@@ -39,15 +41,15 @@ def test_a_row_is_the_laboratory_of_its_number_and_day(made: Path, repeat: int) 
         tested = lab.by_the_book(lab.Laboratory.open(setup)).of(0)
     found = vl.Campaign.open(made).table
     (row,) = found[
-        (found["repeat"] == repeat) & (found["number"] == 3) & (found[KEY] == 0.1)
+        (found["repeat"] == repeat) & (found["laboratory"] == 3) & (found[COLUMN] == 0.1)
     ].to_dict("records")
     metric = tested.certification.metric
     assert metric is not None
     assert row["bat"] == "r161"
     assert row["procedure"] == "astm-f1881"
     assert row["verdict"] == tested.certification.verdict.value
-    assert row["flags"].split() == [flag.name for flag in tested.certification.flags]
-    for name, value in (("metric", metric.value), ("u", metric.u), ("dof", metric.dof)):
+    assert row["flag_names"].split() == [flag.name for flag in tested.certification.flags]
+    for name, value in (("value", metric.value), ("u", metric.u), ("dof", metric.dof)):
         assert row[name] == pytest.approx(value, rel=1e-9), name
     assert (row["low"], row["high"]) == pytest.approx(metric.interval_95, rel=1e-9)
     assert row["true"] == pytest.approx(tested.sealed.measurand["metric"], rel=1e-9)
@@ -68,14 +70,37 @@ def changed_gates(distance_u_mm: float) -> str:
 def test_a_column_states_its_unit_and_meaning(made: Path) -> None:
     schema = pq.read_schema(part(made, 0))
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
-    assert units["verdict"] == units["number"] == ""
-    assert units["metric"] == units["u"] == units["contribution.hits"] == "1"
-    assert units[KEY] == "mm"
+    assert units["verdict"] == units["laboratory"] == ""
+    assert units["value"] == units["u"] == units["contribution.hits"] == "1"
+    assert units[COLUMN] == "mm"
     meanings = {field.name: field.metadata[b"meaning"].decode() for field in schema}
     assert all(meanings.values())
     assert meanings["contribution.hits"] == "contribution of hits to u"
-    assert meanings["ball_restitution_u"] == "standard uncertainty of ball restitution"
-    assert meanings["u"] == "standard uncertainty of the metric"
+    assert (
+        meanings["ball_restitution_u"]
+        == f"standard uncertainty: {COLUMNS['ball_restitution'].meaning}"
+    )
+    assert meanings["u"] == COLUMNS["u"].meaning
+
+
+def test_each_column_of_a_campaign_is_in_the_dictionary(made: Path) -> None:
+    """That of a changed key is described by its sheet."""
+    table = vl.Campaign.open(made).table
+    unknown = [name for name in table if column_meaning(name) is None]
+    assert unknown == [COLUMN]
+    units = table.attrs["units"]
+    assert list(units) == list(table.columns)
+    assert (units["value"], units["bat"], units[COLUMN]) == ("1", "", "mm")
+    summary = vl.Campaign.open(made).summary().table
+    assert [name for name in summary if column_meaning(name) is None] == [COLUMN]
+    assert summary.attrs["units"]["sd"] == "1"
+
+
+def test_numbers_of_a_changed_key_have_the_unit_of_its_sheet(tmp_path: Path) -> None:
+    """0.1 mm and 0.005 in are columns of millimetres."""
+    study = {"bats": "r161", "procedures": "astm-f1881", "laboratories": 1, "seed": 1}
+    vl.campaign({**study, "change": {KEY: ["0.1 mm", "0.005 in"]}}, tmp_path / "c")
+    assert vl.Campaign.open(tmp_path / "c").table[COLUMN].tolist() == pytest.approx([0.1, 0.127])
 
 
 def test_a_metric_that_is_a_speed_keeps_its_unit(tmp_path: Path) -> None:
@@ -84,11 +109,11 @@ def test_a_metric_that_is_a_speed_keeps_its_unit(tmp_path: Path) -> None:
     vl.campaign(study, tmp_path / "c")
     schema = pq.read_schema(part(tmp_path / "c", 0))
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}
-    assert units["metric"] == units["low"] == units["contribution.hits"] == "m/s"
+    assert units["value"] == units["low"] == units["contribution.hits"] == "m/s"
     assert units["metric_of_continuous_curve_true"] == "m/s"
     assert units["restitution"] == units["dof"] == "1"
     table = vl.Campaign.open(tmp_path / "c").table
-    assert table["metric"].between(35, 50).all()
+    assert table["value"].between(35, 50).all()
 
 
 def test_a_test_without_a_result_is_blank(tmp_path: Path) -> None:
@@ -98,7 +123,7 @@ def test_a_test_without_a_result_is_blank(tmp_path: Path) -> None:
     vl.campaign(study, tmp_path / "c")
     table = vl.Campaign.open(tmp_path / "c").table
     assert (table["verdict"] == "INVALID").all()
-    blank = table[["metric", "u", "low", "true", "restitution", "contribution.hits"]]
+    blank = table[["value", "u", "low", "true", "restitution", "contribution.hits"]]
     assert blank.isna().all(axis=None)
     (row,) = vl.Campaign.open(tmp_path / "c").summary()
     assert (row["tests"], row["mean"], row["coverage"]) == (3, None, None)
@@ -267,17 +292,18 @@ def test_the_summary_agrees_with_the_table(made: Path) -> None:
     """The oracle is pandas; the variance within a laboratory is half the squared difference."""
     summary = vl.Campaign.open(made).summary()
     table = vl.Campaign.open(made).table
-    for row, (_, own) in zip(summary, table.groupby(KEY), strict=True):
+    for row, (_, own) in zip(summary, table.groupby(COLUMN), strict=True):
         sound = own[own["verdict"] != "INVALID"]
-        error = sound["metric"] - sound["true"]
+        error = sound["value"] - sound["true"]
         held = (sound["true"] >= sound["low"]) & (sound["true"] <= sound["high"])
-        pairs = sound.pivot_table(index="number", columns="repeat", values="metric")
+        pairs = sound.pivot_table(index="laboratory", columns="repeat", values="value")
         within = np.sqrt(((pairs[0] - pairs[1]) ** 2 / 2).mean())
         assert row["tests"] == 12
-        assert row["verdicts"] == own["verdict"].value_counts().sort_index().to_dict()
+        counts = own["verdict"].value_counts()
+        assert all(row[f"verdict_{name}"] == counts.get(name, 0) for name in VERDICTS)
         stated = {
-            "mean": sound["metric"].mean(),
-            "sd": sound["metric"].std(),
+            "mean": sound["value"].mean(),
+            "sd": sound["value"].std(),
             "sd_within": within,
             "rms_u": np.sqrt((sound["u"] ** 2).mean()),
             "bias": error.mean(),
@@ -336,6 +362,11 @@ def other_version(folder: Path) -> None:
     path.write_text(path.read_text("utf-8").replace('"program": "', '"program": "9'), "utf-8")
 
 
+def other_schema(folder: Path) -> None:
+    stamp = json.loads((folder / "campaign.json").read_text("utf-8"))
+    (folder / "campaign.json").write_text(json.dumps({**stamp, "schema": 2}), "utf-8")
+
+
 def other_seed(folder: Path) -> None:
     (folder / "study.toml").write_text(STUDY.replace("seed = 5", "seed = 6"), "utf-8")
 
@@ -349,6 +380,7 @@ def no_study(folder: Path) -> None:
     [
         (foreign_file, "no part of this campaign"),
         (other_version, "of another version"),
+        (other_schema, "schema = 2; this version reads only schema 3; begin the campaign in a new"),
         (other_seed, "digest"),
         (no_study, "cannot be read"),
     ],
@@ -485,10 +517,10 @@ def test_the_study_of_the_docs_can_be_used_and_its_lines_read_the_parts(
     exec(block_of_docs("python").splitlines()[0], names)
     table = names["table"]
     pd.testing.assert_frame_equal(table, vl.Campaign.open(tmp_path / "million").table)
-    assert list(table.columns[:6]) == ["bat", "procedure", *KEYS_OF_DOCS, "repeat", "number"]
+    assert list(table.columns[:6]) == ["bat", "procedure", *COLUMNS_OF_DOCS, "repeat", "laboratory"]
 
 
-KEYS_OF_DOCS = ["impact.gates.distance_u", "impact.pivot.from_knob_u"]
+COLUMNS_OF_DOCS = ["impact.gates.distance_u_mm", "impact.pivot.from_knob_u_mm"]
 
 
 def test_campaign_commands_check_resume_and_summarize(
@@ -501,9 +533,9 @@ def test_campaign_commands_check_resume_and_summarize(
     assert json.loads(capsys.readouterr().out)["made"] == 1
     assert cli.main(["campaign", "summary", str(copy), "--json"], standalone_mode=False) == 0
     rows = json.loads(capsys.readouterr().out)
-    assert [row["change"] for row in rows] == [{KEY: 0.05}, {KEY: 0.1}]
+    assert [row[COLUMN] for row in rows] == [0.05, 0.1]
     assert cli.main(["campaign", "summary", str(copy)], standalone_mode=False) == 0
-    assert f"{KEY} 0.05" in capsys.readouterr().out
+    assert COLUMN in capsys.readouterr().out
 
 
 HUGE = """

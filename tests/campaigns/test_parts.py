@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import virtual_lab as vl
-from tests.campaigns.conftest import KEY, part
+from tests.campaigns.conftest import COLUMN, KEY, part
 from virtual_lab.campaigns import digests, parts
 from virtual_lab.campaigns.folder import Campaign
 from virtual_lab.campaigns.parts import Block, write_part
@@ -62,7 +62,7 @@ def test_a_column_is_blank_where_the_test_has_no_such_number(mixed: Path) -> Non
     """Only a scan has a curve, and distances without uncertainty contribute nothing."""
     table = vl.Campaign.open(mixed).table
     blank = {name: table[table[name].isna()] for name in table}
-    one_place, two_gates = table["procedure"] == "astm-f1881", table[KEY] == 0
+    one_place, two_gates = table["procedure"] == "astm-f1881", table[COLUMN] == 0
     for name, rows in (
         ("metric_of_continuous_curve_true", one_place),
         ("contribution.impact.gates.height_0", one_place),
@@ -78,7 +78,7 @@ def test_units_of_a_study_of_two_metrics_stand_in_the_parts(mixed: Path) -> None
         {field.name: field.metadata[b"unit"].decode() for field in pq.read_schema(path)}
         for path in sorted((mixed / "parts").iterdir())
     ]
-    assert [own["metric"] for own in units] == ["1", "1", "m/s", "m/s"]
+    assert [own["value"] for own in units] == ["1", "1", "m/s", "m/s"]
     assert {own["metric_of_continuous_curve_true"] for own in units} == {"m/s"}
     assert Campaign.open(mixed).check().missing == {}
 
@@ -103,8 +103,8 @@ def test_blocks_of_a_case_have_laboratories_one_after_another(
     monkeypatch.setattr("virtual_lab.campaigns.folder.ROWS", 4)
     assert vl.campaign(study, tmp_path / "two").parts == 2
     two = vl.Campaign.open(tmp_path / "two").table
-    assert list(two["number"]) == [0, 1, 2, 3, 4, 5]
-    assert two["metric"].nunique() == 6
+    assert list(two["laboratory"]) == [0, 1, 2, 3, 4, 5]
+    assert two["value"].nunique() == 6
     pd.testing.assert_frame_equal(one, two, rtol=1e-9)
 
 
@@ -172,8 +172,8 @@ def plain_words(text: str) -> Callable[[Path], None]:
 
 
 DAMAGE = {
-    "a metric of 99": (rewritten(with_column("metric", [99.0])), "changed after it was made"),
-    "text for a number": (rewritten(with_column("metric", ["99"])), "changed after it was made"),
+    "a metric of 99": (rewritten(with_column("value", [99.0])), "changed after it was made"),
+    "text for a number": (rewritten(with_column("value", ["99"])), "changed after it was made"),
     "no verdict": (rewritten(with_column("verdict", [None])), "changed after it was made"),
     "two columns": (rewritten(lambda table: table.select(["u", "low"])), "changed after"),
     "the same numbers": (rewritten(lambda table: table), "changed after it was made"),
@@ -236,7 +236,7 @@ def test_every_bit_of_a_footer_counts(copy: Path) -> None:
 
 def renamed(table: pa.Table) -> pa.Table:
     return table.rename_columns(
-        ["oetric" if name == "metric" else name for name in table.column_names]
+        ["oalue" if name == "value" else name for name in table.column_names]
     )
 
 
@@ -253,7 +253,7 @@ def other_unit(table: pa.Table) -> pa.Table:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (renamed, "metric, oetric"),
+        (renamed, "value, oalue"),
         (other_type, "of the study: u"),
         (other_unit, "of the study: u"),
         (lambda table: table.drop_columns(["u"]), "of the study: u"),
@@ -283,7 +283,7 @@ def test_an_edited_sheet_or_column_of_the_folder_is_refused(key: str, copy: Path
         )
         assert stamp["sheets"]["instruments/pivot-gates"] != text
     else:
-        stamp["layouts"]["astm-f1881"]["metric"] = ["double", "m"]
+        stamp["layouts"]["astm-f1881"]["value"] = ["double", "m"]
     path.write_text(json.dumps(stamp), "utf-8")
     part(copy, 0).unlink()
     with pytest.raises(InputError, match=r"digest = .*changed"):
@@ -295,8 +295,8 @@ def test_the_summary_tells_above_from_below() -> None:
     table = pa.table(
         {
             "verdict": ["PASS"] * 4,
-            "flags": [""] * 4,
-            "metric": [1.0, 1.0, 1.0, 1.0],
+            "flag_names": [""] * 4,
+            "value": [1.0, 1.0, 1.0, 1.0],
             "u": [0.1] * 4,
             "low": [0.8] * 4,
             "high": [1.2] * 4,
@@ -309,6 +309,6 @@ def test_the_summary_tells_above_from_below() -> None:
         wrong="",
         table=table.select,
     )
-    row = summary_of(case, [whole])
+    row = summary_of(case, {}, "", [whole])
     assert (row["above"], row["below"], row["coverage"]) == (0.5, 0.25, 0.25)
     assert row["bias"] == pytest.approx(-0.0625)

@@ -674,7 +674,9 @@ def sweep(
         INVALID, else empty), ``metric`` (its symbol) and its ``unit``. ``value``, ``u``, ``low``
         and ``high`` of the 95 % interval, ``true`` and ``error`` (value minus true) are in this
         unit. For e_A, e, r, e0 the value, its u and the true value (``restitution``,
-        ``restitution_u``, ``restitution_true``, …). A test without a result has NaN.
+        ``restitution_u``, ``restitution_true``, …). A test without a result has NaN. For each
+        number that differs between changed sheets there is a column with the key and its unit, such
+        as ``windows.speed_tolerance_mph``. ``attrs["units"]`` has the units of all columns.
 
     Raises
     ------

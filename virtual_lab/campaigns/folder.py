@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 from virtual_lab import catalog
 from virtual_lab.campaigns.account import Account
 from virtual_lab.campaigns.parts import (
+    COLUMN_SCHEMA,
     NOT_MADE,
     PROGRAM,
     ROWS,
@@ -25,10 +26,17 @@ from virtual_lab.campaigns.parts import (
     read_part,
 )
 from virtual_lab.campaigns.study import Study, StudyCase
-from virtual_lab.campaigns.summary import SUMMARY_COLUMNS, SUMMARY_WORDS, summary_of
+from virtual_lab.campaigns.summary import (
+    SUMMARY_WORDS,
+    summary_columns,
+    summary_of,
+    with_all_flags,
+)
+from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_json, read_toml
+from virtual_lab.output.dictionary import PER_ROW
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 
@@ -63,6 +71,12 @@ class Campaign:
         """
         path, study = Path(folder) / STAMP, read_study(Path(folder) / STUDY)
         stamp = read_json(path)
+        if stamp.get("schema") != COLUMN_SCHEMA:
+            allowed = (
+                f"this version reads only schema {COLUMN_SCHEMA}; begin the campaign in a new "
+                "folder (the parts here remain Parquet files)"
+            )
+            raise InputError(str(path), "schema", stamp.get("schema"), allowed)
         stamped = {key: stamp.get(key, {}) for key in ("sheets", "layouts")}
         campaign = cls(folder=Path(folder), study=study, **stamped)
         for key, value in {**PROGRAM, "digest": campaign.digest}.items():
@@ -223,25 +237,46 @@ class Campaign:
         """
         numbers = range(self.blocks)
         cases = groupby(self.states(numbers, whole=True), key=lambda part: part.block.case)
-        rows = [summary_of(case, parts) for case, parts in cases]
+        rows, changed = [], dict[str, Any]()
+        for case, parts in cases:
+            changed = self._changed(case)
+            unit = self.layouts[case.procedure]["value"][1].removeprefix("1")
+            rows.append(summary_of(case, changed, unit, parts))
         title = "{laboratories} laboratories of seed {seed}, tests in each: {repeats}"
         about = {"title": title.format_map(asdict(self.study)), "words": SUMMARY_WORDS}
-        return Rows(name="campaign", rows=rows, columns=SUMMARY_COLUMNS, **about)
+        columns = summary_columns(changed)
+        return Rows(name="campaign", rows=with_all_flags(rows), columns=columns, **about)
+
+    def _changed(self, case: StudyCase) -> dict[str, Any]:
+        """Return the values of the changed keys of a case by name of the column."""
+        texts = {cast("Key", tuple(key.split("/", 1))): text for key, text in self.sheets.items()}
+        with catalog.sheets_in_place(texts):
+            return {name: value for name, (value, _) in case.apply_changes()[1].items()}
 
     @property
     def table(self) -> pd.DataFrame:
         """All tests made so far, one row per test, without those in damaged parts.
 
-        If there are none, the table has columns but no rows.
+        If there are none, the table has columns but no rows. ``attrs["units"]`` has the units of
+        the columns; a unit that depends on the procedure is ``of the row``.
         """
         import pandas as pd
         import pyarrow as pa
 
         parts = (self.part(number, whole=True) for number in self.numbers_there())
         tables = [part.table() for part in parts if not part.wrong]
-        if not tables:
-            return pd.DataFrame(columns=list(next(iter(self.layouts.values()))))
-        return cast("pd.DataFrame", pa.concat_tables(tables).to_pandas())
+        table = (
+            cast("pd.DataFrame", pa.concat_tables(tables).to_pandas())
+            if tables
+            else pd.DataFrame(columns=list(next(iter(self.layouts.values()))))
+        )
+        units = {
+            name: {layout[name][1] for layout in self.layouts.values()} for name in table.columns
+        }
+        table.attrs["units"] = {
+            name: each.pop() if len(each) == 1 else PER_ROW for name, each in units.items()
+        }
+        return table
 
     def __repr__(self) -> str:
         return f"<Campaign of {len(self.cases)} cases in {self.blocks} blocks, {self.folder}>"

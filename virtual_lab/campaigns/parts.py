@@ -31,6 +31,7 @@ from virtual_lab.files import parse_json, whole_file
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.measurement.procedure.model import AS_FOUND
+from virtual_lab.output.dictionary import column_meaning
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
 from virtual_lab.uncertainty.budget import coverage_factors
@@ -39,27 +40,14 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS = 8192  # largest number of laboratories per part: at least a second of work for a worker
-PROGRAM = {"program": VERSION, "schema": 2}  # version of program and columns
+COLUMN_SCHEMA = 3  # of the columns; parts of another schema are not read
+PROGRAM = {"program": VERSION, "schema": COLUMN_SCHEMA}  # version of program and columns
 FIRST = 4  # number of laboratories whose tests show the columns of a study
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
 ABOUT = b"virtual-lab"  # metadata key of a part's description
 NOT_MADE = "not made"
 LONGEST_REASON = 100  # length of the reason why a part is faulty [characters]
 CONTRIBUTION = "contribution."  # prefix of the columns of the sources of uncertainty
-MEANINGS = {  # meaning of the columns that every part has
-    "bat": "name of the bat",
-    "procedure": "name of the procedure",
-    "repeat": "number of the day",
-    "number": "number of the laboratory",
-    "verdict": "verdict of the test",
-    "flags": "names of the flags, separated by blanks",
-    "metric": "metric of the procedure",
-    "u": "standard uncertainty of the metric",
-    "low": "lower end of the 95 % coverage interval of the metric",
-    "high": "upper end of the 95 % coverage interval of the metric",
-    "true": "true value of the metric for this laboratory",
-    "dof": "effective degrees of freedom of u",
-}
 Columns = dict[tuple[str, str], NDArray[Any]]  # values, (laboratory,), by name and unit
 PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns, by name
 
@@ -121,14 +109,8 @@ def meaning_of(column: str) -> str:
 
     A column named after a key that the study changes holds the value of this key.
     """
-    if column in MEANINGS:
-        return MEANINGS[column]
-    if column.startswith(CONTRIBUTION):
-        return f"contribution of {column.removeprefix(CONTRIBUTION)} to u"
-    for ending, words in (("_true", "true value"), ("_u", "standard uncertainty")):
-        if (name := column.removesuffix(ending)) != column:
-            return f"{words} of {name.replace('_', ' ')}"
-    return f"value of {column.replace('_', ' ')}"
+    known = column_meaning(column)
+    return known.meaning if known else f"value of {column}"
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
@@ -176,15 +158,21 @@ def _test_block(block: Block, seed: int) -> dict[tuple[str, str], pa.Array]:
     import pyarrow as pa
 
     case, numbers = block.case, np.arange(block.first, block.first + block.rows)
-    texts, units = case.apply_changes()
+    texts, changed = case.apply_changes()
     with catalog.sheets_in_place(texts):
         shared = case.round_robin(seed, block.repeat)
         parts = [_columns(each) for each in shared.blocks(block.rows, seed, block.first)]
-    same = {"bat": case.bat, "procedure": case.procedure, **case.change, "repeat": block.repeat}
-    columns = {
-        (name, units.get(name, "")): pa.repeat(value, block.rows) for name, value in same.items()
+    metric = METRICS[shared.setup.rules.spec.metric]
+    same = {
+        ("bat", ""): case.bat,
+        ("procedure", ""): case.procedure,
+        **{(name, unit): value for name, (value, unit) in changed.items()},
+        ("repeat", ""): block.repeat,
     }
-    columns["number", ""] = pa.array(numbers)
+    columns = {key: pa.repeat(value, block.rows) for key, value in same.items()}
+    columns["laboratory", ""] = pa.array(numbers)
+    columns["metric", ""] = pa.repeat(metric.symbol, block.rows)
+    columns["unit", ""] = pa.repeat(metric.si_unit, block.rows)
     for key in dict.fromkeys(key for part in parts for key in part):
         # a quantity without uncertainty contributes nothing and has no column in this part
         values = [part[key] if key in part else 0 * part["u", key[1]] for part in parts]
@@ -205,7 +193,7 @@ def _columns(tested: BlockTest) -> Columns:
         metric.value + half_width,
         true.pop("metric"),
     )
-    names = ("metric", "u", "low", "high", "true")
+    names = ("value", "u", "low", "high", "true")
     columns: Columns = {
         (name, unit): values for name, values in zip(names, metric_columns, strict=True)
     }
@@ -224,7 +212,7 @@ def _columns(tested: BlockTest) -> Columns:
         flags[where] = [f"{earlier_flags} {name}".strip() for earlier_flags in flags[where]]
     verdicts = np.array([verdict.value for verdict in certified.verdicts], object)
     blanked = {key: np.where(certified.some, values, np.nan) for key, values in columns.items()}
-    return {("verdict", ""): verdicts, ("flags", ""): flags, **blanked}
+    return {("verdict", ""): verdicts, ("flag_names", ""): flags, **blanked}
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:

@@ -8,6 +8,7 @@ from itertools import product
 from math import prod
 from typing import Annotated, TypeAlias
 
+import numpy as np
 from annotated_types import Ge, Le, MinLen
 
 from virtual_lab import catalog
@@ -17,8 +18,9 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.sheets import sheet_at
+from virtual_lab.sheets import Sheet, sheet_at
 from virtual_lab.streams import LABORATORIES, LARGEST_SEED
+from virtual_lab.units import name_with_unit
 
 MOST_CASES, MOST_REPEATS = 10_000, 1_000
 # new value of a key: numbers in the unit of the sheet, or a text, which may contain a unit
@@ -82,26 +84,31 @@ class StudyCase:
     individual: bool
     change: Mapping[str, Value]
 
-    def apply_changes(self) -> tuple[dict[Key, str], dict[str, str]]:
-        """Return the texts of the changed sheets, and the unit of each changed key.
+    def apply_changes(self) -> tuple[dict[Key, str], dict[str, tuple[Value, str]]]:
+        """Return the texts of the changed sheets, and value and unit of each changed key.
+
+        Values and units are by name of the column: the key, and its unit unless that is 1. A
+        number is in the unit of the unchanged sheet; a text has the unit "".
 
         Raises `InputError` if no rig of the procedure and no instrument of these rigs has the key.
         """
         setup = TestSetup.of(self.bat, procedure=self.procedure)
-        texts, units = dict[Key, str](), dict[str, str]()
+        texts, columns = dict[Key, str](), dict[str, tuple[Value, str]]()
         for key, value in self.change.items():
             with catalog.sheets_in_place(texts):
                 rigs = {stage.value: rig for stage, rig in setup.rigs.items()}
                 try:
                     sheet, sheet_key = sheet_at(rigs, key)
-                    texts[sheet.kind, sheet.name] = sheet.with_({sheet_key: value}).text
-                except InputError as fault:
+                    changed = sheet.with_({sheet_key: value})
+                    number = _number_of(sheet, sheet_key, changed)
+                except ValueError as fault:
                     raise InputError("study", f"change.{key}", value, str(fault)) from fault
-            stated = [
-                datum.unit for datum in catalog.datums(sheet.document) if datum.key == sheet_key
-            ]
-            units[key] = "" if isinstance(value, str) else "".join(stated)
-        return texts, units
+            texts[sheet.kind, sheet.name] = changed.text
+            if number is None:
+                columns[key] = (value, "")
+            else:
+                columns[name_with_unit(key, number[1])] = number
+        return texts, columns
 
     def round_robin(self, seed: int, repeat: int = 0) -> RoundRobin:
         """Return the laboratories of this case on a day, with the changed sheets in place.
@@ -115,3 +122,16 @@ class StudyCase:
             raise InputError("", "procedure", self.procedure, allowed)
         shared.laboratory(seed)  # loads all sheets and checks that they fit together
         return replace(shared, setup=replace(shared.setup, test=repeat or None, same_bat=True))
+
+
+def _number_of(sheet: Sheet, key: str, changed: Sheet) -> tuple[Value, str] | None:
+    """Return the number of a changed sheet in the unit of `sheet`, and this unit.
+
+    The number may be a list; the result is None for a key that is no number. Raises `ValueError`
+    for a unit of another dimension.
+    """
+    before, now = ([each for each in one.datums if each.key == key] for one in (sheet, changed))
+    if not (before and now):
+        return None
+    unit = before[0].unit
+    return np.asarray(now[0].in_unit(unit), float).tolist(), unit

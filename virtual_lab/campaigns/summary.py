@@ -18,23 +18,43 @@ SUMMARY_WORDS = """\
 Metric in SI, tests that are not INVALID. sd within: from day to day in a laboratory. bias: mean of
 measured minus true value, and its standard error. coverage: 95 % intervals with the true value, its
 confidence interval (Clopper-Pearson), and true values above and below the interval."""
-READ = ["verdict", "flags", "metric", "u", "low", "high", "true"]
-COUNTS = ["bat", "procedure", "change", "tests", "missing", "verdicts", "flags"]
+READ = ["verdict", "flag_names", "value", "u", "low", "high", "true"]
+VERDICTS = ("PASS", "FAIL", "MEASURED", "INVALID")
 STATISTICS = ["mean", "sd", "sd_within", "rms_u", "bias", "bias_se", "coverage"]
 STATISTICS += ["coverage_low", "coverage_high", "above", "below"]
 
 
-def _list_counts(key: str) -> Callable[[Mapping[str, Any]], str]:
-    return lambda row: ", ".join(f"{name} {value}" for name, value in row[key].items())
+def _list_counts(kind: str) -> Callable[[Mapping[str, Any]], str]:
+    """Return a function of a row that lists its counts above 0 of verdicts or flags."""
+    return lambda row: ", ".join(
+        f"{name.removeprefix(kind)} {count}"
+        for name, count in row.items()
+        if name.startswith(kind) and count
+    )
 
 
-SUMMARY_COLUMNS = {key: Column(key.replace("_", " "), form=".5g") for key in COUNTS + STATISTICS}
-SUMMARY_COLUMNS |= {
-    key: Column(key, form=_list_counts(key)) for key in ("change", "verdicts", "flags")
-}
+def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
+    """Return the printed columns of a summary; `changed` are the columns of the changed keys."""
+    keys = ["bat", "procedure", *changed, "tests", "missing"]
+    return {
+        **{key: Column(key, form=".5g") for key in keys},
+        "verdicts": Column("verdicts", form=_list_counts("verdict_")),
+        "flags": Column("flags", form=_list_counts("flag_")),
+        **{key: Column(key.replace("_", " "), form=".5g") for key in STATISTICS},
+    }
 
 
-def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
+def with_all_flags(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows of a summary with a count of each flag that any of them has."""
+    names = sorted({name for row in rows for name in row if name.startswith("flag_")})
+    plain = [{name: row[name] for name in row if name not in names} for row in rows]
+    counts = [{name: row.get(name, 0) for name in names} for row in rows]
+    return [one | count for one, count in zip(plain, counts, strict=True)]
+
+
+def summary_of(
+    case: StudyCase, changed: Mapping[str, Any], unit: str, parts: Iterable[Part]
+) -> dict[str, Any]:
     """Return the row of one case: numbers of tests, verdicts and flags, and statistics in SI units.
 
     The tests of a faulty part are counted as missing. A statistic is None if too few tests have a
@@ -44,6 +64,10 @@ def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
     ----------
     case
         Combination of bat, procedure and changed settings.
+    changed
+        Values of the changed settings by name of the column.
+    unit
+        SI unit of the metric; "" for a pure number.
     parts
         Parts of the case, with the content of their files, sorted by laboratories and day.
     """
@@ -69,12 +93,19 @@ def summary_of(case: StudyCase, parts: Iterable[Part]) -> dict[str, Any]:
             sums[:7] += [np.sum(term) for term in terms]
             of_days.append(np.where(sound, numbers[0] - about, np.nan))
         sums[7:] += _within(of_days)
-    tests, counts = verdicts.total(), [dict(sorted(each.items())) for each in (verdicts, flags)]
-    counts_row = (case.bat, case.procedure, dict(case.change), tests, missing, *counts)
+    tests = verdicts.total()
     statistics = _statistics(tests - verdicts["INVALID"], about, sums)
-    return dict(zip(COUNTS, counts_row, strict=True)) | dict(
-        zip(STATISTICS, statistics, strict=True)
-    )
+    return {
+        "bat": case.bat,
+        "procedure": case.procedure,
+        **changed,
+        "tests": tests,
+        "missing": missing,
+        **{f"verdict_{name}": verdicts[name] for name in VERDICTS},
+        "unit": unit,
+        **dict(zip(STATISTICS, statistics, strict=True)),
+        **{f"flag_{name}": count for name, count in flags.items()},
+    }
 
 
 def _within(of_days: Sequence[Array]) -> tuple[float, float]:

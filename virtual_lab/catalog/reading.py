@@ -32,6 +32,7 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml, read_text
 from virtual_lab.parameters import Kind
+from virtual_lab.units import convert
 
 DATA = Path(str(files("virtual_lab.data")))
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -49,6 +50,12 @@ class Datum:
     source: str
     verified: bool
     note: str = ""
+
+    def in_unit(self, unit: str) -> Any:
+        """Return the number, or the list of numbers, in another unit of the same dimension."""
+        if isinstance(self.value, list | tuple):
+            return tuple(convert(each, self.unit, unit) for each in self.value)
+        return convert(self.value, self.unit, unit)
 
 
 @dataclass(frozen=True, slots=True)

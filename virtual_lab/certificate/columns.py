@@ -15,7 +15,7 @@ from virtual_lab.files.column_units import unit_of
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadings
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.units import suffix
+from virtual_lab.units import name_with_unit
 
 Getter = Callable[[Certification], Any]
 
@@ -253,6 +253,5 @@ def shot_columns(metric: str) -> dict[str, ShotColumn]:
 
     `metric` is the name of the procedure's metric, which is part of some column names.
     """
-    unit = METRICS[metric].si_unit
-    metric_name = f"{metric}_{suffix(unit)}" if unit else metric
+    metric_name = name_with_unit(metric, METRICS[metric].si_unit)
     return {each.name.format(metric_name): each for each in SHOTS}

@@ -71,13 +71,25 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "sensitivity": _M("change of the result per unit of the component", PER_ROW),
     "contribution": _M("contribution of the component to u of the result", PER_ROW),
     "share_percent": _M("share of the component in the square of u"),
+    "metric_of_continuous_curve": _M("maximum of the exact curve along the barrel", PER_ROW),
+    "metric_as_found": _M("metric before the correction for the balls", PER_ROW),
+    "width_m": _M("width of the curve along the barrel at the stated drop"),
+    # a sheet of the catalog
+    "source": _M("source of the number or of the term", WORDS),
+    "verified": _M("whether somebody read the number in the source itself", WORDS),
+    "note": _M("note", WORDS),
     # comparison of a result folder with its records
     "file": _M("name of the file", WORDS),
-    "key": _M("key, column or line within the file", WORDS),
+    "key": _M("key, column or line in a file", WORDS),
     "stated": _M("content of the file", WORDS),
     "expected": _M("content by the rest of the folder or by this program", WORDS),
     "state": _M("altered, or differs if another program made it", WORDS),
-    # coverage over many laboratories
+    # statistics over many laboratories
+    "tests": _M("number of tests", WORDS),
+    "missing": _M("number of tests without a sound part", WORDS),
+    "mean": _M("mean of the value", PER_ROW),
+    "sd": _M("standard deviation of the value", PER_ROW),
+    "sd_within": _M("standard deviation of the value within a laboratory", PER_ROW),
     "laboratories": _M("number of laboratories with a result", WORDS),
     "invalid": _M("number of laboratories with an INVALID test", WORDS),
     "rejected": _M("share of hits that the procedure rejected"),
@@ -92,6 +104,9 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "expected_bias": _M("bias that the method is expected to have", PER_ROW),
 }
 PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on the table
+    "contribution.*": _M("contribution of * to u", PER_ROW),
+    "verdict_*": _M("number of tests with the verdict *", WORDS),
+    "flag_*": _M("number of tests with the flag *", WORDS),
     "coverage_by_u_*": _M("coverage of tenth * of the laboratories, smallest u first"),
     "coverage_by_dof_*": _M("coverage of tenth * of the laboratories, fewest dof first"),
 }

@@ -14,9 +14,12 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import QUANTITIES
+from virtual_lab.output.dictionary import with_units
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.sheets import CHANGED, Sheet
 from virtual_lab.uncertainty.budget import interval_95
+from virtual_lab.units import name_with_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,6 +78,9 @@ def sweep_tests(
     catalog.require_own_names("bats", [catalog.load_bat(each).spec.name for each in bats])
     rules = [catalog.load("procedures", each, Procedure).spec.name for each in procedures]
     catalog.require_own_names("procedures", rules)
+    of_bats, units_of_bats = changed_numbers("bats", bats)
+    of_procedures, units = changed_numbers("procedures", procedures)
+    units = units_of_bats | units
     rows: list[dict[str, Any]] = []
     take = partial(_rows, keep=keep)
     total = len(bats) * len(procedures) * laboratories
@@ -82,16 +88,56 @@ def sweep_tests(
         for procedure in procedures:
             round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
             name, first = round_robin.setup.bat.spec.name, len(rows)
+            keys = {**of_bats[bat], **of_procedures[procedure]}
             for part in round_robin.each_block(take, laboratories, seed, workers):
                 rows += [
-                    {"bat": name, **row, "laboratory": len(rows) - first + number}
+                    {"bat": name, **keys, **row, "laboratory": len(rows) - first + number}
                     for number, row in enumerate(part)
                 ]
                 progress("tests", len(rows), total)
-    return pd.DataFrame(rows)[[*LEADING, *(name for name in rows[0] if name not in LEADING)]]
+    leading = ["bat", "procedure", *units, "laboratory", "verdict", "reason", "metric", "unit"]
+    table = pd.DataFrame(rows)
+    table = with_units(table[[*leading, *(name for name in rows[0] if name not in leading)]])
+    table.attrs["units"] |= units
+    return table
 
 
-LEADING = ["bat", "procedure", "laboratory", "verdict", "reason", "metric", "unit"]
+def changed_numbers(
+    kind: str, names: Sequence[str]
+) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
+    """Return the numbers that differ between changed sheets, by sheet and column, and their units.
+
+    The name of a column is the key, and its unit unless that is 1. The unit is that of the first
+    sheet with the key. A sheet without the key has NaN. A list of numbers is no column.
+
+    Parameters
+    ----------
+    kind
+        ``bats`` or ``procedures``.
+    names
+        Names or paths of the sheets.
+    """
+    found = {name: {each.key: each for each in Sheet.of(kind, name).datums} for name in names}
+    changed = dict.fromkeys(
+        key
+        for datums in found.values()
+        for key, each in datums.items()
+        if each.source == CHANGED and isinstance(each.value, int | float)
+    )
+    columns: dict[str, dict[str, float]] = {name: {} for name in names}
+    units = {}
+    for key in changed:
+        unit = next(datums[key].unit for datums in found.values() if key in datums)
+        values = {
+            name: float(datums[key].in_unit(unit)) if key in datums else nan
+            for name, datums in found.items()
+        }
+        if len({*values.values()}) > 1:
+            column = name_with_unit(key, unit)
+            units[column] = unit
+            for name, value in values.items():
+                columns[name][column] = value
+    return columns, units
 
 
 def _rows(

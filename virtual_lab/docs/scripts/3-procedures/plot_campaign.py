@@ -16,7 +16,7 @@ import virtual_lab as vl
 
 study = {"bats": ["r161"], "procedures": ["bbcor"], "laboratories": 2000, "seed": 1}
 vl.campaign(study, folder := mkdtemp() + "/tests")
-query = f"select (metric - \"true\") / u as z from '{folder}/parts/*.parquet'"
+query = f"select (value - \"true\") / u as z from '{folder}/parts/*.parquet'"
 z = duckdb.sql(query).fetchnumpy()["z"]
 figure, axes = plt.subplots()
 axes.hist(z, np.arange(-4, 4.1, 0.5), density=True, color="0.75", edgecolor="white")
