@@ -45,6 +45,7 @@ Studies of laboratories and procedures
     interlab         repeatability, reproducibility, and their causes
     bias             systematic error of the method, without randomness
     faults           detection and bias of faults, beside predictions
+    plan             hits, balls and instruments that reach a target u
     twin             play a laboratory's day again, and check its uncertainty
     critique         ranking of bats by procedures, compared with the field
     daily            control charts of the daily checks

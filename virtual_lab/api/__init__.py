@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.operating import operating as operating
     from virtual_lab.studies.paper.findings import paper as paper
     from virtual_lab.studies.place_slope import slope as slope
+    from virtual_lab.studies.plan.planning import plan as plan
     from virtual_lab.studies.reference.findings import reference as reference
     from virtual_lab.studies.report import report as report
     from virtual_lab.studies.score import score_folder

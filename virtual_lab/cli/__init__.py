@@ -217,6 +217,7 @@ cli = Sections(
                 "bias", options=("procedure",), output=DRAWN, example="bias --procedure bbcor"
             ),
             FunctionCommand("faults", output=STUDY, example="faults gate-moved --laboratories 2"),
+            FunctionCommand("plan", output=DRAWN, example="plan bbcor --target-u 0.0015"),
             FunctionCommand("twin", output=DRAWN, example="twin out/r161-bbcor-seed-7"),
             FunctionCommand(
                 "critique", output=DRAWN, example="critique r161 ea70 --laboratories 2"

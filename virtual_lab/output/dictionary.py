@@ -102,6 +102,17 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "rms_u": _M("root mean square of the stated u", PER_ROW),
     "bias": _M("mean of the error", PER_ROW),
     "expected_bias": _M("bias that the method is expected to have", PER_ROW),
+    # plans of a laboratory
+    "plan": _M("number of the plan, or present, single change or floor", WORDS),
+    "exchanged": _M("instruments that the plan exchanges", WORDS),
+    "hits": _M("number of valid hits per impact position", WORDS),
+    "final_hits": _M("number of hits at the best position after a scan, 0 for none", WORDS),
+    "balls": _M("number of balls", WORDS),
+    "wall_hits": _M("number of wall hits per ball and speed", WORDS),
+    "minutes": _M("time of one test by the actions at the rehearsal bench", "min"),
+    "planned_u": _M("median u predicted from the budget", PER_ROW),
+    "simulated_u": _M("median u of simulated tests", PER_ROW),
+    "reaches": _M("whether the simulated u reaches the target, within two standard errors", WORDS),
 }
 PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on the table
     "contribution.*": _M("contribution of * to u", PER_ROW),

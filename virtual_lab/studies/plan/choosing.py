@@ -22,7 +22,7 @@ def cheapest(u: Array, cost: Array, target: float, most: int) -> list[Index]:
     step smaller. Of plans with equal costs, the one with fewer exchanges comes first, then the one
     with the smaller u. At most `most` indices are returned. The arrays have one shape.
     """
-    return _ranked(irreducible(u <= target), u, cost)[:most]
+    return _rank(irreducible(u <= target), u, cost)[:most]
 
 
 def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None:
@@ -35,7 +35,7 @@ def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None
     changes = np.sum(np.meshgrid(*changed, indexing="ij"), axis=0)
     exchanges = _exchanges(u).reshape(-1, *(1,) * (u.ndim - 1))
     single = (changes == 1) & (exchanges <= 1) & (u <= target)
-    return next(iter(_ranked(single, u, cost)), None)
+    return next(iter(_rank(single, u, cost)), None)
 
 
 def irreducible(reaches: Mask) -> Mask:
@@ -57,7 +57,7 @@ def irreducible(reaches: Mask) -> Mask:
     return needed
 
 
-def _ranked(mask: Mask, u: Array, cost: Array) -> list[Index]:
+def _rank(mask: Mask, u: Array, cost: Array) -> list[Index]:
     indices = np.argwhere(mask)
     at = tuple(indices.T)
     order = np.lexsort((u[at], _exchanges(u)[indices[:, 0]], cost[at]))

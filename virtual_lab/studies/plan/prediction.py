@@ -162,7 +162,7 @@ class Forecast:
         from scipy.special import chdtri
 
         sample, some = self.sample, self.sample.some
-        before, hits = self._averaged(self.present), self._averaged(counts)
+        before, hits = self._hits_of_result(self.present), self._hits_of_result(counts)
         dof = np.median(sample.dof[some]) * (hits - 1) / (before - 1)
         total, unexplained = sample.total[some].mean(), sample.unexplained[some].mean()
         middle = total * chdtri(dof, 0.5) / dof
@@ -182,7 +182,7 @@ class Forecast:
         return float(np.log2(after / before)) if before and after else -1.0
 
     @staticmethod
-    def _averaged(counts: Counts) -> Array:
+    def _hits_of_result(counts: Counts) -> Array:
         """Return the number of hits per position that the result is the mean of."""
         return np.asarray(np.where(counts.final_hits, counts.final_hits, counts.hits))
 
@@ -197,12 +197,14 @@ class Forecast:
         """
         of_lot, of_ball = self._ball_derivatives
         balls = len(self._dealt) / MOST_DEALT
-        more_hits = self._averaged(counts) / self._averaged(self.present)
+        more_hits = self._hits_of_result(counts) / self._hits_of_result(self.present)
         more_balls = np.asarray(counts.balls) / self.present.balls
         admitted = self.sample.admitted.mean() * more_balls / more_hits
         dealt = np.clip(np.round(admitted).astype(int), 1, len(self._dealt))
         lot = balls * of_lot * (of_lot + 2 * of_ball / balls) / more_balls
-        return np.asarray(lot + of_ball**2 * self._dealt[dealt - 1] / more_hits)
+        struck = of_ball**2 * self._dealt[dealt - 1] / more_hits
+        # both cancel if all balls are hit equally often
+        return np.asarray(np.maximum(lot + struck, 0.0))
 
     @cached_property
     def _ball_derivatives(self) -> tuple[float, float]:

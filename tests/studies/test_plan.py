@@ -1,0 +1,112 @@
+"""Plans of a laboratory: those in the table, their simulation, and bad input."""
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from virtual_lab import catalog
+from virtual_lab.errors import InputError
+from virtual_lab.studies.plan.laboratory import better_instruments
+
+TESTS = 200
+
+
+@pytest.fixture(scope="module")
+def plans():
+    return vl.plan("asa", bat="softball-34", target_u=0.11, laboratories=TESTS)
+
+
+def test_plans_reach_the_target_for_the_fewest_minutes(plans):
+    present, *rows = plans
+    assert (present.plan, present.exchanged, present.reaches) == ("present", "none", False)
+    assert (present.hits, present.balls, present.wall_hits) == (6, 12, 4)
+    names = [str(number) for number in range(1, 11)]
+    assert [row.plan for row in rows] == [*names, "single change"]
+    assert all(row.reaches for row in rows)
+    minutes = [row.minutes for row in rows[:10]]
+    assert minutes == sorted(minutes)
+    single = rows[-1]
+    changed = [single.exchanged != "none", single.hits > 6, single.balls > 12, single.wall_hits > 4]
+    assert sum(changed) == 1
+    for row in plans:
+        assert row.planned_u == pytest.approx(row.simulated_u, rel=0.05)
+        assert 0 < row.simulated_u_se < 0.03 * row.simulated_u
+
+
+def test_simulated_u_is_the_median_of_a_sweep(plans):
+    """The sweep has the same laboratories and makes its tests without the code of plans."""
+    row = plans[1]
+    changed = [
+        vl.rig("astm-pivot").with_({"pivot.from_knob_u": 0.1})
+        if name == "pivot"
+        else _with_half_u(name)
+        for name in row.exchanged.split(", ")
+    ]
+    rules = vl.procedure("asa").with_(valid_hits=row.hits, attempts=2 * row.hits)
+    tests = vl.sweep("softball-34", procedures=[rules], laboratories=TESTS, instruments=changed)
+    assert (row.balls, row.wall_hits) == (12, 4)
+    assert row.simulated_u == pytest.approx(tests["u"].median(), rel=1e-6)
+
+
+def _with_half_u(name):
+    sheet = vl.instrument(name)
+    numbers = sheet.numbers.set_index("key")["value"]
+    return sheet.with_({key: value / 2 for key, value in numbers.items() if key.endswith("_u")})
+
+
+def test_minutes_of_the_present_laboratory(plans):
+    actions = catalog.sheet("bench", "actions")[0]["actions"]
+    minutes = {name: action["minutes"]["value"] for name, action in actions.items()}
+    once = ["tare", "weigh-bat", "weigh-balls", "measure-length", "measure-barrel", "level-stand"]
+    once += ["measure-balance", "fit-clamp", "swing", "hit-wall", "aim-paper", "set-place"]
+    once += ["reduce", "give-verdict", "hand-in"]
+    shot = ["load-ball", "zero-encoder", "clear-scrap", "wait-pressure", "wait-rest", "fire"]
+    per_shot = sum(minutes[name] for name in [*shot, "accept"])
+    least = sum(minutes[name] for name in once) + 6 * per_shot
+    assert least <= plans[0].minutes <= least + 0.3 * per_shot  # few shots are rejected
+
+
+def test_exchanges_of_a_laboratory():
+    exchanges = better_instruments(["astm-pivot", "bench"])
+    assert {"pivot", "pivot-gates", "pivot-encoder", "lab-scale"} <= exchanges.keys()
+    gates = exchanges["pivot-gates"].document
+    assert (gates["distance_u"]["value"], gates["clock_u"]["value"]) == (0.0365, 10)
+    assert gates["edge_jitter"]["value"] == 1
+    assert exchanges["pivot"].document["pivot"]["from_knob_u"]["value"] == 0.1
+
+
+def test_present_laboratory_may_reach_the_target():
+    plans = vl.plan("asa", bat="softball-34", target_u=0.2, laboratories=TESTS)
+    assert [row.plan for row in plans] == ["present"]
+    assert "present laboratory reaches the target" in plans.text
+
+
+def test_floor_if_no_plan_reaches_the_target():
+    plans = vl.plan("asa", bat="softball-34", target_u=0.01, laboratories=TESTS)
+    present, floor = plans
+    assert (floor.plan, floor.hits, floor.reaches) == ("floor", 24, False)
+    assert floor.simulated_u < 0.6 * present.simulated_u
+    assert floor.planned_u == pytest.approx(floor.simulated_u, rel=0.05)
+    (sentence,) = (line for line in plans.text.split(". ") if "floor is" in line)
+    assert f"the floor is {floor.simulated_u:.3g} mph, with hits 0." in sentence
+    assert sentence.count(",") == 3
+
+
+def test_picture_and_table(plans, tmp_path):
+    folder = plans.save(tmp_path / "plan")
+    assert {"plan.csv", "plan.png", "settings.toml"} <= {path.name for path in folder.iterdir()}
+    assert np.isfinite(plans.table["simulated_u"]).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"target_u": 0}, "target_u = 0"),
+        ({"laboratories": 99}, "laboratories = 99; allowed: at least 100"),
+        ({"bat": "no-such-bat"}, "bat = .no-such-bat"),
+    ],
+)
+def test_bad_input(changes, message):
+    with pytest.raises(InputError, match=message) as fault:
+        vl.plan("asa", **{"bat": "softball-34", "target_u": 0.1, **changes})
+    assert "\n" not in str(fault.value)

@@ -1,0 +1,175 @@
+"""The laboratory of a plan: its rules, its instruments, and simulated tests in it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import Self
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.catalog.reading import Key
+from virtual_lab.errors import InputError
+from virtual_lab.lab import RoundRobin
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure.rules import MOST_COUNTED
+from virtual_lab.sheets import Sheet
+from virtual_lab.studies.plan.prediction import Counts, Forecast
+from virtual_lab.studies.plan.sample import SampledTests
+from virtual_lab.units import Array
+
+# actions of every shot that a procedure asks for, and the decision whether it is valid
+EACH_SHOT = (
+    *("load-ball", "zero-encoder", "clear-scrap", "wait-pressure", "wait-rest", "fire", "accept"),
+)
+PILOT, FEW = 1024, 64  # numbers of tests: of the present laboratory, and with an exchange
+LEAST_GAIN = 0.002  # smallest share of the variance that an exchange must remove
+MOST_EXCHANGES = 8  # largest number of instruments whose exchange is considered
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedLaboratory:
+    """A laboratory that tests a bat by a procedure, and the instruments it may exchange."""
+
+    shared: RoundRobin
+    seed: int
+    workers: int
+    exchanges: Mapping[str, Sheet]  # new sheet by name of the instrument
+    forecast: Forecast
+
+    @classmethod
+    def of(
+        cls, bat: str, procedure: str, exchanges: Mapping[str, Sheet], seed: int, workers: int
+    ) -> Self:
+        """Return the laboratory after simulated tests in it, and with each exchange alone.
+
+        Only exchanges that lower u noticeably are kept. Raises `InputError` for unknown names, a
+        bat that does not fit the procedure, or a procedure that cannot be simulated in blocks.
+        """
+        shared = RoundRobin.of(bat, procedure)
+        if not shared.in_blocks:
+            allowed = "its laboratories cannot be played side by side"
+            raise InputError("", "procedure", procedure, allowed)
+        setup, other = shared.setup, seed ^ 1  # another seed than that of the plans' tests
+        forecast = Forecast(
+            rules=setup.rules.spec, sample=SampledTests.of(shared, PILOT, other, workers)
+        )
+        if not forecast.sample.some.any():
+            raise InputError("", "bat", bat, "none of its tests has a result")
+        gains, samples = {}, {}
+        for name, sheet in exchanges.items():
+            with catalog.sheets_in_place({_key(sheet): sheet.text}):
+                samples[name] = SampledTests.of(shared, FEW, other)
+            gains[name] = replace(forecast, exchanged=[samples[name]]).gain
+        names = sorted(gains, key=lambda name: -gains[name])[:MOST_EXCHANGES]
+        names = [name for name in names if gains[name] > LEAST_GAIN]
+        forecast = replace(forecast, exchanged=[samples[name] for name in names])
+        present = forecast.present
+        if present.final_hits:
+            doubled = replace(present, hits=2 * present.hits)
+            forecast = replace(
+                forecast,
+                doubled=SampledTests.of(_with(shared, forecast, doubled), PILOT, other, workers),
+            )
+        return cls(
+            shared=shared,
+            seed=seed,
+            workers=workers,
+            exchanges={name: exchanges[name] for name in names},
+            forecast=forecast,
+        )
+
+    def exchange_names(self, number: int) -> tuple[str, ...]:
+        """Return the names of the instruments in the set of exchanges with a number."""
+        return tuple(name for bit, name in enumerate(self.exchanges) if number >> bit & 1)
+
+    def simulate(self, exchanged: Collection[str], counts: Counts, tests: int) -> SampledTests:
+        """Return simulated tests with exchanged instruments and other counts."""
+        sheets: dict[Key, str] = {
+            _key(sheet): sheet.text for name, sheet in self.exchanges.items() if name in exchanged
+        }
+        with catalog.sheets_in_place(sheets):
+            laboratories = _with(self.shared, self.forecast, counts)
+            return SampledTests.of(laboratories, tests, self.seed, self.workers)
+
+    def predict_u(self, grid: Counts) -> Array:
+        """Return the predicted median u [SI], shape (set of exchanges, …); inf: not possible."""
+        possible = feasible(self.forecast, grid)
+        return np.asarray(np.where(possible, self.forecast.u(grid), np.inf))
+
+    def minutes(self, counts: Counts) -> Array:
+        """Return the minutes of a test, in the shape of the counts.
+
+        Times are those of the actions at the rehearsal bench. The times to weigh the balls and to
+        fire them at the wall are proportional to the numbers of balls and of hits.
+        """
+        actions = catalog.sheet("bench", "actions")[0]["actions"]
+        forecast, present = self.forecast, self.forecast.present
+        balls = np.asarray(counts.balls) / present.balls
+        times: dict[str, Array] = {
+            "weigh-balls": balls,
+            "hit-wall": balls * counts.wall_hits / present.wall_hits,
+            "set-place": forecast.sample.places.mean(),
+            **dict.fromkeys(EACH_SHOT, forecast.shots(counts)),
+        }
+        constants = self.shared.laboratory(self.seed).calibration
+        minutes = np.zeros(np.shape(counts.hits))
+        for name, action in actions.items():
+            needed = action.get("needs", "")
+            fitted = not needed or any(each.startswith(f"{needed}.") for each in constants)
+            if fitted and (action["in_book"] or name in EACH_SHOT):
+                minutes = minutes + action["minutes"]["value"] * times.get(name, np.ones(()))
+        return minutes
+
+
+def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
+    """Return the instruments of rigs with half of each standard uncertainty, by name.
+
+    A survey of the rig itself, such as that of its pivot, has the name of its table in the rig's
+    sheet.
+    """
+    exchanges: dict[str, Sheet] = {}
+    for rig in rigs:
+        own = Sheet.of("rigs", rig)
+        named = [each for each in own.document.values() if each in catalog.names("instruments")]
+        for sheet in (own, *(Sheet.of("instruments", name) for name in named)):
+            stated = {datum.key: datum.value for datum in catalog.datums(sheet.document)}
+            half = {key: value / 2 for key, value in stated.items() if key.endswith("_u")}
+            if half:
+                tables = "+".join(dict.fromkeys(key.partition(".")[0] for key in half))
+                exchanges[tables if sheet is own else sheet.name] = sheet.with_(half)
+    return exchanges
+
+
+def attempts(forecast: Forecast, counts: Counts) -> Array:
+    """Return the shots that a plan allows, as many per expected shot as the procedure."""
+    more = forecast.shots(counts) / forecast.shots(forecast.present)
+    return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))
+
+
+def feasible(forecast: Forecast, counts: Counts) -> Array:
+    """Return whether a procedure can have these counts, in their shape."""
+    numbers = [attempts(forecast, counts), *counts.values]
+    return np.asarray(np.max(np.broadcast_arrays(*numbers), axis=0) <= MOST_COUNTED)
+
+
+def _with(shared: RoundRobin, forecast: Forecast, counts: Counts) -> RoundRobin:
+    """Return the laboratories with other counts of the procedure."""
+    rules = shared.setup.rules
+    changes = {
+        "valid_hits": counts.hits,
+        "balls": counts.balls,
+        "wall_hits": counts.wall_hits,
+        "attempts": ceil(attempts(forecast, counts)),
+    }
+    if counts.final_hits:
+        changes["scan.final_hits"] = counts.final_hits
+    sheet = Sheet("procedures", rules.spec.name, rules.text).with_(changes)
+    entry = catalog.read(sheet.text, sheet.name, Procedure)
+    return replace(shared, setup=replace(shared.setup, rules=entry))
+
+
+def _key(sheet: Sheet) -> Key:
+    return sheet.kind, sheet.name

@@ -1,0 +1,235 @@
+"""Plans of a laboratory that reach a target u, the cheapest first: predicted, then simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from virtual_lab.errors import InputError
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.result import Rows
+from virtual_lab.output.style import as_drawn, page_figure
+from virtual_lab.output.tables import column
+from virtual_lab.parameters import Positive, Seed
+from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
+from virtual_lab.studies.plan.choosing import Index, cheapest, cheapest_single_change
+from virtual_lab.studies.plan.laboratory import PlannedLaboratory, better_instruments
+from virtual_lab.studies.plan.prediction import Counts
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
+
+PRESENT, SINGLE, FLOOR = "present", "single change", "floor"  # names of plans
+CERTAIN = 2.0  # errors by which a simulated u may exceed the target
+SHOWN = 10  # largest number of plans that are simulated and shown
+TERMS = 3  # number of the largest terms of the floor that are named
+HALF = "Exchanged: an instrument with half of each standard uncertainty of its data sheet."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanRow:
+    """A plan: instruments and counts, its price, and its u predicted and simulated."""
+
+    plan: str = column("plan", form="")
+    exchanged: str = column("exchanged", form="")
+    hits: int = column("hits")
+    final_hits: int = column("final hits")
+    balls: int = column("balls")
+    wall_hits: int = column("wall hits")
+    minutes: float = column("minutes", form=".0f")
+    planned_u: float = column("planned u", form=".3g")
+    simulated_u: float = column("simulated u", form=".3g")  # median over the tests
+    simulated_u_se: float = column("its error", form=".1g")  # standard error of the median
+    reaches: bool = column("reaches the target", form=lambda row: "yes" if row.reaches else "no")
+    invalid: int = column("INVALID tests")
+    unit: str  # of u
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LaboratoryPlans(Rows[PlanRow]):
+    """Plans that reach a target u, the cheapest first, beside the present laboratory.
+
+    If no plan reaches it, the last row is the floor, the plan with the smallest u.
+    """
+
+    target_u: float  # in the unit of the metric
+    unit: str
+
+    def draw(self) -> PageFigure:
+        """Draw the minutes of each plan over its planned and its simulated u."""
+        with page_figure(3.2) as figure:
+            axes = figure.subplots()
+            for row in self.rows:
+                planned, simulated, minutes = row.planned_u, row.simulated_u, row.minutes
+                axes.plot([planned, simulated], [minutes] * 2, color="0.6", linewidth=0.6)
+                axes.plot(planned, minutes, "|", color="black")
+                axes.errorbar(simulated, minutes, xerr=row.simulated_u_se, fmt="ok", markersize=3)
+                axes.annotate(
+                    row.plan, (simulated, minutes), (4, 3), textcoords="offset points", fontsize=7
+                )
+            axes.axvline(self.target_u, color="0.5", linewidth=0.6, linestyle="--")
+            axes.set_title(f"{as_drawn(self.title)}; mark: planned, dashed: target")
+            axes.set(xlabel=f"median $u$ {self.unit}".rstrip(), ylabel="minutes of a test")
+            axes.set(xmargin=0.1, ymargin=0.1)
+        return figure
+
+
+def plan(
+    procedure: AnyProcedure,
+    *,
+    target_u: float,
+    bat: AnyBat = "r161",
+    laboratories: int = 1000,
+    seed: Seed = 1,
+    workers: Positive = 1,
+    instruments: Instruments = (),
+    progress: Progress = quiet,
+) -> LaboratoryPlans:
+    """Find the cheapest way to reach an uncertainty: instruments, hits, balls, wall hits.
+
+    The table has the present laboratory, at most ten plans whose median stated u reaches the
+    target, the plan of fewest minutes first, and the cheapest single change of the present
+    laboratory. A plan has at least the hits, balls and wall hits of the procedure, and up to four
+    times as many. It may exchange any instrument for one with half of each standard uncertainty,
+    which takes no minutes. A plan that reaches the target with less is left out.
+
+    The planned u is predicted from the budget of the present laboratory, to first order. Then each
+    plan in the table is simulated. If no plan reaches the target, the table has the floor, which is
+    the plan with the smallest u, and the text names its largest terms.
+
+    Parameters
+    ----------
+    procedure
+        The test procedure: a name in the catalog or a .toml file.
+
+        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
+    target_u
+        Largest median of the stated standard uncertainty of the metric, in the metric's unit.
+    bat
+        The bat: a name in the catalog or a .toml file.
+
+        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    laboratories
+        Number of simulated tests per plan, at least 100.
+    seed
+        Seed of the study.
+    workers
+        Number of processes, each with one thread, that share the laboratories.
+    instruments
+        Instruments and rigs of the present laboratory with changed values, in place of those of
+        the catalog.
+
+        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+    progress
+        Function that is called with a text, the number of plans done, and the total.
+
+    Raises
+    ------
+    InputError
+        A name is unknown, the bat does not fit the procedure, a number is out of range, or the
+        laboratories of the procedure cannot be simulated side by side.
+    """
+    bat, procedure = entry_name(bat), entry_name(procedure)
+    if not target_u > 0:
+        raise InputError("", "target_u", target_u, "allowed: more than 0")
+    if laboratories < 100:
+        raise InputError("", "laboratories", laboratories, "allowed: at least 100")
+    progress("tests of the present laboratory")
+    rigs = TestSetup.of(bat, procedure=procedure).rigs.values()
+    laboratory = PlannedLaboratory.of(bat, procedure, better_instruments(rigs), seed, workers)
+    return _Search(laboratory, target_u, laboratories, progress).plans()
+
+
+class _Search:
+    """Search for plans in one laboratory; each plan is simulated once at most."""
+
+    def __init__(
+        self, laboratory: PlannedLaboratory, target_u: float, tests: int, progress: Progress
+    ) -> None:
+        self.laboratory, self.tests, self.progress = laboratory, tests, progress
+        self.printed = METRICS[laboratory.forecast.rules.metric]
+        self.target = target_u
+        self.grid = laboratory.forecast.present.grid
+        self.u = laboratory.predict_u(self.grid) / self.printed.unit_si
+        self.minutes = np.broadcast_to(laboratory.minutes(self.grid), self.u.shape)
+        self.rows: dict[Index, PlanRow] = {}
+
+    def plans(self) -> LaboratoryPlans:
+        """Return the present laboratory, the cheapest plans, and the floor if there is none.
+
+        Predictions are multiplied by the ratio of simulated to planned u of one plan, so that the
+        plans reach the target and not more.
+        """
+        self.progress("plans", 0, SHOWN + TERMS)
+        present: Index = (0,) * self.u.ndim
+        lowest = np.unravel_index(self.u.argmin(), self.u.shape)
+        floor: Index = tuple(int(at) for at in lowest)
+        first = next(iter(cheapest(self.u, self.minutes, self.target, 1)), floor)
+        row = self._row("", first)
+        ratio = row.simulated_u / row.planned_u
+        u = self.u * ratio
+        plans = cheapest(u, self.minutes, self.target, SHOWN)
+        single = cheapest_single_change(u, self.minutes, self.target)
+        chosen = {PRESENT: present, **{str(n): at for n, at in enumerate(plans, 1)}}
+        words = [HALF, f"Plans were chosen by {ratio:.3f} times the planned u."]
+        if plans == [present]:
+            del chosen["1"]
+            words.append("The present laboratory reaches the target.")
+        elif not plans:
+            chosen[FLOOR] = floor
+            words.append(self._floor(floor, u[floor]))
+        elif single is None:
+            words.append("No single change of the present laboratory reaches the target.")
+        else:
+            chosen[SINGLE] = single
+        return LaboratoryPlans(
+            name="plan",
+            title=self._title,
+            rows=[self._row(name, at) for name, at in chosen.items()],
+            words=" ".join(words),
+            target_u=self.target,
+            unit=self.printed.unit,
+        )
+
+    @property
+    def _title(self) -> str:
+        setup = self.laboratory.shared.setup
+        target = f"{self.target:g} {self.printed.unit}".rstrip()
+        return f"{setup.bat.spec.name} by {setup.rules.spec.name}: plans with u up to {target}"
+
+    def _floor(self, at: Index, u: float) -> str:
+        """Return the smallest u and its largest terms in words."""
+        terms = self.laboratory.forecast.contributions(self._counts(at), at[0])
+        largest = list(terms.items())[:TERMS]
+        texts = (f"{name} {value / self.printed.unit_si:.2g}" for name, value in largest)
+        floor = f"{u:.3g} {self.printed.unit}".rstrip()
+        return f"No plan reaches the target: the floor is {floor}, with {', '.join(texts)}."
+
+    def _counts(self, at: Index) -> Counts:
+        values = {each.name: int(getattr(self.grid, each.name)[at[1:]]) for each in fields(Counts)}
+        return Counts(**values)
+
+    def _row(self, name: str, at: Index) -> PlanRow:
+        """Return the row of a plan, which is simulated unless it was before."""
+        if at not in self.rows:
+            counts, exchanged = self._counts(at), self.laboratory.exchange_names(at[0])
+            tests = self.laboratory.simulate(exchanged, counts, self.tests)
+            value, error = np.array(tests.median_u) / self.printed.unit_si
+            self.rows[at] = PlanRow(
+                plan=name,
+                exchanged=", ".join(exchanged) or "none",
+                **{each.name: getattr(counts, each.name) for each in fields(Counts)},
+                minutes=float(self.minutes[at]),
+                planned_u=float(self.u[at]),
+                simulated_u=float(value),
+                simulated_u_se=float(error),
+                reaches=bool(value - CERTAIN * error <= self.target),
+                invalid=int(tests.invalid.sum()),
+                unit=self.printed.unit,
+            )
+            self.progress("plans", len(self.rows), max(SHOWN + TERMS, len(self.rows)))
+        return replace(self.rows[at], plan=name)
