@@ -457,7 +457,7 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
         more = np.where(np.array(parts.names) == HITS, 1 + HISTORY, 1)
         longer = combine_components(linear.value, replace(parts, dof=more * parts.dof))
         now, then = (np.ptp(each.row(0).interval_95) for each in (linear, longer))
-        less = 1 - then / now if linear.u[0] else 0.0
+        less = 1 - then / now if now else 0.0  # an ideal laboratory has no interval
         return (
             f"{alone}. If {HISTORY} earlier tests with the same scatter were included, the "
             f"interval would be {less:.0%} shorter. If the few hits of this test agree by chance, "

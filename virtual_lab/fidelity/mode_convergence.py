@@ -19,7 +19,7 @@ from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyBats, entry_names
-from virtual_lab.simulation.collision.modal import STIFF_MODES, ModalModel
+from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.patch import PATCH
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.beam import Free
@@ -89,8 +89,8 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConver
     rows, every_bat = [], entry_names(bats) or catalog.names("bats")
     for number, bat in enumerate(every_bat):
         progress("bats", number, len(every_bat))
-        every = modes_of(catalog.load_bat(bat).spec.body, Free(), converged + STIFF_MODES)
-        none = every.above(converged + STIFF_MODES)
+        every = modes_of(catalog.load_bat(bat).spec.body, Free())
+        none = every.above(every.count)
         for contact, patch in {"point": 0.0, "patch": PATCH}.items():
             full = ModalModel(
                 modes=every.first(converged), stiff=every.above(converged), patch=patch

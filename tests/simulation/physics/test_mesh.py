@@ -22,10 +22,11 @@ def test_interpolation_at_the_nodes_returns_the_nodes_own_values() -> None:
     )
 
 
-def test_weights_sum_over_a_row_of_points() -> None:
+def test_weights_sum_over_the_pieces_of_a_row() -> None:
     mesh = mesh_through((0.0, 1.0), (0.0, 1.0), size=0.25, order=6)
-    sums = mesh.interpolation(np.array([[0.1, 0.6]]), np.array([2.0, -1.0])) @ mesh.nodes**2
-    assert sums == pytest.approx([2 * 0.01 - 0.36], abs=1e-14)
+    z, weights = np.array([[[0.1, 0.25], [0.6, 0.7]]]), np.array([[[2.0, 1.0], [-1.0, 3.0]]])
+    sums = mesh.interpolation(z, weights) @ mesh.nodes**2
+    assert sums == pytest.approx([2 * 0.01 + 0.0625 - 0.36 + 3 * 0.49], abs=1e-14)
 
 
 def test_differentiation_is_exact_for_its_own_polynomials() -> None:

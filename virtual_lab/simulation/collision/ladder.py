@@ -18,12 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.records.origin import RungTaken
-from virtual_lab.simulation.collision.modal import (
-    BENDING_MODES,
-    STIFF_MODES,
-    ModalModel,
-    collide_bats,
-)
+from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.rigid import RigidModel
@@ -140,10 +135,7 @@ def choose(
 
 def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     """Return the rigid and the modal rungs, fastest first, with their errors on the probe."""
-    modes, support_text = (
-        modes_of(body, support, BENDING_MODES + STIFF_MODES),
-        support_words(support),
-    )
+    modes, support_text = modes_of(body, support), support_words(support)
     stepped = [
         ModalModel.within(modes, n, held=support_text) for n in (*MODE_COUNTS, PROBING.modes)
     ]
@@ -164,14 +156,13 @@ def _model(name: str, bending_modes: int, body: BatBody, support: Support) -> Co
         return RigidModel.of(body, support)
     if name == "reference":
         return ReferenceModel.of(body, support)
-    modes = modes_of(body, support, BENDING_MODES + STIFF_MODES)
-    return ModalModel.within(modes, bending_modes, held=support_words(support))
+    return ModalModel.of(body, support, bending_modes)
 
 
 def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
     """Return the reference model. Its truncation error is measured against more modes."""
     model = ReferenceModel.of(body, support)
-    modes = modes_of(body, support, PROBING.reference_modes + STIFF_MODES)
+    modes = modes_of(body, support)
     most = ModalModel.within(modes, PROBING.reference_modes, held=model.held)
     bare = replace(most, modes=model.modes, stiff=most.stiff.above(most.stiff.count))
     collisions, true = _collide_probe(modes, [bare, most], probe)

@@ -30,7 +30,6 @@ from virtual_lab.simulation.physics.modes import Modes, modes_of
 from virtual_lab.units import Array
 
 BENDING_MODES = 20
-STIFF_MODES = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +47,10 @@ class ModalModel:
     def of(cls, body: BatBody, support: Support, bending_modes: int = BENDING_MODES) -> Self:
         """Return the model of a bat with `bending_modes` integrated modes.
 
-        The next `STIFF_MODES` modes deflect statically. Raises `InputError` if the support lies
+        All other modes of the mesh deflect statically. Raises `InputError` if the support lies
         beyond the bat or the mesh has fewer modes.
         """
-        modes = modes_of(body, support, bending_modes + STIFF_MODES)
-        return cls.within(modes, bending_modes, held=support_words(support))
+        return cls.within(modes_of(body, support), bending_modes, held=support_words(support))
 
     @classmethod
     def within(cls, modes: Modes, bending_modes: int, **other: Any) -> Self:

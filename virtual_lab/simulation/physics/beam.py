@@ -22,7 +22,7 @@ from virtual_lab.simulation.physics.cubics import PiecewiseCubic, monotone_cubic
 from virtual_lab.simulation.physics.mesh import Mesh, gauss_points, mesh_through, reference_element
 from virtual_lab.units import INCH, Array
 
-ORDER = 8
+ORDER = 6  # e_A differs from that of a finer mesh by less than 1e-6
 ELEMENT_SIZE = 0.05  # m
 
 
@@ -309,6 +309,6 @@ def _assemble(mesh: Mesh, body: BatBody) -> tuple[Array, Array]:
 
 def _add_lump(mass: Array, mesh: Mesh, lump: Lump) -> None:
     n = mesh.nodes.size
-    at = mesh.interpolation(np.array([[lump.z]])).toarray()[0]
+    at = mesh.interpolation(np.full((1, 1, 1), lump.z)).toarray()[0]
     mass[:n, :n] += lump.mass * np.outer(at, at)
     mass[n:, n:] += lump.inertia * np.outer(at, at)

@@ -89,17 +89,21 @@ class Mesh:
     def interpolation(self, z: Array, weights: Array | None = None) -> csr_array:
         """Return the sparse matrix (n, nodes) from node values to weighted sums at positions `z`.
 
-        `z` has shape (n, g) [m] and lies within the mesh. Row i is the sum over the g positions
-        ``z[i]`` with `weights`, shape (n, g) or (g,), 1 by default.
+        `z` has shape (n, pieces, g) [m] and lies within the mesh. The g positions of a piece lie in
+        one element. Row i is the sum over all positions ``z[i]`` with `weights`, in the shape of
+        `z`, 1 by default.
         """
         element = np.clip(
-            np.searchsorted(self.boundaries, z, side="right") - 1, 0, len(self.boundaries) - 2
+            np.searchsorted(self.boundaries, z.mean(axis=-1), side="right") - 1,
+            0,
+            len(self.boundaries) - 2,
         )
-        start = self.boundaries[element]
-        size = self.boundaries[element + 1] - start
+        start = self.boundaries[element][..., None]
+        size = self.boundaries[element + 1][..., None] - start
         basis = self._reference.basis(2 * (z - start) / size - 1)
         if weights is not None:
-            basis = basis * np.asarray(weights)[..., None]
+            basis = basis * weights[..., None]
+        basis = basis.sum(axis=-2)
         rows, per_row = len(z), basis[0].size
         return csr_array(
             (basis.ravel(), self.connectivity[element].ravel(), per_row * np.arange(rows + 1)),

@@ -59,7 +59,13 @@ class Modes:
         return np.asarray(beam / (2 * np.pi))
 
     def first(self, bending: int) -> Self:
-        """Return the rigid modes, the first `bending` bending modes and the hoop mode."""
+        """Return the rigid modes, the first `bending` bending modes and the hoop mode.
+
+        Raises `InputError` if there are fewer.
+        """
+        most = self.bending_frequencies.size
+        if not 0 <= bending <= most:
+            raise InputError("modes", "bending", bending, f"allowed: 0 to {most} for this mesh")
         return self._part(slice(self.rigid + bending), self.rigid, self.hoop)
 
     def above(self, bending: int) -> Self:
@@ -80,25 +86,24 @@ class Modes:
     def shape(self, z: Array | float) -> Array:
         """Return the deflection of each mode at positions `z` (...) [m], shape (..., N)."""
         places = np.asarray(z, dtype=np.float64)
-        at = self.averages(places.reshape(-1, 1), np.ones(1))
-        return self.average(at).reshape(*places.shape, self.count)
+        return self.average(self._at(places)).reshape(*places.shape, self.count)
 
     def average(self, averages: csr_array) -> Array:
-        """Return the mean deflection of each mode, (n, N), with a matrix from `averages`."""
+        """Return the mean deflection of each mode, (n, N).
+
+        `averages` is the matrix from node values to means, (n, nodes).
+        """
         beam = np.asarray(averages @ self.deflections)
         if self.hoop is None:
             return beam
         hoop = np.full((len(beam), 1), 1 / np.sqrt(self.hoop.modal_mass))
         return np.concatenate((beam, hoop), axis=1)
 
-    def averages(self, z: Array, weights: Array) -> csr_array:
-        """Return the matrix from node values to weighted means over `z`, (n, g) [m].
-
-        `weights` has shape (g,). Raises `InputError` for positions beyond the bat.
-        """
+    def _at(self, z: Array) -> csr_array:
+        """Return the matrix from node values to the values at `z`, (z.size, nodes)."""
         if not (np.all(z >= 0) and np.all(z <= self.length)):
             raise InputError("modes", "z", z, f"allowed: 0 to {self.length:g} m")
-        return self.mesh.interpolation(z, weights)
+        return self.mesh.interpolation(z.reshape(-1, 1, 1))
 
     def rotation(self, z: Array | float) -> Array:
         """Return the rotation of the section in each mode at `z` (...) [m], shape (..., N).
@@ -106,7 +111,7 @@ class Modes:
         An encoder fixed to the bat at z measures this rotation. The hoop mode has none.
         """
         places = np.asarray(z, dtype=np.float64)
-        beam = np.asarray(self.averages(places.reshape(-1, 1), np.ones(1)) @ self.rotations)
+        beam = np.asarray(self._at(places) @ self.rotations)
         full = np.zeros((len(beam), self.count))
         full[:, : beam.shape[1]] = beam
         return full.reshape(*places.shape, self.count)
@@ -115,29 +120,28 @@ class Modes:
 def modes_of(
     body: BatBody,
     support: Support,
-    bending: int,
+    bending: int | None = None,
     *,
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Modes:
     """Return the normal modes of a bat: rigid, `bending` bending modes, and hoop mode if hollow.
 
-    All modes have unit modal mass. The mesh is that of `beam_of`. With a pivot of finite stiffness
-    the bounce on its spring is the first bending mode; its energy, including that of the spring, is
-    part of the bending energy. Raises `InputError` if the support is beyond the bat, its spring is
-    too soft, or the mesh has fewer modes.
+    By default the result has all bending modes of the mesh, which is that of `beam_of`. All modes
+    have unit modal mass. With a pivot of finite stiffness the bounce on its spring is the first
+    bending mode; its energy, including that of the spring, is part of the bending energy. Raises
+    `InputError` if the support is beyond the bat, its spring is too soft, or the mesh has fewer
+    modes.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)
     rigid = _rigid_modes(beam, support)
     free = _free_freedoms(beam, support)
-    most = len(free) - rigid.shape[1]
-    if not 0 <= bending <= most:
-        raise InputError("modes", "bending", bending, f"allowed: 0 to {most} for this mesh")
-    squares, vectors = _bending_modes(_sprung(beam, support), free, rigid, bending)
+    sprung = _sprung(beam, support)
+    squares, vectors = _bending_modes(sprung, free, rigid) if bending != 0 else _no_modes(rigid)
     shapes = np.concatenate((rigid, vectors), axis=1)
     angular = (np.zeros(rigid.shape[1]), np.sqrt(squares), _hoop_frequency(body.hoop))
     n = beam.mesh.nodes.size
-    return Modes(
+    modes = Modes(
         mesh=beam.mesh,
         angular_frequencies=np.concatenate(angular),
         deflections=shapes[:n],
@@ -145,6 +149,7 @@ def modes_of(
         rigid=rigid.shape[1],
         hoop=body.hoop,
     )
+    return modes if bending is None else modes.first(bending)
 
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
@@ -226,21 +231,20 @@ def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
     return np.setdiff1d(everything, support_dofs)
 
 
-def _bending_modes(
-    beam: Beam, free: NDArray[np.intp], rigid: Array, count: int
-) -> tuple[Array, Array]:
-    """Return (squared angular frequencies, unit-mass vectors) of the lowest bending modes."""
-    if count == 0:
-        return np.zeros(0), np.zeros((rigid.shape[0], 0))
+def _no_modes(rigid: Array) -> tuple[Array, Array]:
+    return np.zeros(0), np.zeros((len(rigid), 0))
+
+
+def _bending_modes(beam: Beam, free: NDArray[np.intp], rigid: Array) -> tuple[Array, Array]:
+    """Return (squared angular frequencies, unit-mass vectors) of all bending modes.
+
+    All modes by divide and conquer take half the time of the lowest third by bisection.
+    """
     skip = rigid.shape[1]
     block = np.ix_(free, free)
-    squares, reduced = eigh(
-        beam.stiffness_matrix[block],
-        beam.mass_matrix[block],
-        subset_by_index=[skip, skip + count - 1],
-    )
-    vectors = np.zeros((rigid.shape[0], count))
-    vectors[free] = reduced
+    squares, reduced = eigh(beam.stiffness_matrix[block], beam.mass_matrix[block])
+    squares, vectors = squares[skip:], np.zeros((len(rigid), len(free) - skip))
+    vectors[free] = reduced[:, skip:]
     # Rounding errors of the stiffest modes remain in the softest ones: remove their rigid part.
     for _ in range(2):
         vectors -= rigid @ (rigid.T @ (beam.mass_matrix @ vectors))
