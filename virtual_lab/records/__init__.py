@@ -23,6 +23,7 @@ from virtual_lab.records.kinds import (
     RateRecord,
     ShotLog,
     record_name,
+    record_type,
     record_types,
 )
 from virtual_lab.records.record import Record, RecordColumn, join
@@ -48,5 +49,6 @@ __all__ = [
     "TrackRecord",
     "join",
     "record_name",
+    "record_type",
     "record_types",
 ]

@@ -310,9 +310,18 @@ def record_types() -> Mapping[str, type[Record]]:
     return {**RECORD_TYPES, **others, **RECORD_TYPES}
 
 
+def record_type(name: str) -> type[Record] | None:
+    """Return the class of a kind of record, None if there is none of this name.
+
+    Other packages are loaded only for a kind that is not ours.
+    """
+    return RECORD_TYPES.get(name) or record_types().get(name)
+
+
 def record_name(record: Record) -> str:
     """Return the name of a record's kind, such as "gates".
 
     Raises `StopIteration` for a kind that is not among `record_types`.
     """
-    return next(name for name, kind in record_types().items() if kind is type(record))
+    kinds = RECORD_TYPES if type(record) in RECORD_TYPES.values() else record_types()
+    return next(name for name, kind in kinds.items() if kind is type(record))

@@ -27,7 +27,7 @@ from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import contents, parse_numbers, read_bytes, read_json, read_text
 from virtual_lab.files.tables import csv_text
-from virtual_lab.records import Record, record_name, record_types
+from virtual_lab.records import Record, record_name, record_type, record_types
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.records.origin import Origin, Simulated, Supplied
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars, particulars_of
@@ -373,8 +373,9 @@ def _record(
     folder: Path, name: tuple[str, str], entry: ChannelEntry, where: Path, start: bytes
 ) -> Record:
     key = f"channels.{'.'.join(name)}"
-    kinds = record_types()
-    if entry.record not in kinds:
+    kind = record_type(entry.record)
+    if kind is None:
+        kinds = record_types()
         allowed = f"{nearest(entry.record, kinds)}allowed: {', '.join(kinds)}"
         raise InputError(str(where), f"{key}.record", entry.record, allowed)
     path = folder / f"{'/'.join(name)}.csv"
@@ -386,7 +387,7 @@ def _record(
         raise InputError(str(path), "rows", rows, allowed)
     if entry.sha256 != digest_of_text(data, start):
         raise InputError(str(path), "sha256", None, RECORD_CHANGED)
-    record = kinds[entry.record].from_table(table, str(path))
+    record = kind.from_table(table, str(path))
     return _with_arrays(record, entry, path, start)
 
 

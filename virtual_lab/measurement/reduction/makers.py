@@ -10,11 +10,21 @@ from typing import Any
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.measurement.reduction.gates import GateReadings
-from virtual_lab.records import BallRecord, Record, record_types
+from virtual_lab.records import (
+    BallRecord,
+    BoardRecord,
+    GateRecord,
+    PassageRecord,
+    Record,
+    record_types,
+)
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.estimate import Estimate
 
 Maker = Callable[[Any, Mapping[str, Estimate], str], FlightReadings]  # (record, constants, stage)
+OURS: Mapping[type[Record], Maker] = dict.fromkeys(
+    (GateRecord, BoardRecord, PassageRecord), GateReadings.of
+)
 
 
 @cache
@@ -25,10 +35,8 @@ def makers() -> Mapping[type[Record], Maker]:
     adds a function by an entry point in the group ``virtual_lab.flights``; its name is that of the
     record in the group ``virtual_lab.records``.
     """
-    built_in = dict.fromkeys(("gates", "boards", "passages"), GateReadings.of)
-    others = {point.name: point.load() for point in entry_points(group="virtual_lab.flights")}
-    kinds = record_types()
-    return {kinds[name]: maker for name, maker in (built_in | others).items()}
+    others = entry_points(group="virtual_lab.flights")
+    return {**{record_types()[point.name]: point.load() for point in others}, **OURS}
 
 
 def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
@@ -53,7 +61,8 @@ def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
         allowed = "allowed: one record of the ball's flight"
         raise InputError(stage, "channels", ", ".join(channels), allowed)
     ((channel, record),) = channels.items()
-    maker = makers().get(type(record))
+    # other packages are loaded only for a record that is not ours
+    maker = OURS.get(type(record)) or makers().get(type(record))
     if maker is None:
         names = ", ".join(sorted(kind.__name__ for kind in makers()))
         raise InputError(f"{stage}/{channel}", "record", type(record).__name__, f"allowed: {names}")
