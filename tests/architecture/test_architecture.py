@@ -2,12 +2,15 @@
 
 import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from contextlib import suppress
 from graphlib import TopologicalSorter
+from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
 import grimp
@@ -237,6 +240,49 @@ def test_only_streams_draws_random_numbers() -> None:
 )
 def test_other_random_numbers_are_detected(code: str) -> None:
     assert list(draws_of_its_own(ast.parse(code))) == [1]
+
+
+def installed_with(requirements: list[str]) -> set[str]:
+    """Return the names of installed distributions that come with requirements, of any depth."""
+    names: set[str] = set()
+    waiting = list(requirements)
+    while waiting:
+        name = re.split(r"[^\w.-]", waiting.pop(), maxsplit=1)[0].lower().replace("_", "-")
+        if name not in names and name != PROJECT["project"]["name"]:
+            with suppress(PackageNotFoundError):  # of another system or version of Python
+                waiting += [each for each in requires(name) or () if "extra ==" not in each]
+                names.add(name)
+    return names
+
+
+def test_every_imported_package_is_a_dependency() -> None:
+    """The tools of the dev group are installed here, but not in the environment of a user."""
+    project = PROJECT["project"]
+    extras = [each for name in project["optional-dependencies"].values() for each in name]
+    allowed = installed_with(project["dependencies"] + extras)
+    distributions = packages_distributions()
+    imported = {
+        (name.split(".")[0], path)
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for name in imported_by(node)
+    }
+    ours = {"virtual_lab", "rigs", *sys.stdlib_module_names}
+    missing = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for name, path in sorted(imported)
+        if name not in ours
+        if not allowed & {each.lower().replace("_", "-") for each in distributions.get(name, ())}
+    ]
+    assert missing == []
+    assert not allowed & {"hypothesis", "pytest", "ruff"}
+
+
+def imported_by(node: ast.AST) -> list[str]:
+    """Return the names of the modules that a statement imports."""
+    if isinstance(node, ast.Import):
+        return [each.name for each in node.names]
+    return [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
 
 
 def test_every_package_is_shipped() -> None:
