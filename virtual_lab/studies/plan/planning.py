@@ -125,7 +125,8 @@ def plan(
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of plans done, and the total.
+        Function that is called with a text, the number of plans done, and the total. By default the
+        progress is shown on stderr.
 
     Raises
     ------
