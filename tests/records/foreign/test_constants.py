@@ -70,7 +70,7 @@ def test_inches_and_ounce_inches_are_converted_by_nist() -> None:
 
 def test_the_page_lists_the_constants_of_a_pivoted_test() -> None:
     """The page lists all constants of the form, and no others."""
-    page = (DATA / "README.md").read_text("utf-8")
+    page = (DATA.parent / "virtual_lab" / "docs" / "raw-records.md").read_text("utf-8")
     sentence = page.split("needs these calibration constants:")[1].split("\n\n")[0]
     listed = []
     for found in re.findall(r"`([^`]+)`", sentence.replace("\n", " ")):
