@@ -289,6 +289,8 @@ def join(parts: list[Record]) -> Record:
     Fields with a leading shot axis are concatenated. The other fields are those of the first round.
     """
     first = parts[0]
+    if len(parts) == 1:
+        return first
     arrays = {}
     for name, column in first.columns.items():
         values = [getattr(part, name) for part in parts]

@@ -130,6 +130,8 @@ class Streams:
         return self._numbers(name, shape, slots, False)
 
     def at(self, owner: Owner) -> Self:
+        if owner is ...:
+            return self
         return replace(self, laboratory=of_owners(self.laboratory, owner))
 
     def _numbers(
