@@ -154,6 +154,15 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
         TwinDays.fit(statement, seed=1)
 
 
+def test_a_twin_without_a_result_is_refused_in_one_line(certification, days) -> None:
+    """An aim so uncertain that the u of the metric is above the limit on every day."""
+    name = "impact.cannon.along"
+    wide = with_constant(certification.session, name, u=0.03)
+    statement = replace(days.statement, session=wide)
+    with pytest.raises(InputError, match="none of 8 days of its twin gives a valid result"):
+        TwinDays.fit(statement, seed=1, days=8)
+
+
 def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
     """In every kind of change; the standard deviation of 400 days has a standard error of 3.5 %."""
     changes = promising_changes(certification)
@@ -202,7 +211,7 @@ def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
         below, above = (day == at for at in extreme["chords"])
         return one_sided | {
             "chords": 0.4 if below else 0.6 if above else 0.45,
-            "rebound and recoil": day % 2,
+            "rebound and recoil": np.nan if day % 25 == 1 else day % 2,
         }
 
     answers = iter([own])
@@ -218,13 +227,16 @@ def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
     monkeypatch.setattr(TwinDays, "play", play)
     rows, number = unlike_readings(certification, days, 250)
     assert len(played) == 150  # the second of the chords' days is in the sixth round
-    assert number == sum(day % 50 != 0 for day in np.add(played, readings.FIRST))
+    whole = [(day + readings.FIRST) % 50 != 0 and day % 25 != 1 for day in played]
+    assert number == sum(whole)
     assert [row.finding for row in rows] == [""] * 5
     extreme["hits"] = -1
     played.clear()
     answers = iter([own])
     rows, number = unlike_readings(certification, days, 250)
-    assert number == 250  # days without a result are replaced
+    assert number == 250  # days without a result or a reading are replaced
+    whole = [(day + readings.FIRST) % 50 != 0 and day % 25 != 1 for day in played]
+    assert sum(whole) == 250
     assert [row.finding for row in rows] == ["unlike its twins"] + [""] * 4
     assert rows[0].tail == pytest.approx(1 / 251)
 

@@ -2,6 +2,7 @@
 
     python -m tests.studies.twin sound PROCEDURE LABORATORIES OUT.CSV
     python -m tests.studies.twin faulty PROCEDURE LABORATORIES OUT.CSV
+    python -m tests.studies.twin table ONE.CSV … OUT.CSV
 
 One row per laboratory: tail probability of each reading, number of full days, the readings unlike
 their twins, and the stated u of the metric over the standard deviation of 1 000 summed days. In the
@@ -9,6 +10,7 @@ laboratories of `faulty` each fault of the catalogue that the rigs can have take
 smallest of the sizes `SIZES` with which it moves the metric by at least 3 u against the same day
 without it; faults that never do so have no row. The bat is an individual r161, or softball-34 for
 asa. A study that was cut goes on behind the rows that its file has. The twin sees records only.
+`table` joins the files, and prints the tables of the page.
 """
 
 from __future__ import annotations
@@ -42,6 +44,53 @@ FIELDS = (
     *("procedure", "laboratory", "fault", "size", "shift", "verdict"),
     *("ratio", "days", *TWIN_READINGS, "unlike"),
 )
+
+
+def join(*paths: Path) -> None:
+    *parts, out = paths
+    rows = [row for part in parts for row in csv.DictReader(part.open())]
+    with out.open("w", newline="") as file:
+        table = csv.DictWriter(file, FIELDS, lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    print("\n".join(lines_of(rows)))
+
+
+def lines_of(rows: list[dict[str, str]]) -> list[str]:
+    """Return the lines of the page: sound laboratories by procedure, faulty ones by fault."""
+    lines, refused = [], [row["unlike"].startswith("refused") for row in rows]
+    unlike = [bool(row["unlike"]) and not each for row, each in zip(rows, refused, strict=True)]
+    for procedure in dict.fromkeys(row["procedure"] for row in rows):
+        own = [
+            at for at, row in enumerate(rows) if (row["procedure"], row["fault"]) == (procedure, "")
+        ]
+        played = [rows[at] for at in own if not refused[at]]
+        ratio, days = (np.array([float(row[key]) for row in played]) for key in ("ratio", "days"))
+        tails = np.array([float(row[key]) for row in played for key in TWIN_READINGS if row[key]])
+        cells = (
+            f"`{procedure}`",
+            len(own),
+            f"{np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})",
+            f"{np.median(days):.0f} ({days.max():.0f})",
+            len(tails),
+            np.sum(tails <= 0.05),
+            np.sum(tails <= 0.1),
+            sum(unlike[at] for at in own),
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    for fault in sorted({row["fault"] for row in rows} - {""}):
+        own = [at for at, row in enumerate(rows) if row["fault"] == fault]
+        sizes = sorted({float(rows[at]["size"]) for at in own})
+        cells = (
+            fault,
+            len(own),
+            f"{sizes[0]:g}" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g}",
+            sum(rows[at]["verdict"].startswith("INVALID") for at in own),
+            sum(unlike[at] for at in own),
+            sum(refused[at] for at in own),
+        )
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return lines
 
 
 def main(kind: str, procedure: str, laboratories: int, out: Path) -> None:
@@ -121,4 +170,7 @@ def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))
+    if sys.argv[1] == "table":
+        join(*map(Path, sys.argv[2:]))
+    else:
+        main(sys.argv[1], sys.argv[2], int(sys.argv[3]), Path(sys.argv[4]))

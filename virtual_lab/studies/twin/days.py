@@ -66,6 +66,7 @@ class TwinDays:
         Some of the scatter comes from the instruments and the aim. The rest is a scatter of e0,
         found from `days` days with and without one, because a variance is linear in the square of
         the latter. It is 0 if instruments and aim alone scatter at least as much as the records.
+        Raises `InputError` if no day gives a valid result.
         """
         stated = np.array([statement.wall_variance, statement.hit_variance])
         trial = statement.wall_variance
@@ -87,7 +88,11 @@ class TwinDays:
         preparation, hits = test.reduced.preparation, metric.scatter.variance
         number = (preparation.balls.ball[:, 0] == 0).sum(axis=1)
         wall = preparation.constants["balls.restitution_0"].u ** 2 * number
-        return np.array([wall.mean(), hits.total[played.sound & (hits.dof > 0)].mean()])
+        repeated = played.sound & (hits.dof > 0)
+        if not repeated.any():
+            allowed = f"none of {days} days of its twin gives a valid result; needs half of them"
+            raise InputError("", "folder", None, allowed)
+        return np.array([wall.mean(), hits.total[repeated].mean()])
 
     def play(self, days: int | Slots, detail: RecordDetail = RecordDetail.SUMMED) -> PlayedDays:
         """Return the tests of the days with the numbers `days`, (n,), or of a single number.

@@ -25,13 +25,14 @@ from virtual_lab.units import Array
 LEVEL = 0.02  # adjusted tail probability below which a reading is pointed at
 ROUND = 25  # number of days after which the study looks whether more of them can matter
 FIRST = 2**20  # number of the first full day, above those whose instruments write sums
-TWO_SIDED = {"chords", "rebound and recoil"}
+TWO_SIDED = {"chords"}
 TWIN_READINGS = {
     "hits": "largest deviation of a hit from the others at its position, in their scatter",
     "wall hits": "largest deviation of a wall hit from the others of its ball, in their scatter",
     "fit": "largest misfit of an encoder's or a board's record, over the median of the shots",
     "chords": "diameter of the ball by the gates at the bat, over that by the gates at the wall",
-    "rebound and recoil": "mean e_A from the recoil minus that from the rebound",
+    # over its u, which is an estimate of few degrees of freedom in the records and on each day
+    "rebound and recoil": "mean e_A from the recoil minus that from the rebound, over its u",
 }
 
 
@@ -96,12 +97,12 @@ class _Comparison:
 def unlike_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
-    """Return one row per reading, and the number of days compared.
+    """Return one row per reading, and the smallest number of days compared with a reading.
 
-    A reading that is NaN in the records or on all days has no row. Days without a result are
-    replaced by others, up to as many again. The days end early if none of the readings could be
-    unlike its twins even if all days were compared (Besag and Clifford 1991), so that the finding
-    is that of all days.
+    A reading that is NaN in the records or on all days has no row. Days without a result, or
+    without a reading, are replaced by others, up to as many again. The days end early if none of
+    the readings could be unlike its twins even if all days were compared (Besag and Clifford
+    1991), so that the finding is that of all days.
 
     Parameters
     ----------
@@ -122,22 +123,28 @@ def unlike_readings(
         played = playing.play(FIRST + day, RecordDetail.FULL)
         if played.sound.all():
             twins.append(readings_of(played.certified))
-        progress("full days", len(twins), days)
-        compared = _compare(ours, twins)
+        progress("full days", min(len(twins), days), days)
+        compared = _compare(ours, twins, days)
         smallest = [len(compared) * (1 + each.extreme) / (1 + days) for each in compared]
-        settled = min(smallest, default=1.0) >= LEVEL
-        if len(twins) == days or ((day + 1) % ROUND == 0 and settled):
+        settled = (day + 1) % ROUND == 0 and min(smallest, default=1.0) >= LEVEL
+        if settled or (compared and all(each.days.size == days for each in compared)):
             break
     adjusted = holm(np.array([each.tail for each in compared])).tolist()
-    return [each.row(tail) for each, tail in zip(compared, adjusted, strict=True)], len(twins)
+    rows = [each.row(tail) for each, tail in zip(compared, adjusted, strict=True)]
+    return rows, min((each.days.size for each in compared), default=0)
 
 
-def _compare(ours: Mapping[str, float], twins: list[Mapping[str, float]]) -> list[_Comparison]:
-    """Return a comparison for each reading that is known in the records and on a day."""
+def _compare(
+    ours: Mapping[str, float], twins: list[Mapping[str, float]], most: int
+) -> list[_Comparison]:
+    """Return a comparison for each reading of the records, with the first `most` days that have it.
+
+    A reading that no day has is left out.
+    """
     compared = []
     for name, value in ours.items():
         days = np.array([each.get(name, np.nan) for each in twins])
-        days = days[np.isfinite(days)]
+        days = days[np.isfinite(days)][:most]
         if np.isfinite(value) and days.size:
             compared.append(_Comparison(name, value, days))
     return compared
@@ -182,11 +189,9 @@ def readings_of(certified: Certifications) -> dict[str, float]:
     ]
     if np.isfinite(diameters).all():
         rows["chords"] = diameters[0] / diameters[1]
-    if readings.recoil is not None:
-        apart = (reduced.shots.recoil_efficiency - reduced.shots.rebound_efficiency)[valid]
-        apart = apart[np.isfinite(apart)]
-        if apart.size:
-            rows["rebound and recoil"] = float(apart.mean())
+    differences = {each.name: each.sigmas for each in certified.checked.pairs(0)}
+    if "recoil-and-rebound" in differences:
+        rows["rebound and recoil"] = differences["recoil-and-rebound"]
     return rows
 
 
