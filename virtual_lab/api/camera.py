@@ -196,7 +196,7 @@ def track(
         ``baseball``, the name of another ball in the catalog, the first letters of such a name if
         no other name begins with them, or a .toml file.
 
-        A `Sheet` of a ball is allowed, too. A number without a unit is refused.
+        A `Sheet` of a ball is also allowed. A number without a unit is refused.
     mass
         Mass of the ball in g, kg or oz, ``145g``, from which its drag is computed.
     fps
@@ -371,8 +371,8 @@ def calibrate(
 ) -> Calibration:
     """Calibrate the camera that took pictures of a board, for ``track``.
 
-    In one picture the board lies in the plane of the flight of the ball, or parallel to it at a
-    known height; in the others it is tilted by about 30 deg.
+    In one picture the board is in the plane of the ball's flight, or parallel to it at a known
+    height. In the other pictures it is tilted by about 30 deg.
 
     Parameters
     ----------

@@ -207,15 +207,16 @@ class Certificate:
         The folder also contains ``datapackage.json`` (Frictionless) with meaning and unit of every
         column, ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
 
-        A film is lossless with time stamps, and comes with a preview and the calibration file for
-        ``virtual-lab track``. If an `InputError` is raised, no partial files are left.
+        A film is lossless with time stamps; a preview and the calibration file for
+        ``virtual-lab track`` are beside it. If an `InputError` is raised, no partial files
+        are left.
 
         Parameters
         ----------
         folder
             The new folder.
         pdf
-            Write the certificate as PDF, too (needs the extra ``pdf``).
+            Also write the certificate as PDF (needs the extra ``pdf``).
 
             It is PDF/A-3a and PDF/UA-1, with ``certificate.json`` attached. None: as the
             certificate was made.
@@ -378,10 +379,10 @@ def certify(
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     ball
-        Ball of the test, in place of the ball of the procedure: a name in the catalog or a .toml
+        Ball of the test, instead of the ball of the procedure: a name in the catalog or a .toml
         file.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     rig
@@ -392,8 +393,8 @@ def certify(
         it can compute the true values, so the certificate says "not sealed". By default a random
         seed of 128 bits, stored only in the sealed truth.
     number
-        Number of the laboratory among those with the same seed. Each has another bat, other balls
-        and other calibration errors.
+        Number of the laboratory among those with the same seed. Each laboratory has its own bat,
+        balls and calibration errors.
     reality
         ``noise-free``: no randomness, but vibration of the bat, encoder counts, drag and friction
         remain. ``ideal``: bat, balls and instruments equal their nominal values.
@@ -439,8 +440,8 @@ def certify(
     reason
         Reason for the replacement; the certificate states both.
     test
-        Number of this test in its laboratory, with a seed: the same calibrations, another bat,
-        other balls.
+        Number of this test in its laboratory, with a seed. Tests with different numbers have the
+        same calibrations, but different bats and balls.
     lot
         Number of the lot of balls in its laboratory, with a seed. Tests with the same number use
         balls of one lot. By default lot 0, but another lot in each numbered test.
@@ -635,7 +636,7 @@ def sweep(
 
         Or a sheet, or a list of several.
     more
-        Further bats, in place of a list.
+        Further bats, instead of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file.
 
@@ -660,7 +661,7 @@ def sweep(
     truth
         Store the sealed truth with each certificate, for ``score``. It is 90 kB of the folder.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -21,10 +21,10 @@ def chart(
     Parameters
     ----------
     part
-        Part: ``uncertainty`` compares the methods to propagate uncertainty, ``laboratory`` all
-        parts of a test.
+        Part: ``uncertainty`` compares the methods to propagate uncertainty, ``laboratory``
+        compares all parts of a test.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
@@ -52,7 +52,7 @@ def stability(
     part
         Part whose numerical methods are mapped.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

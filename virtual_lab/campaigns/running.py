@@ -56,7 +56,7 @@ def campaign(
         Address of a Dask scheduler whose workers see the same folder, ``tcp://HOST:8786`` (extra
         ``dask``); it replaces the processes.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

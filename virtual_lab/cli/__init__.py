@@ -71,7 +71,7 @@ def _leave(code: int, message: str) -> None:
 @click.command("completion")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
-    """Print the completion script for a SHELL, to be sourced from its start-up file."""
+    """Print the completion script for a SHELL. The start-up file of the shell must source it."""
     from click.shell_completion import get_completion_class
 
     script = get_completion_class(shell)
@@ -264,7 +264,7 @@ cli = Sections(
             FunctionCommand(
                 "calibrate",
                 output=Output(
-                    file="New calibration file, .toml; a picture of the residuals goes beside it."
+                    file="New calibration file, .toml. A picture of the residuals is beside it."
                 ),
                 example="calibrate pictures --board chessboard:9x6:40mm --out camera.toml",
             ),

@@ -43,7 +43,7 @@ def day(
     Parameters
     ----------
     scenario
-        The day: a name (the page *Scenarios* lists them) or a .toml file.
+        The day: a name (listed on the page "Scenarios") or a .toml file.
     operator
         Simulated operator who takes the day instead of you.
     script
@@ -157,8 +157,8 @@ def trends(folder: Folder) -> StudyResult:
 def branch(day: Folder, entry: int, folder: Folder) -> Answer:
     """Copy a handed-in DAY up to number ENTRY of its log into FOLDER, to practice from there on.
 
-    The entry itself is kept. Entries are counted from 1; 0 repeats the whole day. A day that came
-    with records is repeated from these on.
+    The entry itself is kept. The first entry is number 1; 0 repeats the whole day. If the
+    day began with ready records, the smallest allowed ENTRY is their number.
     """
     from virtual_lab.bench.machines.stored_day import StoredDay
 
@@ -170,7 +170,7 @@ def branch(day: Folder, entry: int, folder: Folder) -> Answer:
 
 
 def check(scenario: AnyName) -> StudyResult:
-    """Try a scenario of your own: minutes, shots, and the faults that an expert finds."""
+    """Play your own scenario and print minutes, shots, and the faults that an expert finds."""
     from virtual_lab.bench.entrance.review import check_scenario
 
     return check_scenario(str(scenario))

@@ -68,7 +68,7 @@ def bias(
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -86,7 +86,7 @@ def clip_coverage(
     summed
         The camera writes positions with the least possible scatter instead of pictures.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -194,7 +194,7 @@ def coverage(
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

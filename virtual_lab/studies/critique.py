@@ -231,7 +231,7 @@ def critique(
 
         Or sheets.
     more
-        Further bats, in place of a list.
+        Further bats, instead of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
         sport of the field's balls. The tests use the balls of the procedures.
@@ -254,7 +254,7 @@ def critique(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

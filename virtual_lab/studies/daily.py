@@ -194,7 +194,7 @@ def daily(
     days
         Number of mornings.
     baseline
-        Number of first days, from which the limits are computed.
+        Number of days at the start, from which the limits are computed.
     hits
         Number of hits each morning.
     drift
@@ -212,7 +212,7 @@ def daily(
     seed
         Seed of the laboratory. The hits of different days have different random errors.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

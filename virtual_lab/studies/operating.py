@@ -124,7 +124,7 @@ def operating(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

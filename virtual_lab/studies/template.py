@@ -39,7 +39,7 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    The word ``laboratory`` in place of a procedure writes one empty file of particulars
+    If `procedure` is ``laboratory``, this writes one empty file of particulars
     (laboratory, customer, bat), for ``certify``. If an error is raised, no partial files are left.
 
     Parameters

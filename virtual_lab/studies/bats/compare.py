@@ -161,7 +161,7 @@ def profile(
 
         Or a sheet, or a list of several.
     more
-        Further bats, in place of a list.
+        Further bats, instead of a list.
     swings
         Exponent n of the power law, 0 to 0.5. One bat takes a single exponent, by default 0;
         several bats take several, by default 0 and 0.5.
@@ -176,7 +176,7 @@ def profile(
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
 

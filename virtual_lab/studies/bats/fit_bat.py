@@ -171,7 +171,7 @@ def fit_bat(
     Parameters
     ----------
     path
-        File of the measurements, .toml; the page *A bat of your own* has its keys.
+        File of the measurements, .toml; the page "A bat of your own" explains its keys.
     members
         Number of fitted bats that show the spread; bats whose fit fails are omitted.
     seed

@@ -199,7 +199,7 @@ def percussion(
     shots
         Number of shots per laboratory and impact position; a reading is their mean.
     instruments
-        Instruments and rigs with changed values, in place of those of the catalog.
+        Instruments and rigs with changed values, instead of those of the catalog.
 
         Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
