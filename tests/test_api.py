@@ -9,6 +9,7 @@ import pydoc
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
+from tests.pictures import lines_of
 from virtual_lab import lab
 from virtual_lab.cli import cli
 from virtual_lab.output import progress as shown_progress
@@ -170,6 +172,17 @@ def test_a_certificate_plots_its_hits(tested: vl.Certificate, tmp_path: Path) ->
     assert (
         axes.lines[0].get_xdata().tolist() == tested.shots["shot"][tested.shots["valid"]].tolist()
     )
+
+
+def test_a_score_plots_its_errors(tested: vl.Certificate, tmp_path: Path) -> None:
+    """The errors are in u; a score without rows has a picture without lines."""
+    result = vl.score(tested.save(tmp_path / "test"))
+    figure = result.plot(tmp_path / "score.png")
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert [value for _, value, _ in lines_of(figure)] == [row.z for row in result.rows]
+    names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert names == [row.quantity for row in result.rows]
+    assert lines_of(replace(result, rows=()).plot()) == []
 
 
 def test_a_scan_is_plotted_over_the_position_with_its_curve() -> None:

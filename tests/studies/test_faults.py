@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.pictures import lines_of
 from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
@@ -34,6 +35,7 @@ def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     assert rows[0].caught == 0
     assert rows[3].by.startswith(f"encoder-fit {LABORATORIES}")
     assert rows[1].e_A.bias == pytest.approx(-0.0040, abs=0.0002)
+    assert lines_of(rows.plot()) == [(row.low, row.caught, row.high) for row in rows]
     rows.save(tmp_path / "new")
     assert (tmp_path / "new" / "faults.csv").read_text().count("\n") == len(rows) + 1
 

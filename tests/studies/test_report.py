@@ -20,6 +20,7 @@ from pypdf import PdfReader
 import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from tests.laboratories import certified
+from tests.pictures import lines_of
 from virtual_lab.certificate.document import FlagRaised
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
@@ -165,6 +166,13 @@ def test_an_invalid_test_states_no_value() -> None:
     assert found.words[0] == "1 PASS, 1 INVALID."
     assert not any("mean of" in each for each in found.words)
     assert len(re.findall(r"<circle", found.svg)) == 1
+
+
+def test_the_picture_has_every_result(results: Path) -> None:
+    found = vl.report(results / "laboratories")
+    assert lines_of(found.plot()) == [(row.low, row.value, row.high) for row in found.rows]
+    (limit,) = {row.limit for row in found.rows}
+    assert found.plot().axes[0].lines[0].get_xdata() == [limit, limit]
 
 
 def test_every_form_has_every_certificate(results: Path, tmp_path: Path) -> None:

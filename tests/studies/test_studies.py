@@ -53,6 +53,10 @@ def test_the_effect_of_every_term_agrees_with_its_stated_value() -> None:
     1000), and the largest beyond 2 standard errors of zero, so that a lost sign would show.
     """
     rows = effects("softball-34", procedure="asa", laboratories=130, summed=True)
+    drawn = rows.plot().axes[0]
+    assert [each.get_xdata()[0] for each in drawn.lines if each.get_marker() == "."] == [
+        row.realised for row in rows
+    ]
     terms = {row.term: row for row in rows}
     for name, row in terms.items():
         print(name, row.stated, row.realised, row.se)

@@ -168,7 +168,7 @@ cli = Sections(
                 output=Output(folder="{bat}-{procedure}", page="certificate.html", picture=True),
                 example="certify r161 --procedure bbcor --seed 7",
             ),
-            FunctionCommand("score", output=TABLE, example="score out/r161-bbcor-seed-7"),
+            FunctionCommand("score", output=DRAWN, example="score out/r161-bbcor-seed-7"),
             FunctionCommand(
                 "reduce",
                 saving="Certificate.save",
@@ -177,7 +177,7 @@ cli = Sections(
             ),
             FunctionCommand("verify", output=TABLE, example="verify out/r161-bbcor-seed-7"),
             FunctionCommand(
-                "report", output=STUDY, example="report out/r161-bbcor-seed-7 out/other"
+                "report", output=DRAWN, example="report out/r161-bbcor-seed-7 out/other"
             ),
             FunctionCommand(
                 "template", output=Output(answer=_form), example="template astm-f1881 forms"
@@ -216,7 +216,7 @@ cli = Sections(
             FunctionCommand(
                 "bias", options=("procedure",), output=DRAWN, example="bias --procedure bbcor"
             ),
-            FunctionCommand("faults", output=STUDY, example="faults gate-moved --laboratories 2"),
+            FunctionCommand("faults", output=DRAWN, example="faults gate-moved --laboratories 2"),
             FunctionCommand("plan", output=DRAWN, example="plan bbcor --target-u 0.0015"),
             FunctionCommand("twin", output=DRAWN, example="twin out/r161-bbcor-seed-7"),
             FunctionCommand(

@@ -107,8 +107,7 @@ class FunctionCommand(click.Command):
         Positional parameters that are options of the command.
     variants
         Options that call another public function instead, and the name of that function. The option
-        is a flag, or it takes the value of the parameter with its name. The result of that function
-        has no picture.
+        is a flag, or it takes the value of the parameter with its name.
     flags
         Parameter for which each value except the default is also a flag.
     saving
@@ -217,8 +216,6 @@ class FunctionCommand(click.Command):
             request[self.flags] = flags[0]
         place = self.place
         for variant in [key for key in self.variants if request.get(key)][-1:]:
-            if values.get("plot"):
-                usage(f"--{variant} does not go with --plot, because its result has no picture")
             place = self.variants[variant]
             request = _for_variant(variant, place, request, self.parameters)
         how = {key: request.pop(key) for key in self._saving if key in request}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.stats import binomtest
@@ -18,6 +19,7 @@ from virtual_lab.lab import Laboratory, TestSetup, prepare_day
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_block
+from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -27,6 +29,9 @@ from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 from virtual_lab.units import INCH, Array
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 QUANTITIES = {  # names in the camera's u and in the truth
     "v_in": ("speed_in", "speed"),
@@ -55,6 +60,21 @@ class ClipCoverage:
     mean_error_se_percent: float = column("  its standard error", "%", ".4f")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ClipTable(Rows[ClipCoverage]):
+    """Coverage of the intervals of each quantity."""
+
+    def draw(self) -> PageFigure:
+        """Draw the coverage of each quantity with its limits, beside 95 %."""
+        return draw_intervals(
+            [Interval(row.quantity, row.coverage, row.low, row.high) for row in self.rows],
+            self.title,
+            "share of intervals that contain the true value (bars: 95 % limits)",
+            references=(0.95,),
+            words="nominal coverage",
+        )
+
+
 def clip_coverage(
     bat: AnyBat = "r161",
     *,
@@ -64,7 +84,7 @@ def clip_coverage(
     summed: bool = False,
     instruments: Instruments = (),
     progress: Progress = quiet,
-) -> Rows[ClipCoverage]:
+) -> ClipTable:
     """Film one shot in each of many laboratories, and return the coverage of the intervals.
 
     The table has one row per quantity: v_in, v_out and e_A.
@@ -114,7 +134,7 @@ def clip_coverage(
         clips_of_laboratories.append(_clip(Laboratory.open(setup), detail))
         progress("clips", number + 1, clips)
     values = np.array(clips_of_laboratories)
-    return Rows(
+    return ClipTable(
         name="clips",
         title=f"one shot at {bat} on film in each of {clips} laboratories, by {procedure}",
         across="quantity",

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured_balls
 from virtual_lab.measurement.session_reduction import AIM_ALONG
+from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -36,6 +38,9 @@ from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.studies.coverage import each_laboratory
 from virtual_lab.uncertainty.budget import HITS, Component
 from virtual_lab.units import Array
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +61,26 @@ class Effect:
     se: float | None = column("its standard error", "SI", ".1e")
     apart: float | None = column("difference", "standard errors", "+.1f")
     laboratories: int = column("laboratories")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class EffectTable(Rows[Effect]):
+    """Effects of all components, largest first."""
+
+    def draw(self) -> PageFigure:
+        """Draw the real effects ± 2 standard errors beside the stated ones."""
+        stated = [Interval(row.term, row.stated, row.stated, row.stated, True) for row in self.rows]
+        figure = draw_intervals(
+            stated,
+            self.title,
+            "effect on the metric, SI (dots: real effect ± 2 standard errors)",
+            hollow="stated effect",
+        )
+        for place, row in enumerate(self.rows):
+            if row.realised is not None:
+                bar = 2 * (row.se or 0.0)
+                figure.axes[0].errorbar(row.realised, place, xerr=bar, fmt=".", color="black")
+        return figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +104,7 @@ def effects(
     workers: Positive = 1,
     instruments: Instruments = (),
     progress: Progress = quiet,
-) -> Rows[Effect]:
+) -> EffectTable:
     """Compare the stated and the real effect of each component of the budget of the metric.
 
     The table has one row per component, sorted by the size of the stated effect. The columns
@@ -169,7 +194,7 @@ def effects(
                 laboratories=len(cases),
             )
         )
-    return Rows(
+    return EffectTable(
         name="effects",
         title=f"{bat} by {procedure}: effect of each term of the budget on the metric",
         words="Effect: change of the metric by one u of the term. SI: unit of the metric.",

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import hypot, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin, TestSetup
 from virtual_lab.measurement.certification import Certification
+from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -33,6 +35,9 @@ from virtual_lab.sheets import (
     entry_names,
     words_of,
 )
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 PROCEDURES = ("astm-f1881", "bbcor")
 
@@ -110,6 +115,29 @@ class FaultOutcome:
     as_predicted: bool = column("outcome", form=_outcome)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FaultTable(Rows[FaultOutcome]):
+    """Outcomes of faults in tests by procedures."""
+
+    def draw(self) -> PageFigure:
+        """Draw the fraction of laboratories that detect each fault, with its limits."""
+        return draw_intervals(
+            [
+                Interval(
+                    f"{row.fault}, {row.procedure}",
+                    row.caught,
+                    row.low,
+                    row.high,
+                    not row.as_predicted,
+                )
+                for row in self.rows
+            ],
+            self.title,
+            "fraction of laboratories that detect the fault (bars: 95 % limits)",
+            hollow="not as predicted",
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class _Detection:
     """Signs of a fault in one laboratory, and the results on its certificate."""
@@ -128,7 +156,7 @@ def faults(
     seed: Seed = 1,
     instruments: Instruments = (),
     progress: Progress = quiet,
-) -> Rows[FaultOutcome]:
+) -> FaultTable:
     """Simulate faults in many laboratories, and compare detection and bias with predictions.
 
     Parameters
@@ -203,7 +231,7 @@ def faults(
         for name, prediction in predicted.items():
             rows.append(_row(name, procedure, prediction, run_laboratories(name, name), sound))
     title = f"faults of a real day, {laboratories} laboratories each"
-    return Rows(name="faults", title=title, rows=rows)
+    return FaultTable(name="faults", title=title, rows=rows)
 
 
 def _require_predictions(sheets: Sequence[FaultSheet], procedures: Sequence[str]) -> None:

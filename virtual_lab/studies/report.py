@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf, typeset
 from virtual_lab.errors import InputError, of_extra
+from virtual_lab.files.tables import write_csv
+from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import StudyResult
 from virtual_lab.output.rounding import decimals, digits
@@ -21,6 +23,9 @@ from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.output.template import page_template
 from virtual_lab.parameters import Folders, Paper, paths_of
 from virtual_lab.studies.interlab.expected import expected_scatter
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "repeats of one test"
@@ -171,41 +176,57 @@ class CertificateReport(StudyResult):
                 sentences += [expected.explain(stdev(values), len(values))] if expected else []
         return [*(f"{each}." for each in sentences), AS_STATED]
 
+    def _results(self) -> tuple[list[Interval], set[float], str]:
+        """Return the results with their 95 % intervals, the limits, and the label of both.
+
+        Results of different metrics are divided by their limits.
+        """
+        rows = [row for row in self.rows if row.value is not None and row.low is not None]
+        one_metric = len({row.metric for row in self.rows}) == 1
+        rows = [row for row in rows if one_metric or row.limit]
+        intervals = []
+        for row in rows:
+            size = 1.0 if one_metric else row.limit or 1.0
+            value, low, high = (float(end or 0) / size for end in (row.value, row.low, row.high))
+            intervals.append(Interval(self._row_name(row), value, low, high))
+        limits = {row.limit if one_metric else 1.0 for row in rows if row.limit is not None}
+        unit = f", {rows[0].unit}" if one_metric and rows and rows[0].unit else ""
+        label = f"{rows[0].metric}{unit}" if one_metric and rows else "result / limit"
+        return intervals, limits, label
+
+    def draw(self) -> PageFigure:
+        """Draw the results with their 95 % intervals, beside the limits."""
+        intervals, limits, label = self._results()
+        label = f"{label} (bars: 95 % intervals)"
+        return draw_intervals(
+            intervals, self.title, label, references=sorted(limits), words="limit"
+        )
+
     @property
     def svg(self) -> str:
         """SVG figure of the results with their intervals and limits, one line per result."""
-        rows = [row for row in self.rows if row.value is not None and row.low is not None]
-        one_metric = len({row.metric for row in self.rows}) == 1
-        # results of different metrics are divided by their limits
-        rows = [row for row in rows if one_metric or row.limit]
-        sizes = [1.0 if one_metric else row.limit or 1.0 for row in rows]
-        ends = [
-            [float(end or 0) / size for end in (row.low, row.value, row.high)]
-            for row, size in zip(rows, sizes, strict=True)
-        ]
-        limits = {row.limit if one_metric else 1.0 for row in rows if row.limit is not None}
-        every = [*(end for each in ends for end in each), *limits]
+        intervals, limits, label = self._results()
+        every = [*(end for each in intervals for end in (each.low, each.high)), *limits]
         margin = 0.05 * ((max(every) - min(every)) or 1.0) if every else 1.0
-        few = len(rows) <= MOST_NAMED
-        height = (11.0 if few else 4.0) * max(len(rows), 2) + 44
-        unit = f", {rows[0].unit}" if one_metric and rows and rows[0].unit else ""
+        few = len(intervals) <= MOST_NAMED
+        height = (11.0 if few else 4.0) * max(len(intervals), 2) + 44
         panel = Panel(
             left=165,
             right=PAGE_WIDTH - 6,
             top=14,
             bottom=height - 30,
             x=(min(every, default=0.0) - margin, max(every, default=1.0) + margin),
-            y=(-len(rows) + 0.4, 0.6) if rows else (0.0, 1.0),
-            x_label=f"{rows[0].metric}{unit}" if one_metric and rows else "result / limit",
-            y_ticks=[-float(n) for n in range(len(rows))] if few else (),
-            y_words=[self._row_name(row) for row in rows] if few else (),
+            y=(-len(intervals) + 0.4, 0.6) if intervals else (0.0, 1.0),
+            x_label=label,
+            y_ticks=[-float(n) for n in range(len(intervals))] if few else (),
+            y_words=[each.name for each in intervals] if few else (),
         )
-        for n, (low, value, high) in enumerate(ends):
-            panel.line((low, high), (-n, -n))
-            panel.dots([value], [-n], radius=1.8)
+        for n, each in enumerate(intervals):
+            panel.line((each.low, each.high), (-n, -n))
+            panel.dots([each.value], [-n], radius=1.8)
         for limit in limits:
             panel.line((limit, limit), panel.y, width=1.2, dashes=DASHED)
-        caption = f"{len(rows)} results with their 95 % intervals. Dashed line: limit"
+        caption = f"{len(intervals)} results with their 95 % intervals. Dashed line: limit"
         return figure([panel], height, "report", self.title, caption)
 
     def _row_name(self, row: ComparedCertificate) -> str:
@@ -215,7 +236,7 @@ class CertificateReport(StudyResult):
 
     def fill(self, folder: Path) -> None:
         """Write table, figure, page and, if requested, PDF into an existing folder."""
-        StudyResult.fill(self, folder)
+        write_csv(self.table, folder / "report.csv")
         (folder / "report.svg").write_text(self.svg, encoding="utf-8")
         (folder / "report.html").write_text(self.page, encoding="utf-8")
         if self.pdf:

@@ -7,16 +7,20 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.lab.seal import TRUTH, Alteration, alterations
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
+from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 CERTIFICATE = "certificate.json"
 
@@ -101,6 +105,16 @@ class CertificateScore(StudyResult):
     def code(self) -> int:
         """Exit code of the command: 3 for a broken seal, else 0."""
         return 3 if self.altered else 0
+
+    def draw(self) -> PageFigure:
+        """Draw the errors in units of u, beside the limits of a 95 % interval."""
+        return draw_intervals(
+            [Interval(row.quantity, row.z, 0.0, row.z) for row in self.rows if row.z is not None],
+            self.title,
+            "error (measured minus true value) divided by $u$",
+            references=(-1.96, 1.96),
+            words="limits of 95 % of the errors",
+        )
 
     @property
     def document(self) -> Json:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.pictures import lines_of
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
@@ -48,6 +49,18 @@ def test_the_file_reads_back_as_the_bat_that_was_measured(
     assert "peak e_A" in target.read_text()
     with pytest.raises(InputError, match="exists already"):
         fitted.write(target)
+
+
+def test_the_picture_has_the_spread_in_percent(weighed: tuple[Path, FittedBat]) -> None:
+    """A quantity that was not measured is hollow."""
+    _, fitted = weighed
+    figure = fitted.plot()
+    spread = [row for row in fitted.spread if row.fit]
+    ends = [sorted(100 * (end / row.fit - 1) for end in (row.low, row.high)) for row in spread]
+    assert lines_of(figure) == [pytest.approx((low, 0.0, high)) for low, high in ends]
+    dots = [each for each in figure.axes[0].lines if len(each.get_xdata()) == 1]
+    hollow = [each.get_markerfacecolor() == "white" for each in dots]
+    assert hollow == [not row.measured for row in spread]
 
 
 def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, FittedBat]) -> None:

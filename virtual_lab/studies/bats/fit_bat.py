@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files
+from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
@@ -38,6 +40,9 @@ from virtual_lab.studies.bats.bat_templates import (
 )
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions
 from virtual_lab.units import INCH, MPH
+
+if TYPE_CHECKING:
+    from virtual_lab.output.page_figure import PageFigure
 
 PLACES_IN = np.arange(2.0, 10.01, 0.5)
 PEAK_PLACE = "position of peak e_A"
@@ -102,6 +107,17 @@ class FittedBat(StudyResult):
             for name, value in self.fitted.misfits.items()
         )
         return f"{table_text(self.spread)}\n\nmisfits (relative): {worst}"
+
+    def draw(self) -> PageFigure:
+        """Draw the spread of each quantity over the bats that fit, relative to this bat."""
+        intervals = []
+        for row in self.spread:
+            if row.fit:
+                low, high = sorted(100 * (end / row.fit - 1) for end in (row.low, row.high))
+                name = f"{row.quantity}, {row.fit:.4g} {row.unit}".rstrip()
+                intervals.append(Interval(name, 0.0, low, high, hollow=not row.measured))
+        label = "range over the bats that fit, relative to this bat, %"
+        return draw_intervals(intervals, self.title, label, hollow="not measured")
 
     def write(self, path: Path) -> None:
         """Write the bat file, completely or not at all. Raises `InputError` if it exists."""
