@@ -371,7 +371,8 @@ def test_measurements_that_fit_no_bat_are_refused(
 ) -> None:
     (tmp_path / "measured.toml").write_text(MEASURED.replace(old, new))
     code, out, err = run("fit-bat", "measured.toml", "--out", "mine.toml")
-    assert (code, out, err.count("\n")) == (2, "", 1)
+    said = [line for line in err.splitlines() if not line.startswith("…")]  # but progress
+    assert (code, out, len(said)) == (2, "", 1)
     for word in words:
         assert word in err
     assert [path.name for path in tmp_path.iterdir()] == ["measured.toml"]
