@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 from virtual_lab.video.find.drift import matrix_of, upper_median
 from virtual_lab.video.find.still import Image, Still, difference_of
 
@@ -25,6 +25,7 @@ Hull = tuple[float, float, float, float]  # x, y, shorter and longer half axis [
 
 # largest share of the ring that is not background; more means a hand, or a ball on an object
 CLEAN = 0.35
+COARSE = 48  # size of a blob [pixels]; a blob at least twice as large is shrunk first
 BLOB = np.dtype(
     [
         ("frame", np.int32),
@@ -42,6 +43,19 @@ BLOB = np.dtype(
         ("colour", float, (3,)),
     ]
 )
+
+
+def free(blobs: Blobs) -> Mask:
+    """Return a mask of the blobs that touch neither other objects nor the picture's edge."""
+    return np.asarray((blobs["dirty"] < CLEAN) & ~blobs["cut"])
+
+
+class BlobView(NamedTuple):
+    """A blob with its surroundings in the still frame, and the background behind it."""
+
+    picture: Image
+    behind: Image
+    corner: Array  # x and y of the first pixel, (2,) [pixels]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,15 +87,16 @@ class _Search:
     ring_level: float = 0.35
     # levels between which the width of an edge is measured [share of the contrast]
     edge_levels: tuple[float, float] = (0.3, 0.7)
-    coarse: int = 48  # size of a blob [pixels]; a blob at least twice as large is shrunk first
     fine: float = 16.0  # smallest radius of a blob whose outline is not enlarged [pixels]
 
 
 _SEARCH = _Search()
 
 
-def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
-    """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, empty if there is none.
+def blobs(
+    number: int, picture: Image, small: Image, drift: Array, still: Still
+) -> tuple[Blobs, list[BlobView]]:
+    """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, and a view of each.
 
     Positions are in pixels to the right of and below the middle of the upper left pixel. `x` and
     `y` refer to the picture of the first sample, which defines the still frame; `picture_x` and
@@ -97,18 +112,18 @@ def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still)
         Drift of the picture from the still frame, (4,) as in `find.drift`.
     """
     off, light = still.difference(small, drift)
-    rows: list[BlobRow] = []
+    pairs: list[tuple[BlobRow, BlobView]] = []
     for box in _boxes(off, still.shrink):
-        if any(_inside(box, each, still.origin) for each in rows):
+        if any(_inside(box, each, still.origin) for each, _ in pairs):
             continue
-        blob = _blob(number, picture, drift, light, still, box)
-        if blob is None:
+        pair = _blob(number, picture, drift, light, still, box)
+        if pair is None:
             continue
-        rivals = [each for each in rows if _same(blob, each)]
-        if all(_surer(blob, each) for each in rivals):
-            rows = [each for each in rows if not any(each is other for other in rivals)]
-            rows.append(blob)
-    return np.array(rows, BLOB)
+        rivals = [each for each in pairs if _same(pair[0], each[0])]
+        if all(_surer(pair[0], each) for each, _ in rivals):
+            pairs = [each for each in pairs if not any(each is other for other in rivals)]
+            pairs.append(pair)
+    return np.array([row for row, _ in pairs], BLOB), [view for _, view in pairs]
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
@@ -161,15 +176,17 @@ def _blob(
     light: Array,
     still: Still,
     box: tuple[int, int, int, int],
-) -> BlobRow | None:
-    """Return the row of `BLOB` for the content of a box, None if it is no ball."""
+) -> tuple[BlobRow, BlobView] | None:
+    """Return the row of `BLOB` for the content of a box, with its view; None if it is no ball."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
     x0, y0 = max(0, left - room), max(0, top - room)
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, drift, light, (x0, y0), size)
-    fine = max(1, max(wide, high) // _SEARCH.coarse)
+    corner = np.array([x0, y0]) + still.origin
+    view = BlobView(part.copy(), behind, corner)  # not a part of the picture, which would be kept
+    fine = max(1, max(wide, high) // COARSE)
     if fine > 1:  # a lower resolution is enough to locate a large ball to tenths of a pixel
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
         cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
@@ -202,13 +219,13 @@ def _blob(
     lower = _hull(off, _SEARCH.edge_levels[0] * contrast)
     if lower and lower[3] < _SEARCH.round[1] * long:  # else a shadow or the codec joins it
         x, y, *_ = lower
-    corner = (x0 + still.origin[0], y0 + still.origin[1])
     at = [fine * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
     short, long, edge = (fine * p for p in (short, long, outer - inward))
     there = (matrix_of(drift, still.size) @ [*at, 1.0]).tolist()
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
-    return number, *at, short, long, edge, contrast, dirty, cut, *there, np.broadcast_to(colour, 3)
+    colours = np.broadcast_to(colour, 3)
+    return (number, *at, short, long, edge, contrast, dirty, cut, *there, colours), view
 
 
 def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:

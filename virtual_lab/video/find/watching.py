@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
-from virtual_lab.video.find.blobs import BLOB, CLEAN, Blobs, blobs
+from virtual_lab.video.find.blobs import BLOB, Blobs, BlobView, blobs, free
 from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
 # largest change of the drift per frame that a hand can cause [share of the fastest drift]
@@ -35,6 +35,8 @@ class Watched:
     # JPEG of each frame in the searched size, about 30 kB each; empty if the clip has more than
     # 4000 frames
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+    # surroundings of the whole and clean blobs, by their index; none if there are no thumbs
+    views: Mapping[int, BlobView] = field(default_factory=dict)
     interlaced: bool = False  # each frame holds two fields, taken at different moments
 
 
@@ -70,6 +72,8 @@ def watch(
     latest = still.shrunk(eight_bits(clip.samples[0], depth)), drift
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
+    views: dict[int, BlobView] = {}
+    count = 0
     with_thumbs = clip.count <= 4000
     for number, frame in enumerate(clip.pictures()):
         if number > last:
@@ -97,14 +101,21 @@ def watch(
         before = small
         if with_thumbs:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
-        by_frame.append(blobs(number, picture, small, drift, still))
-    whole = in_region(np.concatenate(by_frame), region)
+        moving, around = blobs(number, picture, small, drift, still)
+        inside = in_region(moving, region)
+        if with_thumbs:
+            kept = np.flatnonzero(inside & free(moving))
+            views |= {count + int(np.count_nonzero(inside[:k])): around[k] for k in kept}
+        by_frame.append(moving[inside])
+        count += len(by_frame[-1])
+    whole = np.concatenate(by_frame)
     return Watched(
         still=still,
         blobs=whole,
         change=change,
         leaps=leaps,
         thumbs=thumbs,
+        views=views,
         interlaced=_has_combs(clip, whole),
     )
 
@@ -116,9 +127,9 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
     other frames it differs less, or equally if there is only noise.
     """
     combed = []
-    free = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]
+    whole = moving[free(moving)]
     for number, sample in zip(clip.sampled, clip.samples, strict=True):
-        for blob in free[free["frame"] == number]:
+        for blob in whole[whole["frame"] == number]:
             reach = blob["length"] + 3
             x, y = blob["picture_x"], blob["picture_y"]
             cut = np.s_[
@@ -134,16 +145,16 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
     return len(combed) >= COMB_BLOBS and float(np.median(combed)) > COMB_RATIO
 
 
-def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Blobs:
-    """Return the blobs whose centres are in a region of the still frame; None: all of them.
+def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
+    """Return a mask of the blobs with their centres in a region of the still frame; None: of all.
 
     The region is x and y of its upper left corner, width and height [pixels].
     """
     if region is None:
-        return moving
+        return np.ones(len(moving), bool)
     x, y, wide, high = region
     inside = (moving["x"] > x) & (moving["x"] < x + wide)
-    return moving[inside & (moving["y"] > y) & (moving["y"] < y + high)]
+    return np.asarray(inside & (moving["y"] > y) & (moving["y"] < y + high))
 
 
 def repeats(watched: Watched) -> Mask:
@@ -155,7 +166,7 @@ def repeats(watched: Watched) -> Mask:
     condition is met.
     """
     moving, same = watched.blobs, lulls(watched.change)
-    clean = moving[(moving["dirty"] < CLEAN) & ~moving["cut"]]
+    clean = moving[free(moving)]
     for k in np.flatnonzero(same):
         old, moved = clean[clean["frame"] == k - 1], []
         for one in clean[clean["frame"] == k]:

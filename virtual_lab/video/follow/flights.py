@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from virtual_lab.units import Array
-from virtual_lab.video.find.blobs import CLEAN
+from virtual_lab.video.find.blobs import free
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, fit_flights
 from virtual_lab.video.follow.pieces import FAR_U, GROWTH, Piece, polynomial
 from virtual_lab.video.follow.scene import FlightScene
@@ -308,7 +308,7 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """
     moving, refilled = scene.blobs, []
     counted = np.isfinite(scene.time)
-    clean = (moving["dirty"] < CLEAN) & ~moving["cut"] & counted[moving["frame"]]
+    clean = free(moving) & counted[moving["frame"]]
     number = np.cumsum(counted)
     ends = [-np.inf, *(each.frames[-1] for each in flights[:-1])]
     starts = [*(each.frames[0] for each in flights[1:]), np.inf]

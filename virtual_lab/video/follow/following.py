@@ -27,6 +27,7 @@ from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.knowledge import FILE, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights, refit
 from virtual_lab.video.follow.pieces import Piece
+from virtual_lab.video.follow.registering import register
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene, search, step_of
@@ -135,6 +136,9 @@ def follow_blobs(
             result = replace(result, scene=scene, ways=ways)
         except NotSharpError as why:
             fault = str(why)
+    if sharp is None:
+        watched, result = register(watched, result)
+    watched = replace(watched, views={})  # they may take hundreds of megabytes
     return measure(clip, watched, knowledge, result, sharp=sharp, fault=fault)
 
 

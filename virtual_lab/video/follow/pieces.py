@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array
-from virtual_lab.video.find.blobs import CLEAN, Blobs
+from virtual_lab.video.find.blobs import Blobs, free
 
 Ints = NDArray[np.intp]
 FAR_U = 4.0  # largest deviation by chance [standard uncertainties]
@@ -117,8 +117,7 @@ def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
 
 class _Growth:
     def __init__(self, blobs: Blobs, time: Array, pull: Array | None) -> None:
-        usable = (blobs["dirty"] < CLEAN) & ~blobs["cut"]
-        usable &= np.isfinite(time[blobs["frame"]])
+        usable = free(blobs) & np.isfinite(time[blobs["frame"]])
         self.blobs, self.index, self.pull = blobs, np.flatnonzero(usable), pull
         some = blobs[usable]
         self.frame = some["frame"].astype(np.intp)
