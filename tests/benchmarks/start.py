@@ -1,11 +1,11 @@
 """Start-up, first run and one certificate: ``python -m tests.benchmarks.start [CHECKOUT]``.
 
 Commands run in processes of their own, with compiled kernels on disk. With CHECKOUT, another
-working copy of this project, the same commands run there in turn, and the ratio of the processor
-times is given. Then the kernels are compiled into an empty cache, by certificates of two procedures
-and a study of summed records. The last rows are the packages that take longest to import and the
-functions that take longest to compile, without those that they call. All times but those of imports
-are processor times.
+working copy of this project with an environment in its folder `.venv`, the same commands run there
+in turn, and the ratio of the processor times is given. Then the kernels are compiled into an empty
+cache, by certificates of two procedures and a study of summed records. The last rows are the
+packages that take longest to import and the functions that take longest to compile, without those
+that they call. All times but those of imports are processor times.
 """
 
 from __future__ import annotations
@@ -101,8 +101,9 @@ def _warm(folder: Path, other: Path | None) -> Iterator[Row]:
 def _run(checkout: Path, words: str, *options: str, stderr: Path | None = None) -> Any:
     """Run a command; return its use of resources, or with a folder for stderr the text there."""
     log = open(stderr / "stderr", "w+b") if stderr else subprocess.DEVNULL  # noqa: SIM115
+    python = sys.executable if checkout == ROOT else checkout / ".venv" / "bin" / "python"
     process = subprocess.Popen(
-        [sys.executable, *options, "-m", "virtual_lab", *words.split()],
+        [python, *options, "-m", "virtual_lab", *words.split()],
         cwd=checkout,
         stdout=subprocess.DEVNULL,
         stderr=log,
