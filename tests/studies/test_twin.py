@@ -1,5 +1,6 @@
 """The twin: its days against shifted reductions, blind to the truth, clear about bad folders."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 
 import virtual_lab as vl
 from tests.laboratories import certified
+from tests.studies.twin import lines_of
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import Certification, Certifications, certify_session
 from virtual_lab.output.progress import quiet
@@ -310,6 +312,21 @@ def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monk
     assert [fault.name for fault, *_ in played] == ["sabot-trip"]
     with pytest.raises(InputError, match="has days of other records, another seed"):
         noticing.noticed_faults(replace(days, seed=2), 0.006, tmp_path, days=1)
+
+
+def test_the_page_states_the_stored_laboratories() -> None:
+    """No more than 9 of 200 sound laboratories are pointed at; that is 2 % and 2.5 sigma."""
+    stored = sorted(Path(__file__).parent.glob("twin-2*.csv"))[-1]
+    with stored.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    page = (Path(vl.__file__).parent / "studies" / "README.md").read_text("utf-8")
+    page = page.split("## A laboratory beside its twin")[1].split("\n## ")[0]
+    lines = lines_of(rows)
+    assert [line for line in lines if line not in page] == []
+    assert stored.name in page
+    for line in lines[:2]:
+        _, _, laboratories, *_, unlike, _ = line.split("|")
+        assert int(unlike) <= 9 / 200 * int(laboratories)
 
 
 def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
