@@ -54,6 +54,22 @@ def earlier_scatter(
     """
     if not folders:
         return {}
+    tests = earlier_tests(folders, kind, today)
+    source = f"{len(tests)} earlier tests"
+    return {
+        name: HitVariance.pool([test[name] for test in tests]).as_estimates(source).row(0)
+        for name in tests[0]
+    }
+
+
+def earlier_tests(
+    folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
+) -> list[dict[str, HitVariance]]:
+    """Return the variance of one hit [SI] for each result by name, one mapping per earlier test.
+
+    `kind` holds the properties that all tests must have, all or some of those of `kind_of`. Raises
+    `InputError` as `earlier_scatter`.
+    """
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:
         allowed = f"allowed: {FEWEST} or more earlier tests; ten are recommended"
@@ -62,9 +78,10 @@ def earlier_scatter(
     digests = {_digest(today): "these records"} if today else {}
     for folder in every:
         _, certification = stated_and_reduced(folder)
-        for key, there in kind_of(certification.session).items():
-            if there != kind[key]:
-                which = "is another" if key == "procedure" else f"is {there!r}, not {kind[key]!r}"
+        found = kind_of(certification.session)
+        for key, wanted in kind.items():
+            if found[key] != wanted:
+                which = "is another" if key == "procedure" else f"is {found[key]!r}, not {wanted!r}"
                 allowed = f"{which}; allowed: tests of this bat, procedure, rig and laboratory"
                 raise InputError(str(folder), key, None, allowed)
         if not certification.variances:
@@ -77,11 +94,7 @@ def earlier_scatter(
         digests[digest] = str(folder)
         variances = certification.variances.items()
         tests.append({name: HitVariance.of(Estimates.stack([each])) for name, each in variances})
-    source = f"{len(tests)} earlier tests"
-    return {
-        name: HitVariance.pool([test[name] for test in tests]).as_estimates(source).row(0)
-        for name in tests[0]
-    }
+    return tests
 
 
 def _digest(session: Session) -> str:

@@ -110,6 +110,8 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "balls": _M("number of balls", WORDS),
     "wall_hits": _M("number of wall hits per ball and speed", WORDS),
     "minutes": _M("time of one test by the actions at the rehearsal bench", "min"),
+    "price": _M("price of a plan, all tests and instruments", "of the column currency"),
+    "currency": _M("currency of the price", WORDS),
     "planned_u": _M("median u predicted from the budget", PER_ROW),
     "simulated_u": _M("median u of simulated tests", PER_ROW),
     "reaches": _M("whether the simulated u reaches the target, within two standard errors", WORDS),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.measurement.reduction.gates import GateReadings
-from virtual_lab.measurement.reduction.observations import BallReadings
+from virtual_lab.measurement.reduction.observations import BallReadings, ball_constants
 from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
@@ -80,6 +81,7 @@ class Daily(StudyResult):
     faults: tuple[str, ...]  # faults of the impact rig
     since: int | None  # first day of the change of wall or rig; None without a change
     values: Array  # mean measured e0 of the check ball
+    scatter: Array  # standard deviation of e0 over the hits of the day
     wall: Array  # true rebound speed divided by that from a rigid wall
     charted: DayCharts
     cylinder: Array  # mean measured e_A of the check cylinder
@@ -100,7 +102,13 @@ class Daily(StudyResult):
         }
         blank = np.full(charted.baseline_days, np.nan)
         return pd.DataFrame(
-            {"day": np.arange(1, days + 1), "e0": self.values, "true_wall": self.wall}
+            {
+                "day": np.arange(1, days + 1),
+                "e0": self.values,
+                "e0_sd": self.scatter,
+                "e0_dof": np.full(days, self.hits - 1),
+                "true_wall": self.wall,
+            }
             | {name: np.concatenate([blank, values]) for name, values in columns.items()}
             | {
                 "alarms": _broken(charted),
@@ -240,7 +248,7 @@ def daily(
         raise InputError("", "drift", drift, f"allowed: {allowed}")
     spec = catalog.load("balls", ball, BallSpec).spec
     progress("check ball at the wall")
-    values = _mornings(spec, wall, hits, seed)
+    values, scatter = _mornings(spec, wall, hits, seed).T
     progress("check cylinder at the impact rig")
     cylinder = check_cylinder(days, hits, seed=seed, faults=faults, since=begin)
     return Daily(
@@ -249,6 +257,7 @@ def daily(
         faults=tuple(faults),
         since=begin if drift or step or faults else None,
         values=values,
+        scatter=scatter,
         wall=wall,
         charted=control_chart(values, baseline, rules),
         cylinder=cylinder,
@@ -306,7 +315,7 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
 
 
 def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
-    """Return the measured e0 of the check ball on each day, shape (day,)."""
+    """Return mean and standard deviation of the measured e0 of the check ball, (day, 2)."""
     draws = Reality.REAL.draws(seed)
     station = find_rig("ball-wall", Stage.BALLS).commission(draws)
     assert isinstance(station, WallStation)
@@ -332,7 +341,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
         gates = play.records["gates"]
         assert isinstance(gates, GateRecord)
         values.append(_reduce_morning(gates, spec, plan, calibration))
-        if not np.isfinite(values[-1]):
+        if not np.isfinite(values[-1][0]):
             allowed = "the gates did not detect every rebound; allowed: a livelier ball or wall"
             raise InputError("", "day", day + 1, allowed)
         balls = _overnight(balls, play.truth["speed"])
@@ -341,15 +350,17 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
 
 def _reduce_morning(
     gates: GateRecord, spec: BallSpec, plan: ShotPlan, calibration: Mapping[str, Estimate]
-) -> float:
-    """Return the mean measured e0 of the check ball at the nominal speed."""
+) -> tuple[float, float]:
+    """Return mean and standard deviation of the measured e0 of the check ball on one day."""
     readings = BallReadings(
         mass=np.array([spec.mass]),
         ball=plan.ball,
         nominal_speed=plan.speed,
         flights=GateReadings.of(gates, calibration, Stage.BALLS.value),
     )
-    return float(measured_balls(_constants(calibration, spec), readings).restitution[0])
+    mean = measured_balls(_constants(calibration, spec), readings).restitution[0]
+    (u,) = ball_constants(readings)["balls.restitution_0"].u
+    return float(mean), float(u) * sqrt(plan.ball.size)
 
 
 def _constants(calibration: Mapping[str, Estimate], spec: BallSpec) -> dict[str, Array]:

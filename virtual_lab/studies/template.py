@@ -7,7 +7,7 @@ procedure needs.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import prod
 from pathlib import Path
 
@@ -25,10 +25,13 @@ from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyProcedure, entry_name
 from virtual_lab.studies.foreign import our_session
+from virtual_lab.studies.plan.prices import prices_form
 from virtual_lab.units import DIMENSIONS
 
 PARTICULARS = "laboratory"  # name of the form for laboratory, customer and bat
 OWN_RULES = "procedure.toml"
+# forms of one file, by the word in place of a procedure
+FORMS: Mapping[str, Callable[[], Iterable[str]]] = {"laboratory": form, "prices": prices_form}
 MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
     "climate": "hall.air.density is used, and the logger needs no constants",
     "store": "the conditioning of the balls is not checked",
@@ -40,17 +43,18 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
     If `procedure` is ``laboratory``, this writes one empty file of particulars
-    (laboratory, customer, bat), for ``certify``. If an error is raised, no partial files are left.
+    (laboratory, customer, bat), for ``certify``; if it is ``prices``, one of prices, for ``plan``.
+    If an error is raised, no partial files are left.
 
     Parameters
     ----------
     procedure
-        Name in the catalog or a .toml file; or ``laboratory``.
+        Name in the catalog or a .toml file; or ``laboratory``, or ``prices``.
 
         Or a sheet.
     folder
         New folder: ``laboratory.toml`` for the constants, and one CSV table per record. For
-        ``laboratory`` the new file.
+        ``laboratory`` and ``prices`` the new file.
 
     Raises
     ------
@@ -58,8 +62,8 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
         The procedure is unknown, or the folder is not empty or cannot be written.
     """
     procedure, folder = entry_name(procedure), Path(folder)
-    if procedure == PARTICULARS:
-        return particulars_form(folder)
+    if procedure in FORMS:
+        return write_form(folder, FORMS[procedure]())
     check_new_folder(folder)
     session = our_session(procedure)
     own_procedure = procedure.endswith(".toml")
@@ -75,13 +79,13 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
     return folder
 
 
-def particulars_form(path: Path) -> Path:
-    """Write an empty form for the particulars of a test into a new file, and return its path.
+def write_form(path: Path, lines: Iterable[str]) -> Path:
+    """Write the lines of an empty form into a new file, and return its path.
 
     Missing folders are created. Raises `InputError` if the file exists or cannot be written.
     """
     with new_files(path.parent) as draft:
-        (draft / path.name).write_text("\n".join(form()) + "\n", encoding="utf-8")
+        (draft / path.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 

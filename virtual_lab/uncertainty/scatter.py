@@ -132,3 +132,18 @@ def larger_today(today: Estimate, earlier: Estimate) -> bool:
     """
     new, old = (HitVariance.of(Estimates.stack([each])) for each in (today, earlier))
     return bool(new.larger(old)[0])
+
+
+def bartlett_p(variances: Array, dof: Array) -> float:
+    """Return the p-value of Bartlett's test that several variances are equal, without unit.
+
+    `variances` and their degrees of freedom `dof` are (n,) with n of at least 2. The variances are
+    those of samples from normal distributions.
+    """
+    from scipy.special import chdtrc
+
+    total, groups = dof.sum(), variances.size
+    pooled = float(dof @ variances) / total
+    statistic = total * np.log(pooled) - dof @ np.log(variances)
+    correction = 1 + (np.sum(1 / dof) - 1 / total) / (3 * (groups - 1))
+    return float(chdtrc(groups - 1, statistic / correction))

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.metrics import METRICS
@@ -14,11 +16,13 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import Positive, Seed
+from virtual_lab.parameters import File, Folders, Positive, Seed, paths_of
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.studies.plan.choosing import Index, cheapest, cheapest_single_change
+from virtual_lab.studies.plan.history import balls_of, read_history
 from virtual_lab.studies.plan.laboratory import PlannedLaboratory, better_instruments
 from virtual_lab.studies.plan.prediction import Counts
+from virtual_lab.studies.plan.prices import Prices
 
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
@@ -27,7 +31,10 @@ PRESENT, SINGLE, FLOOR = "present", "single change", "floor"  # names of plans
 CERTAIN = 2.0  # errors by which a simulated u may exceed the target
 SHOWN = 10  # largest number of plans that are simulated and shown
 TERMS = 3  # number of the largest terms of the floor that are named
-HALF = "Exchanged: an instrument with half of each standard uncertainty of its data sheet."
+HALF = (
+    "Exchanged: an instrument with half of each standard uncertainty of its data sheet, or the one"
+    " offered."
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +48,8 @@ class PlanRow:
     balls: int = column("balls")
     wall_hits: int = column("wall hits")
     minutes: float = column("minutes", form=".0f")
+    price: float | None = column("price", form=".0f")  # of all tests and exchanged instruments
+    currency: str = column("", form="")
     planned_u: float = column("planned u", form=".3g")
     simulated_u: float = column("simulated u", form=".3g")  # median over the tests
     simulated_u_se: float = column("its error", form=".1g")  # standard error of the median
@@ -60,20 +69,25 @@ class LaboratoryPlans(Rows[PlanRow]):
     unit: str
 
     def draw(self) -> PageFigure:
-        """Draw the minutes of each plan over its planned and its simulated u."""
+        """Draw minutes or price of each plan over its planned and its simulated u."""
         with page_figure(3.2) as figure:
             axes = figure.subplots()
+            currency = self.rows[0].currency
             for row in self.rows:
-                planned, simulated, minutes = row.planned_u, row.simulated_u, row.minutes
-                axes.plot([planned, simulated], [minutes] * 2, color="0.6", linewidth=0.6)
-                axes.plot(planned, minutes, "|", color="black")
-                axes.errorbar(simulated, minutes, xerr=row.simulated_u_se, fmt="ok", markersize=3)
+                planned, simulated = row.planned_u, row.simulated_u
+                cost = row.minutes if row.price is None else row.price
+                axes.plot([planned, simulated], [cost] * 2, color="0.6", linewidth=0.6)
+                axes.plot(planned, cost, "|", color="black")
+                axes.errorbar(simulated, cost, xerr=row.simulated_u_se, fmt="ok", markersize=3)
                 axes.annotate(
-                    row.plan, (simulated, minutes), (4, 3), textcoords="offset points", fontsize=7
+                    row.plan, (simulated, cost), (4, 3), textcoords="offset points", fontsize=7
                 )
             axes.axvline(self.target_u, color="0.5", linewidth=0.6, linestyle="--")
             axes.set_title(f"{as_drawn(self.title)}; mark: planned, dashed: target")
-            axes.set(xlabel=f"median $u$ {self.unit}".rstrip(), ylabel="minutes of a test")
+            axes.set(
+                xlabel=f"median $u$ {self.unit}".rstrip(),
+                ylabel=f"price, {currency}" if currency else "minutes of a test",
+            )
             axes.set(xmargin=0.1, ymargin=0.1)
         return figure
 
@@ -83,6 +97,8 @@ def plan(
     *,
     target_u: float,
     bat: AnyBat = "r161",
+    prices: File | None = None,
+    history: Folders = (),
     laboratories: int = 1000,
     seed: Seed = 1,
     workers: Positive = 1,
@@ -92,10 +108,10 @@ def plan(
     """Find the cheapest way to reach an uncertainty: instruments, hits, balls, wall hits.
 
     The table has the present laboratory, at most ten plans whose median stated u reaches the
-    target, the plan of fewest minutes first, and the cheapest single change of the present
-    laboratory. A plan has at least the hits, balls and wall hits of the procedure, and up to four
-    times as many. It may exchange any instrument for one with half of each standard uncertainty,
-    which takes no minutes. A plan that reaches the target with less is left out.
+    target, the plan of fewest minutes or lowest price first, and the cheapest single change of the
+    present laboratory. A plan has at least the hits, balls and wall hits of the procedure, and up
+    to four times as many. It may exchange any instrument for one with half of each standard
+    uncertainty, which takes no minutes. A plan that reaches the target with less is left out.
 
     The planned u is predicted from the budget of the present laboratory, to first order. Then each
     plan in the table is simulated. If no plan reaches the target, the table has the floor, which is
@@ -113,6 +129,15 @@ def plan(
         The bat: a name in the catalog or a .toml file.
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+    prices
+        File of prices, .toml, with which the plan of the lowest price comes first. Its keys are
+        ``tests``, ``per_minute``, ``per_ball`` and ``instruments``, each with value, unit and
+        source; ``virtual-lab template prices FILE`` writes an empty one. Only instruments with a
+        price are exchanged.
+    history
+        Result folder of an earlier test of the same bat by the same procedure, three or more, or
+        one folder of ``virtual-lab daily``. The simulated hits get the scatter that these days
+        have together, if Bartlett's test finds no difference between them.
     laboratories
         Number of simulated tests per plan, at least 100.
     seed
@@ -131,25 +156,39 @@ def plan(
     Raises
     ------
     InputError
-        A name is unknown, the bat does not fit the procedure, a number is out of range, or the
-        laboratories of the procedure cannot be simulated side by side.
+        A name is unknown, a number is out of range, the file of prices has an unknown key, a key
+        without unit or an unknown instrument, the history has fewer than three days, another metric
+        or days that differ, or the procedure's laboratories cannot be simulated side by side.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     if not target_u > 0:
         raise InputError("", "target_u", target_u, "allowed: more than 0")
     if laboratories < 100:
         raise InputError("", "laboratories", laboratories, "allowed: at least 100")
+    setup = TestSetup.of(bat, procedure=procedure)
+    rigs = setup.rigs.values()
+    offers, priced = better_instruments(rigs), None
+    if prices is not None:
+        priced = Prices.read(Path(prices))
+        offers = priced.offers(Path(prices), rigs)
+    days = read_history(paths_of(history), setup) if history else None
     progress("tests of the present laboratory")
-    rigs = TestSetup.of(bat, procedure=procedure).rigs.values()
-    laboratory = PlannedLaboratory.of(bat, procedure, better_instruments(rigs), seed, workers)
-    return _Search(laboratory, target_u, laboratories, progress).plans()
+    balls = balls_of(days, bat, procedure, seed) if days else {}
+    with catalog.sheets_in_place(balls):
+        laboratory = PlannedLaboratory.of(bat, procedure, offers, seed, workers)
+        return _Search(laboratory, target_u, laboratories, priced, progress).plans()
 
 
 class _Search:
     """Search for plans in one laboratory; each plan is simulated once at most."""
 
     def __init__(
-        self, laboratory: PlannedLaboratory, target_u: float, tests: int, progress: Progress
+        self,
+        laboratory: PlannedLaboratory,
+        target_u: float,
+        tests: int,
+        prices: Prices | None,
+        progress: Progress,
     ) -> None:
         self.laboratory, self.tests, self.progress = laboratory, tests, progress
         self.printed = METRICS[laboratory.forecast.rules.metric]
@@ -157,6 +196,10 @@ class _Search:
         self.grid = laboratory.forecast.present.grid
         self.u = laboratory.predict_u(self.grid) / self.printed.unit_si
         self.minutes = np.broadcast_to(laboratory.minutes(self.grid), self.u.shape)
+        self.prices, self.cost = prices, self.minutes
+        if prices:
+            names = laboratory.exchanges
+            self.cost = prices.of_plans(names, self.minutes[0], self.grid.balls)
         self.rows: dict[Index, PlanRow] = {}
 
     def plans(self) -> LaboratoryPlans:
@@ -169,12 +212,12 @@ class _Search:
         present: Index = (0,) * self.u.ndim
         lowest = np.unravel_index(self.u.argmin(), self.u.shape)
         floor: Index = tuple(int(at) for at in lowest)
-        first = next(iter(cheapest(self.u, self.minutes, self.target, 1)), floor)
+        first = next(iter(cheapest(self.u, self.cost, self.target, 1)), floor)
         row = self._row("", first)
         ratio = row.simulated_u / row.planned_u
         u = self.u * ratio
-        plans = cheapest(u, self.minutes, self.target, SHOWN)
-        single = cheapest_single_change(u, self.minutes, self.target)
+        plans = cheapest(u, self.cost, self.target, SHOWN)
+        single = cheapest_single_change(u, self.cost, self.target)
         chosen = {PRESENT: present, **{str(n): at for n, at in enumerate(plans, 1)}}
         words = [HALF, f"Plans were chosen by {ratio:.3f} times the planned u."]
         if plans == [present]:
@@ -204,20 +247,16 @@ class _Search:
 
     def _floor(self, at: Index, u: float) -> str:
         """Return the smallest u and its largest terms in words."""
-        terms = self.laboratory.forecast.contributions(self._counts(at), at[0])
+        terms = self.laboratory.forecast.contributions(self.grid.at(at[1:]), at[0])
         largest = list(terms.items())[:TERMS]
         texts = (f"{name} {value / self.printed.unit_si:.2g}" for name, value in largest)
         floor = f"{u:.3g} {self.printed.unit}".rstrip()
         return f"No plan reaches the target: the floor is {floor}, with {', '.join(texts)}."
 
-    def _counts(self, at: Index) -> Counts:
-        values = {each.name: int(getattr(self.grid, each.name)[at[1:]]) for each in fields(Counts)}
-        return Counts(**values)
-
     def _row(self, name: str, at: Index) -> PlanRow:
         """Return the row of a plan, which is simulated unless it was before."""
         if at not in self.rows:
-            counts, exchanged = self._counts(at), self.laboratory.exchange_names(at[0])
+            counts, exchanged = self.grid.at(at[1:]), self.laboratory.exchange_names(at[0])
             tests = self.laboratory.simulate(exchanged, counts, self.tests)
             value, error = np.array(tests.median_u) / self.printed.unit_si
             self.rows[at] = PlanRow(
@@ -225,6 +264,8 @@ class _Search:
                 exchanged=", ".join(exchanged) or "none",
                 **{each.name: getattr(counts, each.name) for each in fields(Counts)},
                 minutes=float(self.minutes[at]),
+                price=float(self.cost[at]) if self.prices else None,
+                currency=self.prices.currency if self.prices else "",
                 planned_u=float(self.u[at]),
                 simulated_u=float(value),
                 simulated_u_se=float(error),

@@ -57,6 +57,10 @@ class Counts:
         names = (each.name for each in fields(self))
         return Counts(**dict(zip(names, np.meshgrid(*axes, indexing="ij"), strict=True)))
 
+    def at(self, index: tuple[int, ...]) -> Counts:
+        """Return the counts of one plan of a grid as whole numbers."""
+        return Counts(**{each.name: int(getattr(self, each.name)[index]) for each in fields(self)})
+
 
 @dataclass(frozen=True, kw_only=True)
 class Forecast:

@@ -1,0 +1,127 @@
+"""Scatter of hits that a laboratory found on earlier days, and balls that scatter alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.catalog.reading import Key
+from virtual_lab.certificate.chain import result_folders
+from virtual_lab.certificate.document import read_document
+from virtual_lab.certificate.history import FEWEST, earlier_tests
+from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml
+from virtual_lab.lab import RoundRobin
+from virtual_lab.lab.setup import TestSetup
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.sheets import toml_text
+from virtual_lab.studies.plan.sample import SampledTests
+from virtual_lab.uncertainty.scatter import bartlett_p
+from virtual_lab.units import Array
+
+DAYS = "daily.csv"  # table of a folder of daily checks
+TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
+SIGNIFICANT = 0.05  # p-value of Bartlett's test below which days are not pooled
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DailyScatter:
+    """Variance of a hit on several days, arrays (day,)."""
+
+    variance: Array  # of the metric [SI²], or of e0 of a hit at the wall
+    dof: Array
+    at_wall: bool
+
+    @property
+    def pooled(self) -> float:
+        """Variance of a hit, pooled over the days by their degrees of freedom.
+
+        Raises `InputError` for fewer than three days, and if the variances of the days differ more
+        than chance explains.
+        """
+        days = self.variance.size
+        if days < FEWEST:
+            raise InputError("", "history", f"{days} days", f"allowed: {FEWEST} or more")
+        p = bartlett_p(self.variance, self.dof)
+        if p < SIGNIFICANT:
+            allowed = (
+                f"the scatter differs from day to day (Bartlett's test, p = {p:.2g}); allowed: "
+                f"days that agree, p of at least {SIGNIFICANT}"
+            )
+            raise InputError("", "history", f"{days} days", allowed)
+        return float(np.average(self.variance, weights=self.dof))
+
+
+def read_history(folders: Sequence[Path], setup: TestSetup) -> DailyScatter:
+    """Return the scatter of the hits in result folders, or in one folder of daily checks.
+
+    Raises `InputError` for a folder without a result, or tests of another bat, procedure, rig or
+    metric.
+    """
+    if len(folders) == 1 and (folders[0] / DAYS).exists():
+        return _of_daily_checks(folders[0] / DAYS)
+    rules = setup.rules.spec
+    wanted = METRICS[rules.metric]
+    for folder in (inner for each in folders for inner in result_folders(each)):
+        there = METRICS[read_document(folder / "certificate.json").metric.name]
+        if there != wanted:
+            texts = [f"{each.symbol} {each.unit}".rstrip() for each in (there, wanted)]
+            raise InputError(str(folder), "metric", texts[0], f"allowed: {texts[1]}")
+    kind = {"bat": setup.bat.spec.name, "procedure": setup.rules.text, "rig": setup.rig}
+    tests = [each["metric"] for each in earlier_tests(folders, kind)]
+    return DailyScatter(
+        variance=np.concatenate([each.total for each in tests]),
+        dof=np.concatenate([each.dof for each in tests]),
+        at_wall=False,
+    )
+
+
+def _of_daily_checks(path: Path) -> DailyScatter:
+    import pandas as pd
+
+    table = pd.read_csv(path)
+    for column in ("e0_sd", "e0_dof"):
+        if column not in table:
+            allowed = "this column is missing; allowed: a table of virtual-lab daily"
+            raise InputError(str(path), column, None, allowed)
+    return DailyScatter(
+        variance=table["e0_sd"].to_numpy() ** 2, dof=table["e0_dof"].to_numpy(), at_wall=True
+    )
+
+
+def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict[Key, str]:
+    """Return the sheet of balls with which the simulated hits scatter as in a history.
+
+    The variance of a hit is linear in the square of the balls' scatter of e0, so that two samples
+    of tests show which scatter is needed. It is 0 if instruments and aim alone scatter more.
+    """
+    variance = history.pooled
+    ball = TestSetup.of(bat, procedure=procedure).rules.spec.ball
+    without, with_it = (
+        _variance(_sheet(ball, scatter), bat, procedure, seed, at_wall=history.at_wall)
+        for scatter in (0.0, TRIAL)
+    )
+    share = max(variance - without, 0.0) / (with_it - without)
+    return _sheet(ball, TRIAL * sqrt(share))
+
+
+def _variance(
+    sheet: dict[Key, str], bat: str, procedure: str, seed: int, *, at_wall: bool
+) -> float:
+    with catalog.sheets_in_place(sheet):
+        sample = SampledTests.of(RoundRobin.of(bat, procedure), TESTS, seed)
+    values = sample.wall_variance if at_wall else sample.total
+    return float(values[sample.some].mean())
+
+
+def _sheet(ball: str, scatter: float) -> dict[Key, str]:
+    document = deepcopy(parse_toml(*catalog.source("balls", ball)))
+    number = {"value": scatter, "unit": "1", "source": "history", "verified": False}
+    document["spread"]["hit_restitution"] = number
+    return {("balls", ball): toml_text(document)}

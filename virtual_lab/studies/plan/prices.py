@@ -1,0 +1,110 @@
+"""Prices of instruments, balls and minutes, read from a file of the user."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Ge, MinLen
+
+from virtual_lab.catalog.specs import Real, Spec
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import InputError, nearest
+from virtual_lab.files import parse_toml, read_text
+from virtual_lab.sheets import Sheet
+from virtual_lab.studies.plan.laboratory import better_instruments
+from virtual_lab.units import Array
+
+Words = Annotated[str, MinLen(1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Price(Spec):
+    """A number with its unit and source."""
+
+    value: Annotated[Real, Ge(0)]
+    unit: Words
+    source: Words
+    sheet: str = ""  # sheet of an offered instrument, beside the file; empty: half of each u
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prices(Spec):
+    """Prices in one currency."""
+
+    tests: Price  # number of tests for which the plan is made
+    per_minute: Price
+    per_ball: Price  # price of a ball per test
+    instruments: Mapping[str, Price] = field(default_factory=dict)  # by name of the instrument
+
+    def __post_init__(self) -> None:
+        if self.tests.unit != "1" or self.tests.value < 1:
+            raise ValueError('tests must be a number of at least 1 with the unit "1"')
+        amounts = {"per_ball": self.per_ball, **self.instruments}
+        for name, price in amounts.items():
+            if price.unit != self.currency:
+                raise ValueError(f"{name} is in {price.unit}, but per_minute in {self.currency}")
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Return the prices in a file.
+
+        Raises `InputError` for an unknown or missing key, or prices in two currencies.
+        """
+        return validate(parse_toml(read_text(path), str(path)), str(path), cls)
+
+    @property
+    def currency(self) -> str:
+        """Unit of all prices."""
+        return self.per_minute.unit
+
+    def offers(self, path: Path, rigs: Collection[str]) -> dict[str, Sheet]:
+        """Return the sheets of the offered instruments, by the name of that which they replace.
+
+        `path` is the file of the prices. Raises `InputError` for an instrument that the rigs do not
+        have, and for a sheet that cannot be read.
+        """
+        better = better_instruments(rigs)
+        sheets = {}
+        for name, price in self.instruments.items():
+            if name not in better:
+                allowed = f"{nearest(name, better)}allowed: {', '.join(better)}"
+                raise InputError(str(path), f"instruments.{name}", None, allowed)
+            sheets[name] = better[name]
+            if price.sheet:
+                offer = Sheet.of(better[name].kind, path.parent / price.sheet)
+                sheets[name] = replace(better[name], text=offer.text)
+        return sheets
+
+    def of_plans(self, names: Collection[str], minutes: Array, balls: Array) -> Array:
+        """Return the price of each plan, shape (set of exchanges, …).
+
+        `names` are the instruments whose exchange is considered; minutes and balls are those of one
+        test.
+        """
+        of_tests = self.tests.value * (
+            self.per_minute.value * minutes + self.per_ball.value * np.asarray(balls)
+        )
+        sets = np.arange(2 ** len(names))
+        of_instruments = sum(
+            ((sets >> bit & 1) * self.instruments[name].value for bit, name in enumerate(names)),
+            np.zeros(sets.size),
+        )
+        return np.asarray(of_instruments.reshape(-1, *(1,) * of_tests.ndim) + of_tests)
+
+
+def prices_form() -> Iterator[str]:
+    """Yield the lines of an empty file of prices."""
+    yield "# Prices for 'virtual-lab plan --prices'. Give each number its unit and its source."
+    yield "# All prices are in one currency. An instrument is exchanged for one with half of each"
+    yield '# standard uncertainty, or for that of a sheet beside this file: sheet = "offer.toml"'
+    entry = '{{ value = 0, unit = "{}", source = "" }}  # {}'
+    yield f"tests = {entry.format('1', 'number of tests for which the plan is made')}"
+    yield f"per_minute = {entry.format('USD', 'of a minute of laboratory time')}"
+    yield f"per_ball = {entry.format('USD', 'of a ball, in each test')}"
+    yield ""
+    yield "[instruments]  # an instrument that is not named is not exchanged"
+    yield f"# pivot-gates = {entry.format('USD', 'names: virtual-lab show RIG')}"
