@@ -20,8 +20,8 @@ import virtual_lab as vl
 from tests.pictures import lines_of
 from virtual_lab import lab
 from virtual_lab.cli import cli
+from virtual_lab.files.dictionary import column_meaning
 from virtual_lab.output import progress as shown_progress
-from virtual_lab.output.dictionary import column_meaning
 from virtual_lab.simulation.instruments import RecordDetail
 
 

@@ -92,7 +92,7 @@ class Sheet:
         """One row per number: key, value, unit, source, verified, note."""
         import pandas as pd
 
-        from virtual_lab.output.dictionary import with_units
+        from virtual_lab.files.dictionary import with_units
 
         return with_units(pd.DataFrame([asdict(each) for each in self.datums]))
 

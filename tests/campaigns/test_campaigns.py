@@ -29,7 +29,7 @@ from virtual_lab.campaigns.folder import PARTS, Campaign
 from virtual_lab.campaigns.summary import VERDICTS
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.output.dictionary import COLUMNS, column_meaning
+from virtual_lab.files.dictionary import COLUMNS, column_meaning
 
 
 @pytest.mark.parametrize("repeat", [0, 1])

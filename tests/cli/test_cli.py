@@ -189,7 +189,7 @@ def test_score_gives_errors_in_units_and_in_u(tested: Path, run: Run) -> None:
     document = json.loads(run("score", str(tested), "--json")[1])
     for name in ("metric", "collision_efficiency", "restitution", "recoil_factor"):
         row = document[name]
-        assert row["error"] == row["measured"] - row["true"]
+        assert row["error"] == row["value"] - row["true"]
         assert row["z"] == pytest.approx(row["error"] / row["u"])
         assert abs(row["z"]) < 4
 
@@ -217,7 +217,7 @@ def test_an_ideal_test_measures_the_truth(run: Run) -> None:
     assert (document.pop("seal"), document.pop("altered")) == ("whole", [])
     assert document.pop("faults") == []
     for name, row in document.items():
-        assert row["measured"] == pytest.approx(row["true"], rel=1e-9), name
+        assert row["value"] == pytest.approx(row["true"], rel=1e-9), name
 
 
 def test_results_go_to_the_first_free_folder(run: Run, tmp_path: Path) -> None:
@@ -236,7 +236,9 @@ def test_profile_has_the_promised_keys(run: Run) -> None:
     assert document["mass_oz"] == pytest.approx(31, rel=5e-3)  # mass in Table I
     assert document["modal_frequencies_hz"][:2] == pytest.approx([164, 551], rel=5e-3)
     assert document["barrel_nodes_in"] == pytest.approx([6.8, 5.2], abs=0.1)
-    lengths = {len(document[key]) for key in ("z_in", "e", "r", "e_A", "v_bat_mph", "v_f_mph")}
+    speeds = ("bat_speed_mph", "batted_speed_mph")
+    curves = ("impact_position_in", "restitution", "recoil_factor", "collision_efficiency", *speeds)
+    lengths = {len(document[key]) for key in curves}
     assert len(lengths) == 1
 
 
@@ -262,7 +264,7 @@ def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> No
     document = json.loads(out)
     assert code == 0
     assert [row["bat"] for row in document["peaks"]] == ["r161", "ea70"]
-    assert document["differences"][0]["v_f_mph"] == pytest.approx(6, abs=1)
+    assert document["differences"][0]["batted_speed_difference_mph"] == pytest.approx(6, abs=1)
     assert (tmp_path / "two" / "compare.png").is_file()
     code, _, err = run("profile", "r161", "ea70", "--out", "two")
     assert code == 2
@@ -573,10 +575,10 @@ def test_every_claim_of_the_paper_holds_but_those_marked_as_lost(run: Run) -> No
     code, out, _ = run("paper", "--json")
     assert code == 0
     document = json.loads(out)
-    lost = [row["says"] for row in document["rows"] if row["lost"]]
+    lost = [row["claim"] for row in document["rows"] if row["disagreement"]]
     assert document["hold"] == len(document["rows"]) - len(lost) >= 212
     assert document["claims"] == len(document["rows"])
-    keys = {"section", "where", "says", "paper", "found", "deviation", "low", "high", "holds"}
+    keys = {"section", "location", "claim", "published", "value", "deviation", "holds"}
     assert keys <= set(document["rows"][0])
 
 
@@ -586,7 +588,7 @@ def test_critique_prints_its_tables_and_writes_its_folder(run: Run, tmp_path: Pa
     document = json.loads(out)
     assert code == 0
     assert [row["bat"] for row in document["metrics"]] == ["barrel-loaded", "knob-loaded"]
-    assert document["pairs"][0]["v_f_mph"] == pytest.approx(6.8, abs=0.5)
+    assert document["pairs"][0]["batted_speed_difference_mph"] == pytest.approx(6.8, abs=0.5)
     assert (tmp_path / "two" / "critique.png").is_file()
     code, _, err = run(*words, "--out", "two")
     assert code == 2

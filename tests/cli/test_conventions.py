@@ -65,7 +65,7 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
     code, out, _ = run("profile", "r161", "ea70", *files)
     assert code == 0
     assert out.splitlines()[-2:] == ["sub/peaks.csv", "peaks.svg"]
-    assert (tmp_path / "sub" / "peaks.csv").read_text().startswith("bat,n,z_in,")
+    assert (tmp_path / "sub" / "peaks.csv").read_text().startswith("bat,swing_exponent,")
     assert "<svg" in (tmp_path / "peaks.svg").read_text()[:400]
     code, out, err = run("slope", "--csv", "slope.csv", "--plot", "slope.png", "--json")
     assert (code, err) == (0, "slope.csv\nslope.png\n")

@@ -169,7 +169,7 @@ def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
     A correction for a rigid shell (ball of 0.45) would make aluminium bats 1.3 to 1.45 mph faster.
     """
     true = played(bat, Reality.IDEAL, procedure="proposed").sealed.measurand
-    field = profiles(bat, swings=(0.3,))[0].peaks["v_f_mph"].value * MPH
+    field = profiles(bat, swings=(0.3,))[0].peaks["batted_speed_mph"].value * MPH
     assert true[CONTINUOUS] / MPH == pytest.approx(field / MPH, abs=0.1)
 
 

@@ -13,8 +13,8 @@ from virtual_lab.studies.clips import _row, clip_coverage
 def test_intervals_hold_where_a_camera_writes_places() -> None:
     """24 clips minus rejected ones (13 %): the count fits a binomial distribution of 0.94."""
     for row in clip_coverage(clips=24, seed=500, summed=True):
-        assert row.clips + row.missed == 24
-        assert row.missed <= 9
+        assert row.clips + row.missed_clips == 24
+        assert row.missed_clips <= 9
         assert row.coverage * row.clips >= binom.ppf(0.006, row.clips, 0.94)
         assert 0.7 < row.rms_error_percent / row.rms_u_percent < 1.4
 
@@ -22,8 +22,8 @@ def test_intervals_hold_where_a_camera_writes_places() -> None:
 def test_clips_of_pixels_lead_to_the_same_speeds() -> None:
     """In three clips of stitched, spinning balls, every speed is within four u."""
     for row in clip_coverage(clips=3, seed=900):
-        assert row.clips + row.missed == 3
-        assert row.missed <= 1
+        assert row.clips + row.missed_clips == 3
+        assert row.missed_clips <= 1
         assert row.rms_error_percent < 4 * row.rms_u_percent
 
 
@@ -42,11 +42,11 @@ def test_statistics_of_clips_agree_with_a_hand_calculation() -> None:
     """
     off = np.array([0.97, 0.99, *[0.0] * 18, nan])
     row = _row("v_in", 50 + off, np.full(21, 0.5), np.full(21, 50.0))
-    assert (row.clips, row.missed, row.coverage) == (20, 1, 0.95)
-    assert (row.low, row.high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
+    assert (row.clips, row.missed_clips, row.coverage) == (20, 1, 0.95)
+    assert (row.coverage_low, row.coverage_high) == pytest.approx((0.7513, 0.9987), abs=5e-5)
     squares = 1.94**2 + 1.98**2
-    assert row.mean_error_percent == pytest.approx(0.196)
+    assert row.bias_percent == pytest.approx(0.196)
     assert row.rms_error_percent == pytest.approx(sqrt(squares / 20))
     assert row.rms_u_percent == pytest.approx(1.0)
     variance = (squares - 20 * 0.196**2) / 19
-    assert row.mean_error_se_percent == pytest.approx(sqrt(variance / 20))
+    assert row.bias_se_percent == pytest.approx(sqrt(variance / 20))

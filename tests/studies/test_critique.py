@@ -24,7 +24,7 @@ def paper() -> Critique:
 def row(found: Critique, first: str, second: str, n: float, procedure: str) -> Pair:
     """Return the row of a pair."""
     asked = (first, second, n, procedure)
-    keys = ("first", "second", "n", "procedure")
+    keys = ("bat", "against", "swing_exponent", "procedure")
     return next(each for each in found.pairs if tuple(getattr(each, key) for key in keys) == asked)
 
 
@@ -41,7 +41,7 @@ def made_up(*measured: tuple[float, float], field: float = 3.0) -> Critique:
                 ball="ball",
                 metric="v_f",
                 unit="mph",
-                own_n=None,
+                swing_exponent=None,
                 exact=np.array([90.0, 91.0]),
                 measured=np.array(measured),
             ),
@@ -56,33 +56,36 @@ def test_the_pivot_test_prefers_the_bat_that_loses_in_the_field(paper: Critique,
     At n = .5 both are equal within .1 mph.
     """
     found = row(paper, "barrel-loaded", "knob-loaded", n, "astm-f1881")
-    assert found.v_f_mph > (-0.1 if n == 0.5 else 0.2)
-    assert -0.015 < found.difference < 0
+    assert found.batted_speed_difference_mph > (-0.1 if n == 0.5 else 0.2)
+    assert -0.015 < found.error_free_difference < 0
 
 
 def test_a_test_at_one_bat_speed_prefers_wood(paper: Critique) -> None:
     """Sec. IV: at n = 0 one "would incorrectly conclude that" wood outperforms aluminium."""
     for n, least in ((0.3, 3), (0.5, 5)):
         found = row(paper, "r161", "ea70", n, "ncaa-modified")
-        assert found.v_f_mph < -least
-        assert found.difference > 0
+        assert found.batted_speed_difference_mph < -least
+        assert found.error_free_difference > 0
 
 
 def test_the_proposal_ranks_as_the_field_of_its_own_exponent(paper: Critique) -> None:
     """Sec. V A: every pair is right for n = 0.3, without errors and in every laboratory."""
-    own = [each for each in paper.pairs if each.procedure == "proposed" and each.n == 0.3]
+    own = [
+        each for each in paper.pairs if (each.procedure, each.swing_exponent) == ("proposed", 0.3)
+    ]
     assert len(own) == 6
     for each in own:
-        assert each.own_n == 0.3
-        assert each.difference * each.v_f_mph > 0
-        assert each.ranking.wrong == 0
+        assert each.procedure_swing_exponent == 0.3
+        assert each.error_free_difference * each.batted_speed_difference_mph > 0
+        assert each.ranking.opposite == 0
 
 
 def test_the_proposed_metric_agrees_with_the_field(paper: Critique) -> None:
     """The proposal's v_f equals the field's within 0.1 mph and four u, 0.16 mph."""
     for each in paper.metrics:
         if each.procedure == "proposed":
-            assert each.value == pytest.approx(each.v_f_mph["n0.3"], abs=0.1 + 4 * 0.16 / sqrt(2))
+            peak = each.batted_speeds["batted_speed_n0.3_mph"]
+            assert each.error_free == pytest.approx(peak, abs=0.1 + 4 * 0.16 / sqrt(2))
         assert each.laboratories == 2
 
 
@@ -103,34 +106,34 @@ def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
     """The pivot test prefers the bat that loses in the field under this law too."""
     found = critique(BATS[2:], procedures=("astm-f1881",), swing_law="energy", laboratories=2)
     (pair,) = found.pairs
-    assert pair.v_f_mph > 2
-    assert -0.015 < pair.difference < 0
+    assert pair.batted_speed_difference_mph > 2
+    assert -0.015 < pair.error_free_difference < 0
     said = found.text
     assert "v_f, constant energy" in said
     assert "field: struck by game-2003" in said
-    assert "v_f_mph_energy" in found.document["metrics"][0]
+    assert "batted_speed_energy_mph" in found.document["metrics"][0]
     found.save(tmp_path / "out")
 
 
 def test_probability_is_the_normal_laws() -> None:
     """Differences 1, 2, 3 have mean 2 and s 1; the field ranks them below 0, so P = Φ(2)."""
     found = misranking(-4.0, np.array([1.0, 2.0, 3.0]))
-    assert found.probability == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
-    assert (found.mean, found.sd, found.wrong) == pytest.approx((2, 1, 3))
-    assert found.verdict == "opposite order"
-    assert misranking(4.0, np.array([1.0, 2.0, 3.0])).verdict == "same order"
+    assert found.opposite_probability == pytest.approx((1 + erf(2 / sqrt(2))) / 2, rel=1e-12)
+    assert (found.mean_difference, found.sd_difference, found.opposite) == pytest.approx((2, 1, 3))
+    assert found.ranking == "opposite order"
+    assert misranking(4.0, np.array([1.0, 2.0, 3.0])).ranking == "same order"
 
 
 def test_counted_share_is_clopper_and_pearsons() -> None:
     """None of 20: 1 - 0.025^(1/20). Differences without a result are not counted."""
     found = misranking(1.0, np.append(np.linspace(1, 2, 20), nan))
     assert found.laboratories == 20
-    assert (found.wrong, found.low) == (0, 0)
-    assert found.high == pytest.approx(1 - 0.025 ** (1 / 20), rel=1e-9)
+    assert (found.opposite, found.opposite_low) == (0, 0)
+    assert found.opposite_high == pytest.approx(1 - 0.025 ** (1 / 20), rel=1e-9)
 
 
 @pytest.mark.parametrize(
-    ("field", "differences", "verdict"),
+    ("field", "differences", "ranking"),
     [
         (1.0, [-1.0, 1.0, 0.5], "by chance"),
         (0.09, [1.0, 1.1, 1.2], "tie"),
@@ -142,9 +145,9 @@ def test_counted_share_is_clopper_and_pearsons() -> None:
     ],
 )
 def test_the_verdict_on_a_ranking_follows_its_differences(
-    field: float, differences: list[float], verdict: str
+    field: float, differences: list[float], ranking: str
 ) -> None:
-    assert misranking(field, np.array(differences)).verdict == verdict
+    assert misranking(field, np.array(differences)).ranking == ranking
 
 
 def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> None:
@@ -153,7 +156,7 @@ def test_a_procedure_without_a_result_is_said_to_have_none(tmp_path: Path) -> No
     assert "no result" in said
     found.save(tmp_path / "out")
     pairs = pd.read_csv(tmp_path / "out" / "pairs.csv")
-    assert pairs["verdict"].tolist() == ["no result"]
+    assert pairs["ranking"].tolist() == ["no result"]
 
 
 def test_the_text_ranks_from_the_greatest_down() -> None:

@@ -56,7 +56,9 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
         for k in range(COUNT)
     ]
     block = SimpleNamespace(certified=SimpleNamespace(invalid=np.zeros(COUNT, bool)))
-    shared = SimpleNamespace(each_block=lambda take, *_: [take(block)])
+    rules = SimpleNamespace(spec=SimpleNamespace(metric="bat_performance_factor"))
+    setup = SimpleNamespace(rules=rules)
+    shared = SimpleNamespace(setup=setup, each_block=lambda take, *_: [take(block)])
     monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
     monkeypatch.setattr(study, "_cases", lambda _: cases)
     return effects("r161"), error, off
@@ -65,33 +67,35 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
 def test_effects_are_the_slopes_of_least_squares(found: Any) -> None:
     """The oracle is scipy.stats.linregress of both errors, over the rms u √((1 + 4)/2) 1e-2."""
     rows, error, off = found
-    (row,) = (each for each in rows if each.term == CLOCK)
+    (row,) = (each for each in rows if each.component == CLOCK)
     u = sqrt(2.5e-4)
     line = stats.linregress(off / u, error)
-    assert row.stated == pytest.approx(SENSITIVITY * u)
-    assert row.realised == pytest.approx(line.slope, rel=1e-9)
-    assert row.se == pytest.approx(line.stderr, rel=1e-9)
-    assert row.apart == pytest.approx((line.slope - SENSITIVITY * u) / line.stderr, rel=1e-9)
+    assert row.stated_effect == pytest.approx(SENSITIVITY * u)
+    assert row.real_effect == pytest.approx(line.slope, rel=1e-9)
+    assert row.real_effect_se == pytest.approx(line.stderr, rel=1e-9)
+    assert row.difference_in_se == pytest.approx(
+        (line.slope - SENSITIVITY * u) / line.stderr, rel=1e-9
+    )
 
 
 def test_hits_are_what_the_line_leaves(found: Any) -> None:
     """s² has 40 - 2 degrees, its error is s/√(2 · 38) (GUM E.4.3); stated: √((9 + 16)/2) 1e-3."""
     rows, error, off = found
-    (row,) = (each for each in rows if each.term == HITS)
+    (row,) = (each for each in rows if each.component == HITS)
     line = stats.linregress(off, error)
     rest = error - line.intercept - line.slope * off
     s = sqrt(float(rest @ rest) / 38)
-    assert row.stated == pytest.approx(sqrt(12.5e-6))
-    assert (row.realised, row.se) == pytest.approx((s, s / sqrt(2 * 38)), rel=1e-9)
+    assert row.stated_effect == pytest.approx(sqrt(12.5e-6))
+    assert (row.real_effect, row.real_effect_se) == pytest.approx((s, s / sqrt(2 * 38)), rel=1e-9)
 
 
 def test_a_choice_is_its_root_mean_square(found: Any) -> None:
     """Alternating 1 and 3: mean square 5, s of the squares 4 √(40/39); d√x = dx/2√x."""
     rows, *_ = found
-    (row,) = (each for each in rows if each.term == CHOICE)
-    assert row.realised == pytest.approx(1e-3 * sqrt(5))
-    assert row.se == pytest.approx(1e-3 * 4 * sqrt(40 / 39) / sqrt(40) / (2 * sqrt(5)))
+    (row,) = (each for each in rows if each.component == CHOICE)
+    assert row.real_effect == pytest.approx(1e-3 * sqrt(5))
+    assert row.real_effect_se == pytest.approx(1e-3 * 4 * sqrt(40 / 39) / sqrt(40) / (2 * sqrt(5)))
 
 
 def test_the_largest_term_is_first(found: Any) -> None:
-    assert [row.term for row in found[0]] == [CLOCK, HITS, CHOICE]
+    assert [row.component for row in found[0]] == [CLOCK, HITS, CHOICE]

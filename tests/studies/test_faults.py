@@ -31,11 +31,12 @@ def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:
     for row in rows:
         print(row)
         assert row.as_predicted, row.fault
-        assert 0 <= row.low <= row.caught <= row.high <= 1
-    assert rows[0].caught == 0
-    assert rows[3].by.startswith(f"encoder-fit {LABORATORIES}")
-    assert rows[1].e_A.bias == pytest.approx(-0.0040, abs=0.0002)
-    assert lines_of(rows.plot()) == [(row.low, row.caught, row.high) for row in rows]
+        assert 0 <= row.detected_low <= row.detected <= row.detected_high <= 1
+    assert rows[0].detected == 0
+    assert rows[3].detected_by.startswith(f"encoder-fit {LABORATORIES}")
+    assert rows[1].collision_efficiency.bias == pytest.approx(-0.0040, abs=0.0002)
+    ends = [(row.detected_low, row.detected, row.detected_high) for row in rows]
+    assert lines_of(rows.plot()) == ends
     rows.save(tmp_path / "new")
     assert (tmp_path / "new" / "faults.csv").read_text().count("\n") == len(rows) + 1
 
@@ -60,15 +61,15 @@ def test_the_table_on_file_is_of_this_catalog() -> None:
     sound = {(procedure, "none") for procedure in PROCEDURES}
     assert rows.keys() == predictions.keys() | sound
     for key in sound:
-        assert float(rows[key]["low"]) <= 0.01
+        assert float(rows[key]["detected_low"]) <= 0.01
     for key, prediction in predictions.items():
         row = rows[key]
         assert row["prediction"] == (prediction.caught_by or "a bias"), key
-        assert _number(row["e_A_predicted"]) == prediction.efficiency_bias, key
+        assert _number(row["collision_efficiency_predicted"]) == prediction.efficiency_bias, key
         assert _number(row["metric_predicted"]) == prediction.metric_bias, key
-        known = [_number(row[f"{what}_z"]) for what in ("e_A", "metric")]
+        known = [_number(row[f"{what}_z"]) for what in ("collision_efficiency", "metric")]
         met = all(z is not None and abs(z) <= 3 for z in known)
-        assert float(row["caught"]) >= 0.95 or met, key
+        assert float(row["detected"]) >= 0.95 or met, key
         assert row["as_predicted"] == "True", key
 
 
@@ -110,12 +111,12 @@ def test_a_fault_is_detected_if_flagged_in_19_of_20_days(caught: int, right: boo
     prediction = Prediction(procedure="bbcor", caught_by="encoder-fit, INVALID")
     named = [("INVALID",), *[("aim", "encoder-fit")] * (caught - 1), *[("aim",)] * (19 - caught)]
     found = outcome([*named, ()], prediction)
-    assert (found.as_predicted, found.caught) == (right, 0.95)
-    assert (found.low, found.high) == (
+    assert (found.as_predicted, found.detected) == (right, 0.95)
+    assert (found.detected_low, found.detected_high) == (
         pytest.approx(0.7513, abs=5e-5),
         pytest.approx(0.9987, abs=5e-5),
     )
-    assert found.by.split(", ")[0] == f"aim {18}"
+    assert found.detected_by.split(", ")[0] == f"aim {18}"
 
 
 @pytest.mark.parametrize(("flagged", "right"), [(2, True), (3, False)])

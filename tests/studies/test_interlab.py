@@ -54,18 +54,18 @@ def test_factors_alone_agree_with_their_predictions(study: Path) -> None:
     rows = {(row.result, row.term): row for row in found}
     for factor in ("calibration", "wall", "clamp"):
         row = rows["as found", factor]
-        assert row.found == pytest.approx(row.predicted, rel=0.1 + 4 / 500**0.5), factor
-    s = {term: rows["as found", term].found or 0.0 for term in ("s_L", "s_r", "s_R")}
+        assert row.simulated == pytest.approx(row.predicted, rel=0.1 + 4 / 500**0.5), factor
+    s = {term: rows["as found", term].simulated or 0.0 for term in ("s_L", "s_r", "s_R")}
     assert s["s_R"] ** 2 == pytest.approx(s["s_L"] ** 2 + s["s_r"] ** 2)
     # a wall and calibrations that are common to both bats leave no scatter of laboratories
-    cured = rows["as found, control bat r161", "s_L"].found or 0.0
+    cured = rows["as found, control bat r161", "s_L"].simulated or 0.0
     assert cured < s["s_L"] / 2
     # by hand: BPF is divided by an e0 that the wall lowers, so its share scatters by 0.3 %/0.99
-    bpf = rows["as found", "wall"].found or 0.0
+    bpf = rows["as found", "wall"].simulated or 0.0
     assert bpf == pytest.approx(0.003 / 0.99 * 1.04, rel=0.2)
     found.plot(study.with_suffix(".svg"))
     again = vl.interlab(study, predict=True)
-    assert all(row.found is None for row in again)
+    assert all(row.simulated is None for row in again)
     assert [row.predicted for row in again] == [
         row.predicted for row in found if row.term in {each.term for each in again}
     ][: len(again)]
@@ -144,7 +144,7 @@ def test_the_page_states_the_stored_study() -> None:
     page = (Path(vl.__file__).parent / "studies" / "README.md").read_text("utf-8")
     lines = page.split("## Laboratories compared")[1].split("\n\n")[2].splitlines()[2:]
     with STORED.open(encoding="utf-8", newline="") as file:
-        rows = {tuple(row[key] for key in KEYS): row["found"] for row in csv.DictReader(file)}
+        rows = {tuple(row[key] for key in KEYS): row["simulated"] for row in csv.DictReader(file)}
     for line in lines:
         where, bat, *cells = (cell.strip() for cell in line.strip("| ").split("|"))
         procedure, result = where.replace("`", "").split(", ")

@@ -34,16 +34,16 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
     assert 0 < valid.sum() < LABORATORIES
     for row in rows:
         passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
-        assert row.passes == pytest.approx(passed / LABORATORIES)
-        assert row.passes_if_valid == pytest.approx(passed / valid.sum())
-        assert row.low <= row.passes <= row.high
-    chances = [row.passes for row in rows]
+        assert row.pass_probability == pytest.approx(passed / LABORATORIES)
+        assert row.pass_probability_if_valid == pytest.approx(passed / valid.sum())
+        assert row.pass_probability_low <= row.pass_probability <= row.pass_probability_high
+    chances = [row.pass_probability for row in rows]
     assert chances == sorted(chances, reverse=True)
     assert 1.2 - rows[0].true == pytest.approx(rows[-1].true - 1.2)
 
 
 def test_the_best_of_three_passes_more(found) -> None:
-    one, three = (np.array([row.passes for row in curve(found, n)]) for n in (1, 3))
+    one, three = (np.array([row.pass_probability for row in curve(found, n)]) for n in (1, 3))
     assert np.all(three >= one)
     middle = slice(8, 12)
     assert np.all(three[middle] > one[middle] + 0.1)

@@ -136,7 +136,7 @@ def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == ["paper.csv", "paper.html", "paper.png"]
     table = pd.read_csv(tmp_path / "out" / "paper.csv")
-    assert table["found"].tolist() == pytest.approx([row.result for row in found.claims])
+    assert table["value"].tolist() == pytest.approx([row.result for row in found.claims])
     page = (tmp_path / "out" / "paper.html").read_text("utf-8")
     assert "<svg" in page
     assert page.count("<tr>") == len(claims) + 1

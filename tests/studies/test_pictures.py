@@ -10,7 +10,7 @@ import pytest
 from virtual_lab.fidelity.mode_convergence import ModeConvergence
 from virtual_lab.output.result import StudyResult
 from virtual_lab.studies.bats.ball_law import LawTable
-from virtual_lab.studies.bats.text import LawRow
+from virtual_lab.studies.bats.text import LawRow, peak_position
 from virtual_lab.studies.bias import Biases
 from virtual_lab.studies.coverage import Coverage, CoverageTable
 from virtual_lab.studies.place_slope import Slope, Slopes
@@ -43,20 +43,31 @@ def test_the_coverage_picture_shows_its_table() -> None:
 
 
 def test_the_sensitivity_picture_shows_its_table() -> None:
-    curves = {"z_in": [5.0, 6.0], "e": [0.49, 0.48], "v_f_mph": [104.0, 102.0]}
-    peaks = {"e": 0.5, "e_at_in": 5.2, "v_f_mph": 105.0, "v_f_mph_at_in": 5.4}
+    curves = {
+        "impact_position_in": [5.0, 6.0],
+        "restitution": [0.49, 0.48],
+        "batted_speed_mph": [104.0, 102.0],
+    }
+    peaks = {
+        "peak_restitution": 0.5,
+        "peak_restitution_position_in": 5.2,
+        "peak_batted_speed_mph": 105.0,
+        "peak_batted_speed_position_in": 5.4,
+    }
     law = {"law": "power law", "exponent": 1.5, "stiffness": 0, "wall_time_ms": 0}
     row = LawRow(bat="r161", wall_force_kn=0, peaks=peaks, **law)
     axes = panels(LawTable(name="sensitivity", title="", rows=[row], curves=[curves]))
-    for panel, name in zip(axes, ("e", "v_f_mph"), strict=True):
+    for panel, name in zip(axes, ("restitution", "batted_speed_mph"), strict=True):
         curve, peak = (line.get_xydata().ravel() for line in panel.lines)
-        assert curve == pytest.approx(np.transpose([curves["z_in"], curves[name]]).ravel())
-        assert peak == pytest.approx([peaks[f"{name}_at_in"], peaks[name]])
+        assert curve == pytest.approx(
+            np.transpose([curves["impact_position_in"], curves[name]]).ravel()
+        )
+        assert peak == pytest.approx([peaks[peak_position(name)], peaks[f"peak_{name}"]])
 
 
 def test_the_slope_picture_shows_its_table() -> None:
     slopes = {"r161": -0.01, "ea70": 0.03, "mean": 0.01, "deviation": 0.02}
-    rows = [Slope(bat=bat, place_in=None, slope_per_in=at) for bat, at in slopes.items()]
+    rows = [Slope(bat=bat, impact_position_in=None, slope_per_in=at) for bat, at in slopes.items()]
     (axes,) = panels(Slopes(name="slope", title="", rows=rows, on_sheet=(0.006, 0.014)))
     (band,), (bar,) = axes.patches, axes.collections
     assert (band.get_x(), band.get_x() + band.get_width()) == pytest.approx((-0.008, 0.02))
@@ -69,8 +80,8 @@ def test_the_bias_picture_shows_its_table() -> None:
     words = "bat_performance_factor collision_efficiency restitution recoil_factor ball_restitution"
     names = words.split()
     rows = [
-        {"bat": "r161"} | {name: 1e-3 * (at - 2) for at, name in enumerate(names)},
-        {"bat": "ea70"} | dict.fromkeys(names),
+        {"bat": "r161"} | {f"{name}_bias": 1e-3 * (at - 2) for at, name in enumerate(names)},
+        {"bat": "ea70"} | dict.fromkeys(f"{name}_bias" for name in names),
     ]
     drawn = panels(Biases(name="bias", title="", rows=rows))
     drawn[0].figure.draw_without_rendering()

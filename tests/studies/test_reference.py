@@ -28,7 +28,7 @@ REPRESENTED = [row for row in read_published() if row.role != "none"]
 )
 def test_the_row_agrees_or_its_disagreement_is_known(row: Published) -> None:
     ours = compare_number(row)
-    assert ours.verdict in ("agrees", "known disagreement"), ours
+    assert ours.agreement in ("agrees", "known disagreement"), ours
 
 
 def test_enough_rows_are_represented_and_few_are_inputs_of_a_fit() -> None:
@@ -116,7 +116,7 @@ def test_a_result_outside_its_range_disagrees_unless_the_size_is_known(
     ours = compare_number(row)
     assert ours.difference == pytest.approx(difference, nan_ok=True)
     assert ours.difference_in_u == (None if in_u is None else pytest.approx(in_u, nan_ok=True))
-    assert ours.verdict == verdict
+    assert ours.agreement == verdict
 
 
 def test_the_range_of_a_row_follows_from_u_range_or_file() -> None:

@@ -55,23 +55,25 @@ def test_the_effect_of_every_term_agrees_with_its_stated_value() -> None:
     rows = effects("softball-34", procedure="asa", laboratories=130, summed=True)
     drawn = rows.plot().axes[0]
     assert [each.get_xdata()[0] for each in drawn.lines if each.get_marker() == "."] == [
-        row.realised for row in rows
+        row.real_effect for row in rows
     ]
-    terms = {row.term: row for row in rows}
+    terms = {row.component: row for row in rows}
     for name, row in terms.items():
-        print(name, row.stated, row.realised, row.se)
-        assert row.realised is not None, name
+        print(name, row.stated_effect, row.real_effect, row.real_effect_se)
+        assert row.real_effect is not None, name
         # the sheet's slope is that of all softball bats: the effect of the aim may differ by its u
-        stated = terms["procedure.place_slope_error"].stated
+        stated = terms["procedure.place_slope_error"].stated_effect
         slack = 2 * abs(stated) if name == "impact.cannon.along" else 0.0
         if name != "procedure.place_slope_error":
-            assert abs(row.realised - row.stated) < 4.5 * row.se + slack, name
-    assert [abs(row.stated) for row in rows] == sorted(
-        (abs(row.stated) for row in rows), reverse=True
+            assert abs(row.real_effect - row.stated_effect) < 4.5 * row.real_effect_se + slack, name
+    assert [abs(row.stated_effect) for row in rows] == sorted(
+        (abs(row.stated_effect) for row in rows), reverse=True
     )
     for name in ("bench.stand.offset", "bat.balance", "hall.air.drag_coefficient"):
-        assert abs(terms[name].realised) > 2 * terms[name].se
-    assert terms["balls.repeatability"].realised > 2 * terms["balls.repeatability"].se
+        assert abs(terms[name].real_effect) > 2 * terms[name].real_effect_se
+    assert (
+        terms["balls.repeatability"].real_effect > 2 * terms["balls.repeatability"].real_effect_se
+    )
 
 
 def test_effects_need_laboratories() -> None:

@@ -66,9 +66,9 @@ def test_an_uncertain_constant_moves_the_days_as_it_moves_the_reduction(
     statement = replace(days.statement, session=with_constant(session, SCALE, u=u))
     (plain, *_), _ = summed_days(certification, days, DAYS)
     (wider, *_), _ = summed_days(certification, replace(days, statement=statement), DAYS)
-    assert abs(shift) > plain.sd
+    assert abs(shift) > plain.error_sd
     # the square of a standard deviation of 400 days has a standard error of 7 %
-    assert wider.sd**2 == pytest.approx(plain.sd**2 + shift**2, rel=0.2)
+    assert wider.error_sd**2 == pytest.approx(plain.error_sd**2 + shift**2, rel=0.2)
 
 
 def test_the_days_scatter_as_the_records_and_find_the_stated_result(certification, days) -> None:
@@ -80,8 +80,8 @@ def test_the_days_scatter_as_the_records_and_find_the_stated_result(certificatio
     rows, invalid = summed_days(certification, days, DAYS)
     assert invalid < 0.02 * DAYS
     for row in rows:
-        assert abs(row.bias) < 0.3, row.quantity
-        assert row.ratio == pytest.approx(1, abs=0.25), row.quantity
+        assert abs(row.mean_z) < 0.3, row.quantity
+        assert row.u_ratio == pytest.approx(1, abs=0.25), row.quantity
         assert row.finding == "right"
     assert rows[0].value == certification.metric.value
 
@@ -177,11 +177,11 @@ def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
     for words, variance, apply in of_kinds.values():
         changed = replace(days, statement=apply(days.statement))
         (metric, *_), _ = summed_days(certification, changed, DAYS)
-        planned = np.sqrt(stated.u**2 - variance) * stated.sd / stated.u
-        assert metric.sd == pytest.approx(planned, rel=0.1), words
+        planned = np.sqrt(stated.u**2 - variance) * stated.error_sd / stated.u
+        assert metric.error_sd == pytest.approx(planned, rel=0.1), words
     best = improvements(certification, days, lambda _: (0.1, 0.05, 0.2))
     assert [row.change for row in best] == [each.words for each in changes[:3]]
-    assert best[0].gain == pytest.approx(1 - best[0].planned / stated.u)
+    assert best[0].gain == pytest.approx(1 - best[0].planned_u / stated.u)
 
 
 def test_holm_adjusts_each_tail_for_those_that_remain() -> None:
@@ -240,7 +240,7 @@ def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
     whole = [(day + readings.FIRST) % 50 != 0 and day % 25 != 1 for day in played]
     assert sum(whole) == 250
     assert [row.finding for row in rows] == ["unlike its twins"] + [""] * 4
-    assert rows[0].tail == pytest.approx(1 / 251)
+    assert rows[0].tail_probability == pytest.approx(1 / 251)
 
 
 def test_altered_records_look_unlike_their_twins(certification, days) -> None:
@@ -259,7 +259,7 @@ def test_altered_records_look_unlike_their_twins(certification, days) -> None:
     altered = certify_session(replace(session, records={**session.records, **records}))
     sound, _ = unlike_readings(certification, days, 9)
     odd, _ = unlike_readings(altered, days, 9)
-    tails = [{row.reading: row.tail for row in rows} for rows in (sound, odd)]
+    tails = [{row.reading: row.tail_probability for row in rows} for rows in (sound, odd)]
     for reading in ("wall hits", "chords"):
         assert tails[0][reading] > 0.1, reading
         assert tails[1][reading] == pytest.approx(0.1), reading
@@ -301,7 +301,7 @@ def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monk
     rows = noticing.noticed_faults(days, 0.006, tmp_path, days=1)
     shown = {row.fault: row for row in rows}
     assert shown["ounces-as-grams"].noticed_from == 1.0
-    assert shown["gate-moved"].shares[0] == 0.0
+    assert shown["gate-moved"].noticed_at["0.0001"] == 0.0
     file = tmp_path / "faults.json"
     kept = json.loads(file.read_text())
     del kept["rows"]["sabot-trip"]

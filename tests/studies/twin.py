@@ -159,11 +159,11 @@ def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
             rows, days = unlike_readings(certification, playing, DAYS)
     except InputError as refusal:
         return {"verdict": shown, "unlike": f"refused: {refusal}"}
-    tails = {row.reading: f"{row.tail:.4f}" for row in rows}
+    tails = {row.reading: f"{row.tail_probability:.4f}" for row in rows}
     unlike = "; ".join(row.reading for row in rows if row.finding)
     return {
         "verdict": shown,
-        "ratio": f"{metric.ratio:.3f}",
+        "ratio": f"{metric.u_ratio:.3f}",
         "days": days,
         "unlike": unlike,
     } | tails

@@ -393,9 +393,10 @@ def test_the_u_of_sobols_indices_is_their_scatter() -> None:
 def test_a_total_index_below_its_first_is_within_its_error() -> None:
     """Two inputs without interaction have both indices at .2 and .8."""
     result = vl.sobol(lambda a, b: a + b, {"a": vl.Input(0, 1), "b": vl.Input(0, 2)}, points=64)
-    assert list(result.columns) == ["output", "input", "first", "first_u", "total", "total_u"]
-    for key in ("first", "total"):
-        assert (np.abs(result[key] - [0.2, 0.8]) < 3 * result[f"{key}_u"]).all()
+    orders = ["first_order", "first_order_se", "total_order", "total_order_se"]
+    assert list(result.columns) == ["output", "input", *orders]
+    for key in ("first_order", "total_order"):
+        assert (np.abs(result[key] - [0.2, 0.8]) < 3 * result[f"{key}_se"]).all()
 
 
 def test_sobols_indices_agree_with_exact_cases() -> None:
@@ -406,12 +407,12 @@ def test_sobols_indices_agree_with_exact_cases() -> None:
         return np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
 
     result = vl.sobol(ishigami, inputs, points=8192)
-    assert result["first"].tolist() == pytest.approx([0.3139, 0.4424, 0], abs=5e-3)
-    assert result["total"].tolist() == pytest.approx([0.5576, 0.4424, 0.2437], abs=5e-3)
+    assert result["first_order"].tolist() == pytest.approx([0.3139, 0.4424, 0], abs=5e-3)
+    assert result["total_order"].tolist() == pytest.approx([0.5576, 0.4424, 0.2437], abs=5e-3)
     linear = {"a": vl.Input(0, 1), "b": vl.Input(0, 2, dof=5), "c": vl.Input(5, 2)}
     shares = np.array([1, 4 * 5 / 3, 4]) / (5 + 20 / 3)
     result = vl.sobol(lambda a, b, c: {"sum": a + b + c}, linear, points=4096)
-    assert result["first"].to_numpy() == pytest.approx(shares, abs=0.01)
+    assert result["first_order"].to_numpy() == pytest.approx(shares, abs=0.01)
     with pytest.raises(vl.InputError, match="power of 2"):
         vl.sobol(ishigami, inputs, points=1000)
     with pytest.raises(vl.InputError, match="points = 1073741824; allowed: a power of 2 up to 2"):

@@ -36,7 +36,7 @@ from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_json, read_toml
-from virtual_lab.output.dictionary import PER_ROW
+from virtual_lab.files.dictionary import PER_ROW
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 

@@ -28,10 +28,10 @@ from virtual_lab.campaigns.digests import (
 from virtual_lab.campaigns.study import Study, StudyCase, Value
 from virtual_lab.errors import VERSION, InputError, of_extra
 from virtual_lab.files import parse_json, whole_file
+from virtual_lab.files.dictionary import column_meaning
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
 from virtual_lab.measurement.procedure.model import AS_FOUND
-from virtual_lab.output.dictionary import column_meaning
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
 from virtual_lab.uncertainty.budget import coverage_factors

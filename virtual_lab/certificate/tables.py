@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from virtual_lab.certificate.columns import shot_columns
 from virtual_lab.certificate.filling import budget_lines
 from virtual_lab.files.column_units import unit_of
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.measurement.certification import Certification
-from virtual_lab.output.dictionary import with_units
 from virtual_lab.uncertainty.budget import Budget
 
 if TYPE_CHECKING:

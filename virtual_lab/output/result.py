@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.files.tables import write_csv
-from virtual_lab.output.dictionary import with_units
 from virtual_lab.output.tables import Column, record, table_text
 
 if TYPE_CHECKING:

@@ -36,10 +36,11 @@ class Biases(Rows[dict[str, str | float | None]]):
         with page_figure(1.4 + 0.2 * len(self.rows)) as figure:
             panels = figure.subplots(1, len(QUANTITIES), sharex=True, sharey=True)
             for axes, name in zip(panels, QUANTITIES, strict=True):
-                errors = np.array([row[name] for row in self.rows], dtype=float)  # None: NaN
+                biases = [row[f"{name}_bias"] for row in self.rows]
+                errors = np.array(biases, dtype=float)  # None: NaN
                 bats = [
-                    f"{as_drawn(str(row['bat']))}{'' if row[name] is not None else ' (no result)'}"
-                    for row in self.rows
+                    f"{as_drawn(str(row['bat']))}{' (no result)' if bias is None else ''}"
+                    for row, bias in zip(self.rows, biases, strict=True)
                 ]
                 axes.barh(bats, 1e3 * errors, color="0.4")
                 axes.axvline(0, color="black", linewidth=0.6)
@@ -58,8 +59,9 @@ def bias(
 ) -> Biases:
     """Show the systematic error of the method: measured minus true value without randomness.
 
-    The table has one row per bat in the catalog and one column per quantity, in SI units. An entry
-    is missing if the test of the bat gave no result, for example if a scan has no maximum.
+    The table has one row per bat in the catalog and one column per quantity, such as
+    ``restitution_bias``. An entry is missing if the test of the bat gave no result, for example if
+    a scan has no maximum.
 
     Parameters
     ----------
@@ -89,13 +91,14 @@ def bias(
         )
         measured, true = tested.certification.quantities, tested.sealed.measurand
         errors = {
-            name: measured[name].value - true[name] if measured else None for name in QUANTITIES
+            f"{name}_bias": measured[name].value - true[name] if measured else None
+            for name in QUANTITIES
         }
         rows.append({"bat": bat, **errors})
     return Biases(
         name="bias",
         title=f"measured minus true value by {procedure}, without randomness",
         columns={"bat": Column("bat")}
-        | {name: Column(name.replace("_", " "), form="+.1e") for name in QUANTITIES},
+        | {f"{name}_bias": Column(name.replace("_", " "), form="+.1e") for name in QUANTITIES},
         rows=rows,
     )

@@ -44,20 +44,20 @@ QUANTITIES = {  # names in the camera's u and in the truth
 class ClipCoverage:
     """Coverage of the intervals of one quantity over clips. Errors are relative.
 
-    A clip is missed if its shot was rejected or has no speed. `low` and `high` are the limits of
-    the coverage (95 %, Clopper-Pearson).
+    A clip is missed if its shot was rejected or has no speed. `coverage_low` and `coverage_high`
+    are the limits of the coverage (95 %, Clopper-Pearson).
     """
 
     quantity: str
     clips: int = column("clips with a result")
-    missed: int = column("clips without a result")
+    missed_clips: int = column("clips without a result")
     coverage: float = column("intervals with the true value", form=".1%")
-    low: float = column("  at least", form=".1%")
-    high: float = column("  at most", form=".1%")
+    coverage_low: float = column("  at least", form=".1%")
+    coverage_high: float = column("  at most", form=".1%")
     rms_error_percent: float = column("rms error", "%", ".3f")
     rms_u_percent: float = column("rms of the stated u", "%", ".3f")
-    mean_error_percent: float = column("mean error", "%", "+.4f")
-    mean_error_se_percent: float = column("  its standard error", "%", ".4f")
+    bias_percent: float = column("mean error", "%", "+.4f")
+    bias_se_percent: float = column("  its standard error", "%", ".4f")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -67,7 +67,10 @@ class ClipTable(Rows[ClipCoverage]):
     def draw(self) -> PageFigure:
         """Draw the coverage of each quantity with its limits, beside 95 %."""
         return draw_intervals(
-            [Interval(row.quantity, row.coverage, row.low, row.high) for row in self.rows],
+            [
+                Interval(row.quantity, row.coverage, row.coverage_low, row.coverage_high)
+                for row in self.rows
+            ],
             self.title,
             "share of intervals that contain the true value (bars: 95 % limits)",
             references=(0.95,),
@@ -186,12 +189,12 @@ def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
     return ClipCoverage(
         quantity=quantity,
         clips=int(error.size),
-        missed=int((~has_result).sum()),
+        missed_clips=int((~has_result).sum()),
         coverage=covered / error.size,
-        low=float(count.low),
-        high=float(count.high),
+        coverage_low=float(count.low),
+        coverage_high=float(count.high),
         rms_error_percent=100 * sqrt(float(np.mean(relative**2))),
         rms_u_percent=100 * sqrt(float(np.mean((u / true[has_result]) ** 2))),
-        mean_error_percent=100 * float(relative.mean()),
-        mean_error_se_percent=100 * float(relative.std(ddof=1)) / sqrt(error.size),
+        bias_percent=100 * float(relative.mean()),
+        bias_se_percent=100 * float(relative.std(ddof=1)) / sqrt(error.size),
     )

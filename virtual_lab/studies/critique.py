@@ -63,48 +63,50 @@ class BatRank:
 
     bat: str
     procedure: str
-    ball: str
+    ball_name: str
     metric: str
     unit: str
-    value: float | None  # metric in an error-free laboratory
+    error_free: float | None  # metric in an error-free laboratory
     laboratories: int  # number of laboratories with a result
     mean: float | None
     sd: float | None
-    v_f_mph: Mapping[str, float]  # peak in the field by swing: ``n0.3``, ``energy``
+    # peak in the field by swing: ``batted_speed_n0.3_mph``, ``batted_speed_energy_mph``
+    batted_speeds: Mapping[str, float] = inline()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranking:
     """Ranking of two bats by a procedure, compared with the field.
 
-    The verdict is ``same order``, ``opposite order``, ``by chance`` (neither order is reliable),
+    The ranking is ``same order``, ``opposite order``, ``by chance`` (neither order is reliable),
     ``tie`` (no order in the field), or ``no result``.
     """
 
     laboratories: int  # number of laboratories with a result
-    mean: float | None = None  # mean of the difference
-    sd: float | None = None
+    mean_difference: float | None = None
+    sd_difference: float | None = None
     # probability of the opposite order, for a normal distribution with this mean and sd
-    probability: float | None = None
-    wrong: int | None = None  # number of laboratories with the opposite order
+    opposite_probability: float | None = None
+    opposite: int | None = None  # number of laboratories with the opposite order
     # limits of the share of these laboratories (95 %, Clopper-Pearson)
-    low: float | None = None
-    high: float | None = None
-    verdict: str
+    opposite_low: float | None = None
+    opposite_high: float | None = None
+    ranking: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pair:
     """Ranking of two bats by a procedure; differences are first bat minus second bat."""
 
-    first: str
-    second: str
-    n: float | None  # exponent of the field's swing law; None: constant energy
-    v_f_mph: float
+    bat: str
+    against: str
+    swing_exponent: float | None  # of the field's swing law; None: constant energy
+    batted_speed_difference_mph: float
     procedure: str
-    own_n: float | None
+    procedure_swing_exponent: float | None  # None: the procedure has no swing law
     metric: str
-    difference: float | None  # difference of the metric in an error-free laboratory
+    unit: str
+    error_free_difference: float | None  # of the metric in an error-free laboratory
     ranking: Ranking = inline()
 
 
@@ -116,7 +118,7 @@ class ProcedureResults:
     ball: str
     metric: str  # symbol of the metric
     unit: str
-    own_n: float | None  # exponent of the swing law of the procedure; None: no such law
+    swing_exponent: float | None  # of the procedure; None: it has no swing law
     exact: Array  # metric in an error-free laboratory, (bat,); NaN without a result
     measured: Array  # metric, (laboratory, bat)
 
@@ -138,14 +140,17 @@ class Critique(StudyResult):
             BatRank(
                 bat=bat,
                 procedure=each.procedure,
-                ball=each.ball,
+                ball_name=each.ball,
                 metric=each.metric,
                 unit=each.unit,
-                value=_or_none(each.exact[i]),
+                error_free=_or_none(each.exact[i]),
                 laboratories=int(np.isfinite(each.measured[:, i]).sum()),
                 mean=_or_none(_mean(each.measured[:, i])),
                 sd=_or_none(_sd(each.measured[:, i])),
-                v_f_mph={_swing(n): float(self.field[j, i]) for j, n in enumerate(self.swings)},
+                batted_speeds={
+                    f"batted_speed_{_swing(n)}_mph": float(self.field[j, i])
+                    for j, n in enumerate(self.swings)
+                },
             )
             for each in self.ranked
             for i, bat in enumerate(self.bats)
@@ -156,14 +161,15 @@ class Critique(StudyResult):
         """One row per pair of bats, exponent and procedure."""
         return [
             Pair(
-                first=first,
-                second=second,
-                n=n,
-                v_f_mph=float(field[i] - field[j]),
+                bat=first,
+                against=second,
+                swing_exponent=n,
+                batted_speed_difference_mph=float(field[i] - field[j]),
                 procedure=each.procedure,
-                own_n=each.own_n,
+                procedure_swing_exponent=each.swing_exponent,
                 metric=each.metric,
-                difference=_or_none(float(each.exact[i] - each.exact[j])),
+                unit=each.unit,
+                error_free_difference=_or_none(float(each.exact[i] - each.exact[j])),
                 ranking=misranking(field[i] - field[j], each.measured[:, i] - each.measured[:, j]),
             )
             for (i, first), (j, second) in combinations(enumerate(self.bats), 2)
@@ -275,7 +281,7 @@ def critique(
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
-    top = [row.peaks["v_f_mph"] for row in compared.peaks]  # sorted by bat, then by n
+    top = [row.peaks["peak_batted_speed_mph"] for row in compared.peaks]  # by bat, then by n
     procedures = procedures or _of_this_game(compared.sports)
     sheets = [catalog.load("procedures", each, Procedure).spec for each in procedures]
     catalog.require_own_names("procedures", [rules.name for rules in sheets])
@@ -297,7 +303,7 @@ def critique(
                 ball=rules.ball,
                 metric=printed.symbol,
                 unit=printed.unit,
-                own_n=_own_exponent(rules),
+                swing_exponent=_own_exponent(rules),
                 exact=np.array(exact) / printed.unit_si,
                 measured=measured / printed.unit_si,
             )
@@ -314,7 +320,7 @@ def critique(
 def misranking(field: float, differences: Array) -> Ranking:
     """Return the ranking of two bats by a procedure, with the probability that it is wrong.
 
-    The verdict is ``no result`` if fewer than two differences are finite, and ``tie``, without a
+    The ranking is ``no result`` if fewer than two differences are finite, and ``tie``, without a
     probability, if the bats differ by less than 0.1 mph in the field. Otherwise it depends on the
     probability of the opposite order: ``opposite order`` from 95 % up, ``same order`` up to 5 %,
     and ``by chance`` in between.
@@ -329,27 +335,29 @@ def misranking(field: float, differences: Array) -> Ranking:
     """
     finite = differences[np.isfinite(differences)]
     if finite.size < 2:
-        return Ranking(laboratories=int(finite.size), verdict="no result")
+        return Ranking(laboratories=int(finite.size), ranking="no result")
     mean, sd = float(finite.mean()), float(finite.std(ddof=1))
-    tie = Ranking(laboratories=int(finite.size), mean=mean, sd=sd, verdict="tie")
+    tie = Ranking(
+        laboratories=int(finite.size), mean_difference=mean, sd_difference=sd, ranking="tie"
+    )
     if abs(field) < FIELD_TIE_MPH:
         return tie
     toward = np.sign(field)
     probability = float(ndtr(-toward * mean / sd)) if sd else float(toward * mean < 0)
-    wrong = int((toward * finite < 0).sum())
-    share = binomtest(wrong, finite.size).proportion_ci(0.95, "exact")
-    verdict = "by chance"
+    opposite = int((toward * finite < 0).sum())
+    share = binomtest(opposite, finite.size).proportion_ci(0.95, "exact")
+    ranking = "by chance"
     if probability >= RELIABLE_SHARE:
-        verdict = "opposite order"
+        ranking = "opposite order"
     elif probability <= 1 - RELIABLE_SHARE:
-        verdict = "same order"
+        ranking = "same order"
     return replace(
         tie,
-        probability=probability,
-        wrong=wrong,
-        low=float(share.low),
-        high=float(share.high),
-        verdict=verdict,
+        opposite_probability=probability,
+        opposite=opposite,
+        opposite_low=float(share.low),
+        opposite_high=float(share.high),
+        ranking=ranking,
     )
 
 
@@ -405,37 +413,39 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
     tables: dict[str, dict[str, str]] = {}
     for row in metrics:
         line = tables.setdefault(row.bat, {"bat": row.bat})
-        for key, speed in row.v_f_mph.items():
-            rank = 1 + sum(other > speed for other in {each.v_f_mph[key] for each in metrics})
-            swing = f"n = {key[1:]}" if key.startswith("n") else "constant energy"
+        for key, speed in row.batted_speeds.items():
+            rank = 1 + sum(other > speed for other in {each.batted_speeds[key] for each in metrics})
+            law = key.split("_")[2]
+            swing = f"n = {law[1:]}" if law.startswith("n") else "constant energy"
             line[f"v_f, {swing}"] = f"{speed:.1f} ({rank})"
-        rivals = [each.value for each in metrics if each.procedure == row.procedure]
+        rivals = [each.error_free for each in metrics if each.procedure == row.procedure]
         line[row.procedure] = _metric_with_rank(
             row, [value for value in rivals if value is not None]
         )
-    tested = {row.procedure: row.ball for row in metrics}
+    tested = {row.procedure: row.ball_name for row in metrics}
     fires = [f"{name}: fires {ball}" for name, ball in tested.items()]
     fired = "; ".join([f"field: {balls_text(balls)}", *fires])
     lines: dict[tuple[str, str, str], dict[str, str]] = {}
     for each in pairs:
         ranked = each.ranking
-        pair, swing = f"{each.first} - {each.second}", swing_text(each.n)
+        pair, swing = f"{each.bat} - {each.against}", swing_text(each.swing_exponent)
         empty = {"pair": pair, "procedure": "the field", "error-free": "", "mean": "", "sd": ""}
-        field = lines.setdefault((each.first, each.second, ""), empty)
-        field[swing] = f"{each.v_f_mph:+.2f} mph"
+        field = lines.setdefault((each.bat, each.against, ""), empty)
+        field[swing] = f"{each.batted_speed_difference_mph:+.2f} mph"
         line = lines.setdefault(
-            (each.first, each.second, each.procedure),
+            (each.bat, each.against, each.procedure),
             {
                 "pair": "",
                 "procedure": f"{each.procedure}, {each.metric}",
-                "error-free": number(each.difference, "+.4f"),
-                "mean": number(ranked.mean, "+.4f"),
-                "sd": number(ranked.sd, ".4f"),
+                "error-free": number(each.error_free_difference, "+.4f"),
+                "mean": number(ranked.mean_difference, "+.4f"),
+                "sd": number(ranked.sd_difference, ".4f"),
             },
         )
-        line[swing] = ranked.verdict
-        if ranked.probability is not None:
-            line[swing] += f" {ranked.probability:.3f} ({ranked.wrong} of {ranked.laboratories})"
+        line[swing] = ranked.ranking
+        if ranked.opposite_probability is not None:
+            line[swing] += f" {ranked.opposite_probability:.3f} "
+            line[swing] += f"({ranked.opposite} of {ranked.laboratories})"
     return (
         "results of an error-free laboratory, with the rank among the bats in parentheses\n"
         f"{table_text(list(tables.values()))}\n{fired}\n\n"
@@ -447,8 +457,8 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
 
 def _metric_with_rank(row: BatRank, rivals: Sequence[float]) -> str:
     """Return an error-free metric as printed, with its rank among all bats."""
-    if row.value is None:
+    if row.error_free is None:
         return "no result"
     places = 2 if row.unit == "mph" else 4
-    rank = 1 + sum(other > row.value for other in rivals)
-    return f"{row.metric} {row.value:.{places}f} ({rank})"
+    rank = 1 + sum(other > row.error_free for other in rivals)
+    return f"{row.metric} {row.error_free:.{places}f} ({rank})"

@@ -62,8 +62,8 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
         One row per pair of bats, exponent and procedure: the table of `Critique`.
     """
     rows: list[Any] = list(pairs.itertuples())
-    swings = list(dict.fromkeys(row.n for row in rows))
-    bats = list(dict.fromkeys((row.first, row.second) for row in rows))
+    swings = list(dict.fromkeys(row.swing_exponent for row in rows))
+    bats = list(dict.fromkeys((row.bat, row.against) for row in rows))
     procedures = {row.procedure: _procedure_label(row) for row in rows}
     letters = max(len(name.replace("$", "")) for name in procedures.values())
     longest = PAGE.letter * letters  # length of the longest name, which is slanted
@@ -96,7 +96,7 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
             left = left_of_all + i * (panel[0] + PAGE.gap)
             box = (left / width, bottom / height, panel[0] / width, panel[1] / height)
             axes = figure.add_axes(box)
-            swing_rows = [row for row in rows if row.n == n]
+            swing_rows = [row for row in rows if row.swing_exponent == n]
             _panel(axes, swing_rows, bats, procedures)
             axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
@@ -104,7 +104,7 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
                 axes.tick_params(axis="y", pad=30)
         for text, below, size in sentences:
             figure.text(0.08 / width, 1 - below / height, text, fontsize=size, va="center")
-        verdicts = set(pairs["verdict"])
+        verdicts = set(pairs["ranking"])
         handles = [_handle(verdict) for verdict in MARKS if verdict in verdicts]
         figure.legend(handles=handles, loc="lower center", ncols=len(handles), handletextpad=0.3)
     return figure
@@ -116,8 +116,8 @@ def _panel(
     from pandas import isna
 
     for row in rows:
-        x, y = list(procedures).index(row.procedure), bats.index((row.first, row.second))
-        mark = MARKS[row.verdict]
+        x, y = list(procedures).index(row.procedure), bats.index((row.bat, row.against))
+        mark = MARKS[row.ranking]
         axes.plot(
             x,
             y,
@@ -128,13 +128,15 @@ def _panel(
             markeredgewidth=0.8,
             zorder=2,
         )
-        if not isna(row.probability):
-            percent = _percent(row.probability)
+        if not isna(row.opposite_probability):
+            percent = _percent(row.opposite_probability)
             axes.text(
                 x, y, percent, ha="center", va="center", fontsize=6.5, color=mark.ink, zorder=3
             )
     for y, pair in enumerate(bats):
-        difference = next(row.v_f_mph for row in rows if (row.first, row.second) == pair)
+        difference = next(
+            row.batted_speed_difference_mph for row in rows if (row.bat, row.against) == pair
+        )
         axes.text(
             -0.62, y, f"{difference:+.1f}".replace("-", "−"), ha="right", va="center", fontsize=7
         )
@@ -162,7 +164,9 @@ def _pair_name(pair: tuple[str, str]) -> str:
 def _procedure_label(row: Any) -> str:
     from pandas import isna
 
-    exponent = "" if isna(row.own_n) else f", $n={row.own_n:g}$"
+    exponent = (
+        "" if isna(row.procedure_swing_exponent) else f", $n={row.procedure_swing_exponent:g}$"
+    )
     metric = {"e": "$e$", "v_f": "$v_f$"}.get(row.metric, row.metric)
     return f"{as_drawn(row.procedure)} ({metric}{exponent})"
 

@@ -18,6 +18,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.measurement.reduction.gates import GateReadings
 from virtual_lab.measurement.reduction.observations import BallReadings, ball_constants
@@ -101,21 +102,22 @@ class Daily(StudyResult):
             "cusum_down": charted.sum_down,
         }
         blank = np.full(charted.baseline_days, np.nan)
-        return pd.DataFrame(
+        table = pd.DataFrame(
             {
                 "day": np.arange(1, days + 1),
-                "e0": self.values,
-                "e0_sd": self.scatter,
-                "e0_dof": np.full(days, self.hits - 1),
-                "true_wall": self.wall,
+                "ball_restitution": self.values,
+                "ball_restitution_sd": self.scatter,
+                "ball_restitution_dof": np.full(days, self.hits - 1),
+                "true_wall_ratio": self.wall,
             }
             | {name: np.concatenate([blank, values]) for name, values in columns.items()}
             | {
                 "alarms": _broken(charted),
-                "e_A_cylinder": self.cylinder,
-                "alarms_cylinder": _broken(self.cylinder_charted),
+                "cylinder_collision_efficiency": self.cylinder,
+                "cylinder_alarms": _broken(self.cylinder_charted),
             }
         )
+        return with_units(table)
 
     @property
     def alarms(self) -> list[AlarmCount]:

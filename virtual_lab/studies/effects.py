@@ -28,6 +28,7 @@ from virtual_lab.measurement.reduction.observations import (
 from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured_balls
 from virtual_lab.measurement.session_reduction import AIM_ALONG
 from virtual_lab.output.intervals import Interval, draw_intervals
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -53,13 +54,14 @@ class Effect:
 
     bat: str
     procedure: str
-    term: str = column("term of the budget")
-    stated: float = column("stated effect", "SI", "+.3e")  # stated effect, mean over laboratories
-    realised: float | None = column(
-        "real effect", "SI", "+.3e"
-    )  # real effect; None without a true value
-    se: float | None = column("its standard error", "SI", ".1e")
-    apart: float | None = column("difference", "standard errors", "+.1f")
+    component: str = column("term of the budget")
+    unit: str  # SI unit of the metric
+    # mean over laboratories
+    stated_effect: float = column("stated effect", "SI", "+.3e")
+    # None without a true value
+    real_effect: float | None = column("real effect", "SI", "+.3e")
+    real_effect_se: float | None = column("its standard error", "SI", ".1e")
+    difference_in_se: float | None = column("difference", "standard errors", "+.1f")
     laboratories: int = column("laboratories")
 
 
@@ -69,7 +71,8 @@ class EffectTable(Rows[Effect]):
 
     def draw(self) -> PageFigure:
         """Draw the real effects ± 2 standard errors beside the stated ones."""
-        stated = [Interval(row.term, row.stated, row.stated, row.stated, True) for row in self.rows]
+        effects = [(row.component, row.stated_effect) for row in self.rows]
+        stated = [Interval(name, each, each, each, hollow=True) for name, each in effects]
         figure = draw_intervals(
             stated,
             self.title,
@@ -77,9 +80,9 @@ class EffectTable(Rows[Effect]):
             hollow="stated effect",
         )
         for place, row in enumerate(self.rows):
-            if row.realised is not None:
-                bar = 2 * (row.se or 0.0)
-                figure.axes[0].errorbar(row.realised, place, xerr=bar, fmt=".", color="black")
+            if row.real_effect is not None:
+                bar = 2 * (row.real_effect_se or 0.0)
+                figure.axes[0].errorbar(row.real_effect, place, xerr=bar, fmt=".", color="black")
         return figure
 
 
@@ -108,14 +111,15 @@ def effects(
     """Compare the stated and the real effect of each component of the budget of the metric.
 
     The table has one row per component, sorted by the size of the stated effect. The columns
-    `stated` and `realised` hold the stated and the real change of the metric, in its unit, for a
-    change of the component by one standard uncertainty u.
-    `apart` is the real effect minus the stated effect, in standard errors.
+    `stated_effect` and `real_effect` hold the stated and the real change of the metric, in its
+    unit, for a change of the component by one standard uncertainty u. `difference_in_se` is the
+    real effect minus the stated effect, in standard errors.
 
     For two components, the real effect can differ from the stated effect for a known reason. The
     first is the slope along the barrel. Its stated uncertainty is the spread over many bats, but
-    the study tests one bat. For the slope, `realised` is the error of this one bat's slope, which
-    says little about the spread, so `apart` is None. This error also changes the effect of the aim.
+    the study tests one bat. For the slope, `real_effect` is the error of this one bat's slope,
+    which says little about the spread, so `difference_in_se` is None. This error also changes the
+    effect of the aim.
 
     The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
     ball, but the hits use different balls of the same dozen. If e is not proportional to e0, as for
@@ -168,7 +172,7 @@ def effects(
     coefficients, coefficients_se, residual = _regress(
         np.array([case.error for case in cases]), regressors_known
     )
-    rows = []
+    rows, unit = [], METRICS[round_robin.setup.rules.spec.metric].si_unit
     for name in names:
         stated = _stated_effect(name, cases)
         realised, se = coefficients.get(name), coefficients_se.get(name)
@@ -186,11 +190,12 @@ def effects(
             Effect(
                 bat=bat,
                 procedure=procedure,
-                term=name,
-                stated=stated,
-                realised=realised,
-                se=se,
-                apart=_difference(name, stated, realised, se),
+                component=name,
+                unit=unit,
+                stated_effect=stated,
+                real_effect=realised,
+                real_effect_se=se,
+                difference_in_se=_difference(name, stated, realised, se),
                 laboratories=len(cases),
             )
         )
@@ -198,7 +203,7 @@ def effects(
         name="effects",
         title=f"{bat} by {procedure}: effect of each term of the budget on the metric",
         words="Effect: change of the metric by one u of the term. SI: unit of the metric.",
-        rows=sorted(rows, key=lambda row: -abs(row.stated)),
+        rows=sorted(rows, key=lambda row: -abs(row.stated_effect)),
     )
 
 

@@ -21,7 +21,9 @@ from virtual_lab.catalog.faults import FaultSheet, Prediction
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin, TestSetup
 from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.intervals import Interval, draw_intervals
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -43,7 +45,7 @@ PROCEDURES = ("astm-f1881", "bbcor")
 
 
 def _share(row: FaultOutcome) -> str:
-    return f"{row.caught:.0%} ({row.low:.0%} to {row.high:.0%})"
+    return f"{row.detected:.0%} ({row.detected_low:.0%} to {row.detected_high:.0%})"
 
 
 def _bias_text(bias: Bias) -> str:
@@ -98,19 +100,23 @@ class Bias:
 class FaultOutcome:
     """Outcome of a fault in tests by a procedure. The fault ``none`` stands for a day without one.
 
-    A laboratory detects (catches) a fault by a flag or by the verdict INVALID. `low` and `high` are
-    the limits of the fraction of such laboratories (95 %, Clopper-Pearson).
+    A laboratory detects a fault by a flag or by the verdict INVALID. `detected_low` and
+    `detected_high` are the limits of the share of such laboratories (95 %, Clopper-Pearson). The
+    bias of the metric is in `unit`, its SI unit.
     """
 
     procedure: str = column("procedure")
     fault: str = column("fault")
     prediction: str = column("predicted")
     laboratories: int
-    caught: float = column("detected", "of laboratories", _share)
-    low: float
-    high: float
-    by: str = column("detected by")
-    e_A: Bias = column("bias of e_A", form=lambda row: _bias_text(row.e_A))
+    detected: float = column("detected", "of laboratories", _share)
+    detected_low: float
+    detected_high: float
+    detected_by: str = column("detected by")
+    collision_efficiency: Bias = column(
+        "bias of e_A", form=lambda row: _bias_text(row.collision_efficiency)
+    )
+    unit: str
     metric: Bias = column("bias of the metric", "SI", lambda row: _bias_text(row.metric))
     as_predicted: bool = column("outcome", form=_outcome)
 
@@ -125,9 +131,9 @@ class FaultTable(Rows[FaultOutcome]):
             [
                 Interval(
                     f"{row.fault}, {row.procedure}",
-                    row.caught,
-                    row.low,
-                    row.high,
+                    row.detected,
+                    row.detected_low,
+                    row.detected_high,
                     not row.as_predicted,
                 )
                 for row in self.rows
@@ -288,16 +294,18 @@ def _row(
         named = set((prediction.caught_by or "").split(", "))
         caught = float(np.mean([bool(named & set(each.catches)) for each in detections])) >= 0.95
         as_predicted = caught if prediction.caught_by else e_A.near and metric.near
+    rules = catalog.load("procedures", procedure, Procedure).spec
     return FaultOutcome(
         procedure=procedure,
         fault=fault,
         prediction=predicted,
         laboratories=len(detections),
-        caught=many / len(detections),
-        low=float(interval.low),
-        high=float(interval.high),
-        by=", ".join(f"{catch} {number}" for catch, number in by.most_common()),
-        e_A=e_A,
+        detected=many / len(detections),
+        detected_low=float(interval.low),
+        detected_high=float(interval.high),
+        detected_by=", ".join(f"{catch} {number}" for catch, number in by.most_common()),
+        collision_efficiency=e_A,
+        unit=METRICS[rules.metric].si_unit,
         metric=metric,
         as_predicted=as_predicted,
     )

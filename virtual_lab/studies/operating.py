@@ -54,12 +54,12 @@ class OperatingPoint:
     unit: str
     true: float = column("true metric x", form=".4f")
     tests: int
-    passes: float = column("PASS", form=".1%")
-    low: float = column("  at least", form=".1%")
-    high: float = column("  at most", form=".1%")
-    passes_if_valid: float = column("PASS if valid", form=".1%")
-    low_if_valid: float = column("  at least", form=".1%")
-    high_if_valid: float = column("  at most", form=".1%")
+    pass_probability: float = column("PASS", form=".1%")
+    pass_probability_low: float = column("  at least", form=".1%")
+    pass_probability_high: float = column("  at most", form=".1%")
+    pass_probability_if_valid: float = column("PASS if valid", form=".1%")
+    pass_probability_if_valid_low: float = column("  at least", form=".1%")
+    pass_probability_if_valid_high: float = column("  at most", form=".1%")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -77,8 +77,10 @@ class OperatingCurves(Rows[OperatingPoint]):
                     points = [
                         r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)
                     ]
-                    true, passes, low, high = np.array(
-                        [(row.true, row.passes, row.low, row.high) for row in points]
+                    keys = ("", "_low", "_high")
+                    true = [row.true for row in points]
+                    passes, low, high = np.array(
+                        [[getattr(row, f"pass_probability{key}") for key in keys] for row in points]
                     ).T
                     axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
                     words = "one test" if best_of == 1 else f"best of {best_of}"
@@ -173,12 +175,12 @@ def operating(
                         unit=printed.unit,
                         true=float(x) / printed.unit_si,
                         tests=laboratories * best_of,
-                        passes=joint[0],
-                        low=joint[1],
-                        high=joint[2],
-                        passes_if_valid=conditional[0],
-                        low_if_valid=conditional[1],
-                        high_if_valid=conditional[2],
+                        pass_probability=joint[0],
+                        pass_probability_low=joint[1],
+                        pass_probability_high=joint[2],
+                        pass_probability_if_valid=conditional[0],
+                        pass_probability_if_valid_low=conditional[1],
+                        pass_probability_if_valid_high=conditional[2],
                     )
                 )
     return OperatingCurves(

@@ -29,7 +29,7 @@ class Slope:
     """Slope of one bat, or the mean or standard deviation over all bats, without a position."""
 
     bat: str = column("bat")
-    place_in: float | None = column("position from the tip", "in")
+    impact_position_in: float | None = column("position from the tip", "in")
     slope_per_in: float = column("slope of e_A", "1/in", "+.4f")
 
 
@@ -96,7 +96,8 @@ def slope(
     slopes = [row.slope_per_in for row in rows]
     statistics = {"mean": float(np.mean(slopes)), "deviation": float(np.std(slopes, ddof=1))}
     rows += [
-        Slope(bat=name, place_in=None, slope_per_in=value) for name, value in statistics.items()
+        Slope(bat=name, impact_position_in=None, slope_per_in=value)
+        for name, value in statistics.items()
     ]
     title = f"slope of e_A along the barrel at the impact position of {procedure}"
     rules = catalog.load("procedures", procedure, Procedure).spec
@@ -119,4 +120,4 @@ def _slope(bat: str, procedure: str) -> Slope:
     ends = place + step * np.array([-1.0, 1.0])
     curve = true_curve(laboratory.impact, specimen, rules, ends)
     rise = float(np.diff(curve.collision_efficiency)[0])
-    return Slope(bat=bat, place_in=place / INCH, slope_per_in=rise / (2 * step) * INCH)
+    return Slope(bat=bat, impact_position_in=place / INCH, slope_per_in=rise / (2 * step) * INCH)

@@ -27,20 +27,23 @@ CERTIFICATE = "certificate.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityScore:
-    """Measured and true value [SI] of a quantity; None without a measured value.
+    """Measured and true value of a quantity in `unit`, its SI unit; None without a measured value.
 
     z, the error over u, is also None if u is 0.
     """
 
     quantity: str = column("quantity")
-    measured: float | None = column("measured", "SI", ".6f")
+    unit: str
+    value: float | None = column("measured", "SI", ".6f")
     u: float | None = column("u", "SI", ".6f")
     true: float = column("true", "SI", ".6f")
     error: float | None = column("error", "SI", "+.6f")
     z: float | None = column("error", "u", "+.2f")
 
     @classmethod
-    def of(cls, quantity: str, measured: Mapping[str, Any], true: float) -> QuantityScore:
+    def of(
+        cls, quantity: str, measured: Mapping[str, Any], true: float, unit: str = ""
+    ) -> QuantityScore:
         """Return the score of a result; `measured` has the keys `value` and `u`.
 
         Without a value the error is None. z is None without a value, and if u is None or 0.
@@ -48,7 +51,7 @@ class QuantityScore:
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
         z = error / u if error is not None and u else None
-        return cls(quantity=quantity, measured=value, u=u, true=true, error=error, z=z)
+        return cls(quantity=quantity, unit=unit, value=value, u=u, true=true, error=error, z=z)
 
 
 def score(
@@ -71,8 +74,11 @@ def score(
         stated[AS_FOUND] = correction["as_found"]
     if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
         stated[WIDTH_KEY] = certificate[WIDTH_KEY]
+    units = dict.fromkeys(("metric", CONTINUOUS, AS_FOUND), certificate["metric"].get("unit", ""))
+    units |= {WIDTH_KEY: "m"}
     return {
-        name: QuantityScore.of(name, result, measurand[name]) for name, result in stated.items()
+        name: QuantityScore.of(name, result, measurand[name], units.get(name, ""))
+        for name, result in stated.items()
     }
 
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import QUANTITIES
-from virtual_lab.output.dictionary import with_units
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.sheets import CHANGED, Sheet

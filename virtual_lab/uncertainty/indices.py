@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.parameters import AnyModel, Seed
 from virtual_lab.uncertainty.inputs import InputName, InputSource, read_inputs
 from virtual_lab.uncertainty.models import Model
@@ -41,10 +42,11 @@ def sobol_indices(
 ) -> pd.DataFrame:
     """Return Sobol's indices of a model, one row per pair of output and input.
 
-    `first` is the share of the variance that an input explains alone, `total` the share with all
-    its interactions (Saltelli 2010, by scipy.stats.sobol_indices). `first_u` and `total_u` are
-    their Monte Carlo standard errors, computed as for independent points. The errors with Sobol's
-    sequence are mostly smaller. Within these errors, `total` can be below `first`.
+    ``first_order`` is the share of the variance that an input explains alone, ``total_order`` the
+    share with all its interactions (Saltelli 2010, by scipy.stats.sobol_indices).
+    ``first_order_se`` and ``total_order_se`` are their Monte Carlo standard errors, computed as for
+    independent points. The errors with Sobol's sequence are mostly smaller. Within these errors,
+    the total order can be below the first.
 
     Parameters
     ----------
@@ -96,14 +98,19 @@ def sobol_indices(
     )
     called.require_same()
     first, total = np.atleast_2d(by_library.first_order), np.atleast_2d(by_library.total_order)
-    first_u, total_u = errors[0]
-    columns = {"first": first, "first_u": first_u.T, "total": total, "total_u": total_u.T}
+    first_se, total_se = errors[0]
+    columns = {
+        "first_order": first,
+        "first_order_se": first_se.T,
+        "total_order": total,
+        "total_order_se": total_se.T,
+    }
     rows = [
         {"output": output, "input": name, **{key: each[k, i] for key, each in columns.items()}}
         for k, output in enumerate(called.outputs)
         for i, name in enumerate(names)
     ]
-    return pd.DataFrame(rows)
+    return with_units(pd.DataFrame(rows))
 
 
 def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:

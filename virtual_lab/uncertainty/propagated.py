@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab.errors import InputError, nearest
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.uncertainty.budget import Component
 from virtual_lab.units import Array
 
@@ -117,7 +118,7 @@ class Propagated:
                 "high": high,
             }
 
-        return pd.DataFrame([row(outcome) for outcome in self.outcomes.values()])
+        return with_units(pd.DataFrame([row(outcome) for outcome in self.outcomes.values()]))
 
     @property
     def budget(self) -> pd.DataFrame:
@@ -133,7 +134,7 @@ class Propagated:
                     row[key] = getattr(part, key)
                 share = 100 * part.contribution**2 / total if total else 0.0
                 rows.append(row | {"share_percent": share})
-        return pd.DataFrame(rows)
+        return with_units(pd.DataFrame(rows))
 
     @property
     def text(self) -> str:

@@ -55,12 +55,14 @@ def test_the_picture_has_the_spread_in_percent(weighed: tuple[Path, FittedBat]) 
     """A quantity that was not measured is hollow."""
     _, fitted = weighed
     figure = fitted.plot()
-    spread = [row for row in fitted.spread if row.fit]
-    ends = [sorted(100 * (end / row.fit - 1) for end in (row.low, row.high)) for row in spread]
+    spread = [row for row in fitted.spread if row.value]
+    ends = [
+        sorted(100 * (end / row.value - 1) for end in (row.lowest, row.highest)) for row in spread
+    ]
     assert lines_of(figure) == [pytest.approx((low, 0.0, high)) for low, high in ends]
     dots = [each for each in figure.axes[0].lines if len(each.get_xdata()) == 1]
     hollow = [each.get_markerfacecolor() == "white" for each in dots]
-    assert hollow == [not row.measured for row in spread]
+    assert hollow == [not row.is_measured for row in spread]
 
 
 def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, FittedBat]) -> None:
@@ -69,14 +71,14 @@ def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, Fi
     path = tmp_path / "tapped.toml"
     path.write_text(MEASURED + FREQUENCIES)
     more = {row.quantity: row for row in fit_bat(str(path), members=3).spread}
-    assert less["f1"].high - less["f1"].low > 5
-    assert not less["f1"].measured
-    assert more["f1"].measured
-    assert more["f1"].high - more["f1"].low < 0.01
-    assert more["f2"].fit == pytest.approx(551, rel=1e-5)
+    assert less["f1"].highest - less["f1"].lowest > 5
+    assert not less["f1"].is_measured
+    assert more["f1"].is_measured
+    assert more["f1"].highest - more["f1"].lowest < 0.01
+    assert more["f2"].value == pytest.approx(551, rel=1e-5)
     assert less["e_A at 7 in"].sd > more["e_A at 7 in"].sd > 1e-4
     for row in more.values():
-        assert row.low <= row.fit <= row.high
+        assert row.lowest <= row.value <= row.highest
     # fits without frequencies are fast, and use the same draws
     assert fit_bat(str(source), members=3).spread == fitted.spread
 

@@ -25,7 +25,7 @@ def found() -> PercussionStudy:
 
 def at(found: PercussionStudy, z: float) -> PlaceReadings:
     """Return the row of an impact position."""
-    return min(found.rows, key=lambda row: abs(row.z_in - z))
+    return min(found.rows, key=lambda row: abs(row.impact_position_in - z))
 
 
 def test_the_axis_bears_nothing_at_the_centre_of_percussion(found: PercussionStudy) -> None:
@@ -42,20 +42,22 @@ def test_a_plain_bearing_costs_what_it_rubs(found: PercussionStudy) -> None:
     axis = 28 * INCH
     lever = axis - beam.z_cm
     for row in (at(found, 3), at(found, 11)):
-        b = axis - row.z_in * INCH
+        b = axis - row.impact_position_in * INCH
         # the impulse of the ball is J; the axis takes J - M d ω with ω = J b / I_p
         blow = row.reaction_ns / (1 - beam.mass * lever * b / beam.inertia(axis))
         turn = blow * b / beam.inertia(axis)
         lost = 0.087 * 0.010 * abs(row.reaction_ns) / beam.inertia(axis)
-        assert row.plain_shift == pytest.approx(-(1 + row.e_A) * lost / turn, rel=0.02)
+        assert row.plain_shift == pytest.approx(
+            -(1 + row.collision_efficiency) * lost / turn, rel=0.02
+        )
 
 
 def test_play_costs_nothing_but_hard_by_the_centre_of_percussion(found: PercussionStudy) -> None:
     """The angle of the play is a constant of the fit, unless it is taken up during the fit."""
     for row in found.rows:
-        if abs(row.z_in - found.percussion_in) > 0.1:
+        if abs(row.impact_position_in - found.percussion_in) > 0.1:
             assert abs(row.loose_shift) < 1e-9
-        elif abs(row.z_in - found.percussion_in) > 1e-6:
+        elif abs(row.impact_position_in - found.percussion_in) > 1e-6:
             assert abs(row.loose_shift) > 5e-4
 
 

@@ -31,19 +31,19 @@ class ClassDay:
     """One day of a trainee, with its scores, which are None until the day is handed in."""
 
     trainee: str = column("trainee")  # name of the folder
-    day: str = column("day")
+    day_title: str = column("day")
     verdict: str = column("verdict")
-    right: str | None = column("right")
+    right_verdict: str | None = column("right")
     brier: float | None = column("Brier", form=".2f")
-    result: float | None = column("result", form=".2f")
-    detection: float | None = column("detection", form=".2f")
-    protocol: float | None = column("protocol", form=".2f")
-    record: float | None = column("record", form=".2f")
-    economy: float | None = column("economy", form=".2f")
-    found: str = column("found")
-    missed: str = column("missed")
+    result_score: float | None = column("result", form=".2f")
+    detection_score: float | None = column("detection", form=".2f")
+    protocol_score: float | None = column("protocol", form=".2f")
+    record_score: float | None = column("record", form=".2f")
+    economy_score: float | None = column("economy", form=".2f")
+    faults_named: str = column("found")
+    faults_missed: str = column("missed")
     false_alarms: str = column("false alarms")
-    minutes: float = column("time", "min", ".0f")
+    time_min: float = column("time", "min", ".0f")
     shots: int = column("shots")
 
 
@@ -53,9 +53,9 @@ class CurvePoint:
 
     trainee: str = column("trainee")
     day: int = column("day")
-    of: str = column("of")
+    curve: str = column("of")
     value: float = column("value", form=".2f")
-    mean: float = column("mean so far", form=".2f")
+    mean_so_far: float = column("mean so far", form=".2f")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +64,11 @@ class TriedDay:
 
     operator: str = column("operator")
     seed: int = column("seed")
-    minutes: float = column("time", "min", ".0f")
+    time_min: float = column("time", "min", ".0f")
     shots: int = column("shots")
     verdict: str = column("verdict")
-    found: str = column("found")
-    missed: str = column("missed")
+    faults_named: str = column("found")
+    faults_missed: str = column("missed")
     false_alarms: str = column("false alarms")
 
 
@@ -77,7 +77,7 @@ class PlayedEntry:
     """A replayed entry, and whether the replay gives the same content as the log."""
 
     entry: int = column("entry")
-    minute: float = column("minute", form=".1f")
+    time_min: float = column("minute", form=".1f")
     action: str = column("action")
     entered: str = column("entered")
     shown: str = column("shown")
@@ -110,15 +110,23 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
     before: dict[tuple[str, str], list[float]] = {}
     for number, row in _number_days(summary(root).rows):
         trainee = row.trainee.rpartition("/")[0] or "."
-        values = {name: getattr(row, name) for name in SCORES}
-        values |= dict.fromkeys(row.found.split(), 1.0) | dict.fromkeys(row.missed.split(), 0.0)
+        values = {name: getattr(row, f"{name}_score") for name in SCORES}
+        values |= dict.fromkeys(row.faults_named.split(), 1.0) | dict.fromkeys(
+            row.faults_missed.split(), 0.0
+        )
         for curve, value in values.items():
             if value is not None:
                 so_far = before.setdefault((trainee, curve), [])
                 so_far.append(value)
                 mean = sum(so_far) / len(so_far)
                 points.append(
-                    CurvePoint(trainee=quote(trainee), day=number, of=curve, value=value, mean=mean)
+                    CurvePoint(
+                        trainee=quote(trainee),
+                        day=number,
+                        curve=curve,
+                        value=value,
+                        mean_so_far=mean,
+                    )
                 )
     return Rows(name="trends", title="learning curves", rows=points)
 
@@ -137,31 +145,33 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
     if not path.exists():
         day = StoredDay(folder)
         if not day.day.handed_in:
-            unknown: dict[str, Any] = dict.fromkeys((*SCORES, "right", "brier"))
+            unknown: dict[str, Any] = dict.fromkeys(f"{name}_score" for name in SCORES)
             return ClassDay(
                 trainee=quote(trainee),
-                day=quote(day.scenario.title),
+                day_title=quote(day.scenario.title),
                 verdict="not handed in",
                 **unknown,
-                found="",
-                missed="",
+                right_verdict=None,
+                brier=None,
+                faults_named="",
+                faults_missed="",
                 false_alarms="",
-                minutes=day.day.seconds / 60,
+                time_min=day.day.seconds / 60,
                 shots=len(day.day.fired),
             )
         save_debrief(debrief_of(day), folder)
     debrief = read_json(path)
     return ClassDay(
         trainee=quote(trainee),
-        day=quote(debrief["title"]),
+        day_title=quote(debrief["title"]),
         verdict=debrief["verdict"],
-        right=debrief["right_verdict"],
+        right_verdict=debrief["right_verdict"],
         brier=debrief["brier"],
-        **{each["name"]: each["value"] for each in debrief["scores"]},
-        found=" ".join(debrief["found"]),
-        missed=" ".join(debrief["missed"]),
+        **{f"{each['name']}_score": each["value"] for each in debrief["scores"]},
+        faults_named=" ".join(debrief["found"]),
+        faults_missed=" ".join(debrief["missed"]),
         false_alarms=" ".join(debrief["false_alarms"]),
-        minutes=debrief["minutes"],
+        time_min=debrief["minutes"],
         shots=debrief["shots"],
     )
 
@@ -189,11 +199,11 @@ def check_scenario(name: str | Path) -> Rows[TriedDay]:
                 TriedDay(
                     operator=operator,
                     seed=seed,
-                    minutes=after_day.seconds / 60,
+                    time_min=after_day.seconds / 60,
                     shots=len(after_day.fired),
                     verdict=after_day.verdict,
-                    found=" ".join(fault for fault in faults if fault in noted),
-                    missed=" ".join(fault for fault in faults if fault not in noted),
+                    faults_named=" ".join(fault for fault in faults if fault in noted),
+                    faults_missed=" ".join(fault for fault in faults if fault not in noted),
                     false_alarms=" ".join(each for each in noted if each not in faults),
                 )
             )
@@ -207,14 +217,14 @@ def check_scenario(name: str | Path) -> Rows[TriedDay]:
 
 def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
     expert = [row for row in rows if row.operator == "expert"]
-    minutes, shots = max(row.minutes for row in expert), max(row.shots for row in expert)
+    minutes, shots = max(row.time_min for row in expert), max(row.shots for row in expert)
     words = [f"an expert takes up to {minutes:.0f} min and {shots} shots"]
     if scenario.minutes / 60 < minutes or scenario.shots < shots:
         budget = f"{scenario.minutes / 60:.0f} min and {scenario.shots} shots"
         words.append(f"your scenario allows {budget}: a tight budget")
-    if any(row.missed for row in expert):
+    if any(row.faults_missed for row in expert):
         words.append("an expert misses a fault on some of these days")
-    if scenario.may_go_wrong and not any(row.missed for row in rows):
+    if scenario.may_go_wrong and not any(row.faults_missed for row in rows):
         words.append("an operator who only follows the procedure finds every fault")
     return words
 
@@ -244,7 +254,7 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
         rows.append(
             PlayedEntry(
                 entry=event.number,
-                minute=state.seconds / 60,
+                time_min=state.seconds / 60,
                 action=sheets[event.action].title,
                 entered=", ".join(f"{key} {value}" for key, value in event.arguments.items()),
                 shown=", ".join(display),

@@ -22,7 +22,7 @@ from virtual_lab.certificate.schema import json_schema
 from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand, in_help
 from virtual_lab.files.column_units import PURE, unit_of
-from virtual_lab.output.dictionary import COLUMNS, ENDINGS, PATTERNS, column_meaning
+from virtual_lab.files.dictionary import COLUMNS, ENDINGS, PATTERNS, column_meaning
 from virtual_lab.records import record_types
 from virtual_lab.records.record import AXES
 

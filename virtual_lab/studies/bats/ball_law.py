@@ -33,7 +33,13 @@ from virtual_lab.simulation.physics.ball import (
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.curves import PLACE
 from virtual_lab.studies.bats.profile import CONDITIONS, GameConditions, curves_of, peaks_of
-from virtual_lab.studies.bats.text import PEAK_COLUMNS, LawRow, peak_entries, spread_of
+from virtual_lab.studies.bats.text import (
+    PEAK_COLUMNS,
+    LawRow,
+    peak_entries,
+    peak_position,
+    spread_of,
+)
 from virtual_lab.units import INCH, Array
 
 if TYPE_CHECKING:
@@ -55,7 +61,10 @@ LAWS = (
     _Law("Hunt-Crossley", HuntCrossley.of, 1.0),
     _Law("Hunt-Crossley", HuntCrossley.of, 1.5),
 )
-PANELS = {"e": "$e$", "v_f_mph": "$v_f$, mph"}  # axis labels by name of the curve
+PANELS = {
+    "restitution": "$e$",
+    "batted_speed_mph": "$v_f$, mph",
+}  # axis labels by name of the curve
 LINES = {"power law": ("-", "black"), "Hunt-Crossley": ("--", "0.5")}  # style and colour by law
 MARKERS = {1.0: "o", 1.5: "s", 2.0: "^"}  # markers of the peaks by exponent
 
@@ -73,8 +82,8 @@ class LawTable(Rows[LawRow]):
             for row, curves in zip(self.rows, self.curves, strict=True):
                 dash, colour = LINES[row.law]
                 for axes, name in zip(panels, PANELS, strict=True):
-                    axes.plot(curves["z_in"], curves[name], dash, color=colour)
-                    peak = (row.peaks[f"{name}_at_in"], row.peaks[name])
+                    axes.plot(curves["impact_position_in"], curves[name], dash, color=colour)
+                    peak = (row.peaks[peak_position(name)], row.peaks[f"peak_{name}"])
                     label = f"{row.law}, exponent {row.exponent:g}"
                     look = {"linestyle": dash, "marker": MARKERS[row.exponent]}
                     axes.plot(*peak, color=colour, label=label, **look)

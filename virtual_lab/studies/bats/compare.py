@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
 from virtual_lab.errors import InputError
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
 from virtual_lab.parameters import Numbers, SwingLawName, values_of
@@ -84,33 +85,36 @@ class BatComparison(StudyResult):
         import pandas as pd
 
         parts = [
-            pd.DataFrame({"bat": each.bat.name, "n": each.swing} | each.table.to_dict("list"))
+            pd.DataFrame(
+                {"bat": each.bat.name, "swing_exponent": each.swing} | each.table.to_dict("list")
+            )
             for each in self.profiles
         ]
-        return pd.concat(parts, ignore_index=True)
+        return with_units(pd.concat(parts, ignore_index=True))
 
     @property
     def peaks(self) -> list[Peaks]:
         """One row per bat and exponent."""
         return [
-            Peaks(bat=each.bat.name, n=each.swing, peaks=peak_entries(each.peaks))
+            Peaks(bat=each.bat.name, swing_exponent=each.swing, peaks=peak_entries(each.peaks))
             for each in self.profiles
         ]
 
     @property
     def differences(self) -> list[Difference]:
         """One row per exponent and bat except the first, compared with the first bat."""
-        first = self.profiles[0].bat.name
-        base = {row.n: row.peaks for row in self.peaks if row.bat == first}
+        first, speed = self.profiles[0].bat.name, "peak_batted_speed_mph"
+        base = {row.swing_exponent: row.peaks for row in self.peaks if row.bat == first}
         return [
             Difference(
                 bat=row.bat,
                 against=first,
-                n=row.n,
-                v_f_mph=row.peaks["v_f_mph"] - base[row.n]["v_f_mph"],
+                swing_exponent=row.swing_exponent,
+                batted_speed_difference_mph=row.peaks[speed] - base[row.swing_exponent][speed],
                 **{
-                    f"{name}_percent": 100 * (row.peaks[name] / base[row.n][name] - 1)
-                    for name in ("e", "BPF", "e_A")
+                    f"{name}_difference_percent": 100
+                    * (row.peaks[f"peak_{name}"] / base[row.swing_exponent][f"peak_{name}"] - 1)
+                    for name in ("restitution", "bat_performance_factor", "collision_efficiency")
                 },
             )
             for row in self.peaks

@@ -27,7 +27,7 @@ def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
     Parameters
     ----------
     table
-        Columns z_in, e, r, e_A, v_bat_mph, v_f_mph.
+        Columns of `BatProfile.table`.
     title
         Title of the figure.
     """
@@ -43,16 +43,23 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 
     `table` has the columns of `draw_profile`. Only positions 1 to 12 in from the tip are plotted.
     """
-    rows = table[table["z_in"].between(*SHOWN_IN)]
-    z = rows["z_in"]
-    for column, label, dash in (("e", "$e$", "-"), ("r", "$r$", ":"), ("e_A", "$e_A$", "--")):
+    rows = table[table["impact_position_in"].between(*SHOWN_IN)]
+    z = rows["impact_position_in"]
+    for column, label, dash in (
+        ("restitution", "$e$", "-"),
+        ("recoil_factor", "$r$", ":"),
+        ("collision_efficiency", "$e_A$", "--"),
+    ):
         above.plot(z, rows[column], dash, color="black", label=label)
     above.set_ylabel("$e$, $r$, $e_A$")
-    for column, label, dash in (("v_bat_mph", "$v_{bat}$", ":"), ("v_f_mph", "$v_f$", "-")):
+    for column, label, dash in (
+        ("bat_speed_mph", "$v_{bat}$", ":"),
+        ("batted_speed_mph", "$v_f$", "-"),
+    ):
         below.plot(z, rows[column], dash, color="black", label=label)
     beside = below.twinx()
     beside.spines["right"].set_visible(True)
-    beside.plot(z, rows["e_A"], "--", color="black")
+    beside.plot(z, rows["collision_efficiency"], "--", color="black")
     below.plot([], [], "--", color="black", label="$e_A$ (right scale)")
     beside.set_ylabel("$e_A$")
     below.set(xlabel=PLACE, ylabel="speed, mph", xlim=SHOWN_IN)
@@ -71,7 +78,8 @@ def draw_comparison(curves: pd.DataFrame) -> PageFigure:
     Parameters
     ----------
     curves
-        Columns bat, n, z_in, BPF, e_A, v_f_mph; n is None for the law of constant energy.
+        Columns of `BatComparison.curves`; the swing exponent is None for the law of constant
+        energy.
     """
     with page_figure(8.0, 7.2) as figure:
         panels = figure.subplots(3, 1, sharex=True)
@@ -89,13 +97,13 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
     """
     from pandas import isna
 
-    rows = curves[curves["z_in"].between(*SHOWN_IN)]
-    bats, exponents = rows["bat"].unique(), rows["n"].unique()
+    rows = curves[curves["impact_position_in"].between(*SHOWN_IN)]
+    bats, exponents = rows["bat"].unique(), rows["swing_exponent"].unique()
     for i, bat in enumerate(bats):
         name = as_drawn(bat)
         for j, n in enumerate(exponents):
             # pandas stores None as NaN, which is unequal to itself
-            same = rows["n"].isna() if isna(n) else rows["n"] == n
+            same = rows["swing_exponent"].isna() if isna(n) else rows["swing_exponent"] == n
             curve = rows[(rows["bat"] == bat) & same]
             swung = "constant energy" if isna(n) else f"$n={n:g}$"
             look: dict[str, Any] = {
@@ -104,9 +112,18 @@ def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
                 "linestyle": DASHES[(i + j) % len(DASHES)],
             }
             if j == 0:
-                panels[0].plot(curve["z_in"], curve["BPF"], label=name, **look)
-                panels[1].plot(curve["z_in"], curve["e_A"], label=name, **look)
-            panels[2].plot(curve["z_in"], curve["v_f_mph"], label=f"{name}, {swung}", **look)
+                panels[0].plot(
+                    curve["impact_position_in"], curve["bat_performance_factor"], label=name, **look
+                )
+                panels[1].plot(
+                    curve["impact_position_in"], curve["collision_efficiency"], label=name, **look
+                )
+            panels[2].plot(
+                curve["impact_position_in"],
+                curve["batted_speed_mph"],
+                label=f"{name}, {swung}",
+                **look,
+            )
     for axes, label in zip(panels, ("BPF", "$e_A$", "$v_f$, mph"), strict=True):
         axes.set_ylabel(label)
         axes.grid(True, linewidth=0.3)

@@ -55,11 +55,11 @@ class Spread:
 
     quantity: str = column("quantity")
     unit: str = column("unit")
-    fit: float = column("this bat")
-    low: float = column("lowest that fits the data")
-    high: float = column("highest")
+    value: float = column("this bat")
+    lowest: float = column("lowest that fits the data")
+    highest: float = column("highest")
     sd: float = column("standard deviation")
-    measured: bool = column("measured", form=lambda row: "yes" if row.measured else "no")
+    is_measured: bool = column("measured", form=lambda row: "yes" if row.is_measured else "no")
     remark: str = column("remark", form="s")
 
 
@@ -112,10 +112,10 @@ class FittedBat(StudyResult):
         """Draw the spread of each quantity over the bats that fit, relative to this bat."""
         intervals = []
         for row in self.spread:
-            if row.fit:
-                low, high = sorted(100 * (end / row.fit - 1) for end in (row.low, row.high))
-                name = f"{row.quantity}, {row.fit:.4g} {row.unit}".rstrip()
-                intervals.append(Interval(name, 0.0, low, high, hollow=not row.measured))
+            if row.value:
+                low, high = sorted(100 * (end / row.value - 1) for end in (row.lowest, row.highest))
+                name = f"{row.quantity}, {row.value:.4g} {row.unit}".rstrip()
+                intervals.append(Interval(name, 0.0, low, high, hollow=not row.is_measured))
         label = "range over the bats that fit, relative to this bat, %"
         return draw_intervals(intervals, self.title, label, hollow="not measured")
 
@@ -135,8 +135,8 @@ class FittedBat(StudyResult):
             "# Many other bats fit them as well. Quantities that were not measured are uncertain:",
             f"# quantity, this bat, lowest and highest of {self.members} bats that fit:",
             *(
-                f"#   {row.quantity} [{row.unit}]: {row.fit:.4g}, {row.low:.4g}, "
-                f"{row.high:.4g}{', measured' if row.measured else ''}"
+                f"#   {row.quantity} [{row.unit}]: {row.value:.4g}, {row.lowest:.4g}, "
+                f"{row.highest:.4g}{', measured' if row.is_measured else ''}"
                 f"{f' ({row.remark})' if row.remark else ''}"
                 for row in self.spread
             ),
@@ -231,11 +231,11 @@ def fit_bat(
         Spread(
             quantity=name,
             unit=unit,
-            fit=value,
-            low=float(min(every.min(), value)),
-            high=float(max(every.max(), value)),
+            value=value,
+            lowest=float(min(every.min(), value)),
+            highest=float(max(every.max(), value)),
             sd=float(every.std(ddof=1)) if len(every) > 1 else 0.0,
-            measured=name in measured.goals,
+            is_measured=name in measured.goals,
             remark=remark_on(name, value, *every),
         )
         for (name, value), unit, every in zip(best_values.items(), units, table.T, strict=True)

@@ -56,21 +56,19 @@ def _milli(key: str, form: str) -> Callable[[Any], str]:
 class ReadError:
     """Errors of e_A by one method; None if no rebound was detected."""
 
-    error: float | None = column(
-        "error", "1e-3", _milli("error", "+.2f")
-    )  # error without randomness
-    rms: float | None = column(
-        "rms", "1e-3", _milli("rms", ".2f")
-    )  # root mean square over laboratories
-    u: float | None = column("u", "1e-3", _milli("u", ".2f"))  # root mean square of the stated u
+    # error without randomness
+    bias: float | None = column("error", "1e-3", _milli("bias", "+.2f"))
+    # root mean squares over laboratories, of the error and of the stated u
+    rms_error: float | None = column("rms", "1e-3", _milli("rms_error", ".2f"))
+    rms_u: float | None = column("u", "1e-3", _milli("rms_u", ".2f"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceReadings:
     """One impact position: nominal values, and errors of e_A by recoil and by rebound."""
 
-    z_in: float = column("position from the tip", "in", ".2f")
-    e_A: float = column("true e_A", form=".4f")
+    impact_position_in: float = column("position from the tip", "in", ".2f")
+    collision_efficiency: float = column("true e_A", form=".4f")
     reaction_ns: float = column(
         "impulse on the axis", "N s", "+.2f"
     )  # positive in the direction of the ball
@@ -78,7 +76,7 @@ class PlaceReadings:
     ring_mrad: float = column(
         "vibration at the encoder", "mrad", ".2f"
     )  # amplitude of the vibration at the encoder
-    seen: float = column("rebounds detected", form=".0%")
+    rebounds_detected: float = column("rebounds detected", form=".0%")
     recoil: ReadError
     rebound: ReadError
     plain_shift: float = column("shift, plain bearing", "1e-3", _milli("plain_shift", "+.3f"))
@@ -266,18 +264,18 @@ def _row(
     def readings(name: str) -> ReadError:
         error = float((getattr(reduced.shots, READINGS[name]) - true).mean())
         return ReadError(
-            error=error if np.isfinite(error) else None,
-            rms=_root_mean_square([each.error[name] for each in readings_of_laboratories]),
-            u=_root_mean_square([each.u[name] for each in readings_of_laboratories]),
+            bias=error if np.isfinite(error) else None,
+            rms_error=_root_mean_square([each.error[name] for each in readings_of_laboratories]),
+            rms_u=_root_mean_square([each.u[name] for each in readings_of_laboratories]),
         )
 
     return PlaceReadings(
-        z_in=float(place / INCH),
-        e_A=float(true[0]),
+        impact_position_in=float(place / INCH),
+        collision_efficiency=float(true[0]),
         reaction_ns=reaction,
         reaction_n=reaction / float(lasted[0]),
         ring_mrad=1e3 * _ring(still, place),
-        seen=float(np.mean([each.seen for each in readings_of_laboratories])),
+        rebounds_detected=float(np.mean([each.seen for each in readings_of_laboratories])),
         recoil=readings("recoil"),
         rebound=readings("rebound"),
         plain_shift=float(plain - as_installed),
@@ -350,19 +348,20 @@ def _root_mean_square(values: list[float]) -> float | None:
 
 def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
     """Return a table of the positions, and sentences on the largest errors."""
-    near = min(rows, key=lambda row: abs(row.z_in - percussion_in))
+    near = min(rows, key=lambda row: abs(row.impact_position_in - percussion_in))
     worst = max(rows, key=lambda row: abs(row.plain_shift))
     loose = max(rows, key=lambda row: abs(row.loose_shift))
     far = rows[-1]
-    missed_at = [f"{row.z_in:.3g}" for row in rows if row.seen < 0.5]
+    missed_at = [f"{row.impact_position_in:.3g}" for row in rows if row.rebounds_detected < 0.5]
     words = [
         f"At the centre of percussion, {percussion_in:.2f} in, the impulse on the "
-        f"axis is {near.reaction_ns:+.2f} N s. At {worst.z_in:.3g} in it is "
+        f"axis is {near.reaction_ns:+.2f} N s. At {worst.impact_position_in:.3g} in it is "
         f"{worst.reaction_ns:+.2f} N s, and a plain bearing shifts e_A by recoil by "
         f"{worst.plain_shift:+.1e}, which is "
-        f"{abs(worst.plain_shift) / (worst.recoil.u or nan):.2f} of its u.",
-        f"A loose bearing shifts e_A by {loose.loose_shift:+.1e} at {loose.z_in:.2f} in and "
-        f"by {far.loose_shift:+.0e} at {far.z_in:.3g} in. The clearance changes the "
+        f"{abs(worst.plain_shift) / (worst.recoil.rms_u or nan):.2f} of its u.",
+        f"A loose bearing shifts e_A by {loose.loose_shift:+.1e} at "
+        f"{loose.impact_position_in:.2f} in and by {far.loose_shift:+.0e} at "
+        f"{far.impact_position_in:.3g} in. The clearance changes the "
         "angle and not the rate, except close to the centre of percussion, where no force "
         "takes up the clearance.",
     ]

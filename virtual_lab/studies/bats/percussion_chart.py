@@ -29,14 +29,15 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> Page
     """
     table = table.astype(float)  # None (no detected rebound) becomes NaN
     # Close to the centre of percussion only a loose bearing has an effect.
-    rows = table[~(table["z_in"] - percussion_in).abs().between(1e-6, 0.1, inclusive="neither")]
-    z = rows["z_in"]
+    apart = (table["impact_position_in"] - percussion_in).abs()
+    rows = table[~apart.between(1e-6, 0.1, inclusive="neither")]
+    z = rows["impact_position_in"]
 
     with page_figure(7.6, 7.6) as figure:
         errors, shifts, loads = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 2))
         for name, mark in (("recoil", "o"), ("rebound", "s")):
             colour = COLOURS[name]
-            rms, u = 1e3 * rows[f"{name}_rms"], 1e3 * rows[f"{name}_u"]
+            rms, u = 1e3 * rows[f"{name}_rms_error"], 1e3 * rows[f"{name}_rms_u"]
             errors.plot(z, rms, mark, color=colour, label=f"by {name}: rms error")
             errors.plot(z, u, "-", color=colour, label=f"by {name}: stated $u$")
         errors.set(ylabel="error of $e_A$, 10$^{-3}$", ylim=(0, None))
@@ -45,16 +46,17 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> Page
         )
         beside = errors.twinx()
         beside.spines["right"].set_visible(True)
-        beside.plot(z, 100 * rows["seen"], ":", color="0.4", label="rebounds detected (right)")
+        beside.plot(
+            z, 100 * rows["rebounds_detected"], ":", color="0.4", label="rebounds detected (right)"
+        )
         beside.set(ylabel="rebounds detected, %", ylim=(0, 100))
         handles = [*errors.get_legend_handles_labels()[0], *beside.get_lines()]
         errors.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         plain, loose = "plain bearing, friction 0.09", "loose bearing, clearance ±0.2 mm"
         rigid, loose_shift = 1e3 * rows["plain_shift"], 1e3 * table["loose_shift"]
         shifts.plot(z, rigid, "^-", markersize=4, color=COLOURS["plain"], label=plain)
-        shifts.plot(
-            table["z_in"], loose_shift, "D", markersize=4, color=COLOURS["loose"], label=loose
-        )
+        every = table["impact_position_in"]
+        shifts.plot(every, loose_shift, "D", markersize=4, color=COLOURS["loose"], label=loose)
         shifts.set_ylabel("shift of $e_A$\nby recoil, 10$^{-3}$")
         shifts.legend(loc="best")
         loads.plot(z, rows["reaction_ns"], "o-", markersize=4, color="black", label="on the axis")

@@ -17,6 +17,7 @@ from annotated_types import Gt
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
 from virtual_lab.errors import InputError
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
     batted_speed,
@@ -106,7 +107,7 @@ class BatProfile(StudyResult):
     ball: BallSpec
     swing: float | None  # exponent n of the swing law; None: constant energy
     reference_inertia: float  # I0 of the swing law, about its axis [kg m^2]
-    table: pd.DataFrame  # one row per impact position: z_in, e, r, e_A, BPF, v_bat_mph, v_f_mph
+    table: pd.DataFrame  # one row per impact position, columns of `curves_of`
 
     name = "profile"
 
@@ -132,7 +133,9 @@ class BatProfile(StudyResult):
     @property
     def peaks(self) -> dict[str, Peak]:
         """Largest e, BPF, e_A and v_f [mph] on the barrel, each with its position [in]."""
-        return peaks_of({name: self.table[name].to_numpy() for name in ("z_in", *PEAKS)})
+        return peaks_of(
+            {name: self.table[name].to_numpy() for name in ("impact_position_in", *PEAKS)}
+        )
 
     @property
     def document(self) -> Json:
@@ -151,7 +154,10 @@ class BatProfile(StudyResult):
             "i_pivot_oz_in2": _inertia(beam, -6 * INCH) / OZ_IN2,
             "modal_frequencies_hz": self.frequencies.tolist(),
             "barrel_nodes_in": [node / INCH for node in self.nodes],
-            "peaks": {name: {"value": top, "z_in": at} for name, (top, at) in self.peaks.items()},
+            "peaks": {
+                name: {"value": top, "impact_position_in": at}
+                for name, (top, at) in self.peaks.items()
+            },
             **{str(name): column.tolist() for name, column in self.table.items()},
         }
 
@@ -220,7 +226,9 @@ def profiles(
                 ball=struck,
                 swing=swing,
                 reference_inertia=law.inertia_0,
-                table=pd.DataFrame(curves_of(scenes, e_A, recoil, game.pitch_speed, moving)),
+                table=with_units(
+                    pd.DataFrame(curves_of(scenes, e_A, recoil, game.pitch_speed, moving))
+                ),
             )
         )
     return results
@@ -231,8 +239,9 @@ def curves_of(
 ) -> dict[str, Array]:
     """Return the curves of a bat in the field by name, each of shape (position,).
 
-    The names are z_in (impact position [in from the tip]), e, r, e_A and BPF (dimensionless), and
-    v_bat_mph and v_f_mph [mph].
+    The names are ``impact_position_in`` (from the tip), ``restitution``, ``recoil_factor``,
+    ``collision_efficiency``, ``bat_performance_factor``, ``bat_speed_mph`` and
+    ``batted_speed_mph``.
 
     Parameters
     ----------
@@ -245,25 +254,27 @@ def curves_of(
     e = np.asarray(restitution_from_efficiency(e_A, recoil))
     v_f = np.asarray(batted_speed(e_A, pitch, moving))
     return {
-        "z_in": scenes.impact_position / INCH,
-        "e": e,
-        "r": recoil,
-        "e_A": e_A,
-        "BPF": np.asarray(bat_performance_factor(e, scenes.ball_restitution)),
-        "v_bat_mph": moving / MPH,
-        "v_f_mph": v_f / MPH,
+        "impact_position_in": scenes.impact_position / INCH,
+        "restitution": e,
+        "recoil_factor": recoil,
+        "collision_efficiency": e_A,
+        "bat_performance_factor": np.asarray(bat_performance_factor(e, scenes.ball_restitution)),
+        "bat_speed_mph": moving / MPH,
+        "batted_speed_mph": v_f / MPH,
     }
 
 
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
     """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position.
 
-    The keys are e, BPF, e_A and v_f_mph. A position is in inches from the tip, and the barrel ends
+    The keys are those of `PEAKS`. A position is in inches from the tip, and the barrel ends
     at 12 in: farther from the tip a heavy ball may touch the bat twice, and e_A is then larger than
     anywhere on the barrel. The peaks are those of cubic splines through the curves.
     """
-    barrel = curves["z_in"] <= BARREL_END
-    return {name: peak(curves["z_in"][barrel], curves[name][barrel]) for name in PEAKS}
+    barrel = curves["impact_position_in"] <= BARREL_END
+    return {
+        name: peak(curves["impact_position_in"][barrel], curves[name][barrel]) for name in PEAKS
+    }
 
 
 @lru_cache(maxsize=16)

@@ -11,7 +11,12 @@ from virtual_lab.output.tables import Column, column, columns_of, inline, number
 from virtual_lab.relations.peaks import Peak
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
-PEAKS = {"e": ("", ".4f"), "BPF": ("", ".4f"), "e_A": ("", ".4f"), "v_f_mph": ("mph", ".2f")}
+PEAKS = {  # curve: symbol, unit and format
+    "restitution": ("e", "", ".4f"),
+    "bat_performance_factor": ("BPF", "", ".4f"),
+    "collision_efficiency": ("e_A", "", ".4f"),
+    "batted_speed_mph": ("v_f", "mph", ".2f"),
+}
 INERTIAL = {  # key: words, unit
     "mass_oz": ("mass", "oz"),
     "z_cm_in": ("balance point from the tip", "in"),
@@ -20,21 +25,21 @@ INERTIAL = {  # key: words, unit
     "i_pivot_oz_in2": ("moment of inertia, 6 in from the knob", "oz in²"),
 }
 CURVE = {
-    "z_in": Column("position from the tip", "in", ".2f"),
-    "e": Column("e", form=".4f"),
-    "r": Column("r", form=".4f"),
-    "e_A": Column("e_A", form="+.4f"),
-    "v_bat_mph": Column("bat speed", "mph", ".2f"),
-    "v_f_mph": Column("batted-ball speed", "mph", ".2f"),
+    "impact_position_in": Column("position from the tip", "in", ".2f"),
+    "restitution": Column("restitution", form=".4f"),
+    "recoil_factor": Column("recoil_factor", form=".4f"),
+    "collision_efficiency": Column("collision_efficiency", form="+.4f"),
+    "bat_speed_mph": Column("bat speed", "mph", ".2f"),
+    "batted_speed_mph": Column("batted-ball speed", "mph", ".2f"),
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peaks:
-    """Largest values on a barrel: `e`, its position [in from the tip] `e_at_in`, and so on."""
+    """Largest values on a barrel and their positions, by the keys of `peak_entries`."""
 
     bat: str
-    n: float | None  # exponent of the swing law; None: constant energy
+    swing_exponent: float | None  # None: constant energy
     peaks: Mapping[str, float] = inline()
 
 
@@ -44,11 +49,11 @@ class Difference:
 
     bat: str
     against: str
-    n: float | None
-    e_percent: float = column("e", "%", "+.1f")
-    BPF_percent: float = column("BPF", "%", "+.1f")
-    e_A_percent: float = column("e_A", "%", "+.1f")
-    v_f_mph: float = column("v_f", "mph", "+.2f")
+    swing_exponent: float | None
+    restitution_difference_percent: float = column("e", "%", "+.1f")
+    bat_performance_factor_difference_percent: float = column("BPF", "%", "+.1f")
+    collision_efficiency_difference_percent: float = column("e_A", "%", "+.1f")
+    batted_speed_difference_mph: float = column("v_f", "mph", "+.2f")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,15 +70,21 @@ class LawRow:
 
 
 def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
-    """Return largest values and their positions by key: `e`, `e_at_in`, and so on.
+    """Return largest values and their positions by key.
 
-    The units are those of `peaks`: positions in inches from the tip, v_f in mph.
+    The keys are ``peak_restitution``, ``peak_restitution_position_in``, and so on. The units are
+    those of `peaks`: positions in inches from the tip, v_f in mph.
     """
     return {
         key: number
         for name, (value, place) in peaks.items()
-        for key, number in ((name, value), (f"{name}_at_in", place))
+        for key, number in ((f"peak_{name}", value), (peak_position(name), place))
     }
+
+
+def peak_position(name: str) -> str:
+    """Return the key of the position of the largest value of a curve."""
+    return f"peak_{name.removesuffix('_mph')}_position_in"
 
 
 def profile_text(
@@ -164,7 +175,7 @@ def comparison_text(
 
     `balls` are names of balls by name of the bat. `differences` must not be empty.
     """
-    swung = {"n": Column("swing", form=lambda row: swing_text(row.n))}
+    swung = {"swing_exponent": Column("swing", form=lambda row: swing_text(row.swing_exponent))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
     pair = {"bat": Column("bat", form=lambda row: f"{row.bat} against {row.against}")}
     columns = pair | swung | columns_of(differences[0])
@@ -180,9 +191,9 @@ def spread_of(rows: Sequence[LawRow]) -> str:
     The spread is the largest minus the smallest value.
     """
     spreads = (
-        f"{name.removesuffix('_mph')} {_spread(rows, name):{form}}{f' {unit}' if unit else ''} "
-        f"({_spread(rows, f'{name}_at_in'):.2f} in)"
-        for name, (unit, form) in PEAKS.items()
+        f"{symbol} {_spread(rows, f'peak_{name}'):{form}}{f' {unit}' if unit else ''} "
+        f"({_spread(rows, peak_position(name)):.2f} in)"
+        for name, (symbol, unit, form) in PEAKS.items()
     )
     return f"spread over the laws: {', '.join(spreads)}"
 
@@ -193,10 +204,9 @@ def _spread(rows: Sequence[LawRow], key: str) -> float:
 
 
 def _top(name: str, form: str) -> Callable[[Peaks | LawRow], str]:
-    return lambda row: f"{row.peaks[name]:{form}} ({row.peaks[f'{name}_at_in']:.2f})"
+    return lambda row: f"{row.peaks[f'peak_{name}']:{form}} ({row.peaks[peak_position(name)]:.2f})"
 
 
 PEAK_COLUMNS = {  # largest values, with their positions in parentheses
-    name: Column(name.removesuffix("_mph"), unit, _top(name, form))
-    for name, (unit, form) in PEAKS.items()
+    name: Column(symbol, unit, _top(name, form)) for name, (symbol, unit, form) in PEAKS.items()
 }

@@ -65,9 +65,9 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:
-        if row["found"] not in ("", None):
+        if row["simulated"] not in ("", None):
             case = row["bat"], row["procedure"], row["result"]
-            terms.setdefault(case, {})[row["term"]] = float(row["found"])
+            terms.setdefault(case, {})[row["term"]] = float(row["simulated"])
     summary = []
     for (bat, procedure, result), sds in terms.items():
         normalised = (bat, procedure, "normalised") in terms

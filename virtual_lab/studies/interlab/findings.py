@@ -59,11 +59,11 @@ class InterlabTerm:
     unit: str
     term: str = column("term", form="")
     predicted: float | None = column("predicted", form=".2g")
-    found: float | None = column("found", form=".3g")
-    found_u: float | None = column("its u", form=".1g")
+    simulated: float | None = column("simulated", form=".3g")
+    simulated_se: float | None = column("its u", form=".1g")
     agrees: bool | None = column("agrees", form="")
-    spread: str = column("spread of the factor", form="")
-    known: str = column("source", form="")
+    factor_spread: str = column("spread of the factor", form="")
+    source: str = column("source", form="")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -83,9 +83,9 @@ class Interlab(Rows[InterlabTerm]):
         with page_figure(2.2 * len(cases)) as figure:
             panels = figure.subplots(len(cases), 3, squeeze=False, width_ratios=(2, 1, 1))
             for (name, study), (causes, h, k) in zip(cases, panels, strict=True):
-                rows = [row for row in self.rows if _case_name(row) == name and row.found]
+                rows = [row for row in self.rows if _case_name(row) == name and row.simulated]
                 terms = [row.term for row in rows]
-                causes.barh(terms, [abs(row.found or 0) for row in rows], color="0.6")
+                causes.barh(terms, [abs(row.simulated or 0) for row in rows], color="0.6")
                 causes.plot([row.predicted for row in rows], terms, "|k", markersize=9)
                 causes.invert_yaxis()
                 causes.set_title(as_drawn(name))
@@ -186,7 +186,7 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         expected = {"s_lot": hypot(*of_lots, 0.0)} if study.lots > 1 else {}
         rows += _sds(precision, like, expected)
         stated = float(np.sqrt(np.nanmean(u**2)))
-        rows.append(replace(like, term="stated u", predicted=None, found=stated))
+        rows.append(replace(like, term="stated u", predicted=None, simulated=stated))
         yield rows, precision
         if control:
             reference = control[result][0].mean(axis=-1, keepdims=True)  # one value per lot
@@ -212,11 +212,11 @@ def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
                 unit=printed.unit,
                 term=name,
                 predicted=effect,
-                found=None,
-                found_u=None,
+                simulated=None,
+                simulated_se=None,
                 agrees=None,
-                spread=_spread(play, name),
-                known=_known(play, name),
+                factor_spread=_spread(play, name),
+                source=_known(play, name),
             )
             for name, effect in effects.items()
         }
@@ -229,8 +229,8 @@ def _found(row: InterlabTerm, found: float, laboratories: int, s_R: float) -> In
     tolerance = max(TOLERANCE * predicted, NEGLIGIBLE * s_R)
     return replace(
         row,
-        found=found,
-        found_u=found / sqrt(2 * (laboratories - 1)),
+        simulated=found,
+        simulated_se=found / sqrt(2 * (laboratories - 1)),
         agrees=None if row.term == ALL else abs(found - predicted) <= tolerance,
     )
 
@@ -247,7 +247,7 @@ def _interaction(
     rest = squares[0] - squares[1:].sum()
     chance = sqrt(2 / (laboratories - 1)) * float(np.linalg.norm(squares))
     root = float(np.copysign(sqrt(abs(rest)), rest))
-    return replace(like, term=REST, predicted=0.0, found=root, found_u=sqrt(chance))
+    return replace(like, term=REST, predicted=0.0, simulated=root, simulated_se=sqrt(chance))
 
 
 def _precision(values: Array) -> NestedStudy:
@@ -294,8 +294,8 @@ def _sds(
             u = float(variances[term].std(ddof=1)) / sqrt(count) / (2 * sd)
         elif term == "s_R":
             u = float(precision.reproducibility_u[0])
-        row = replace(like, term=term, predicted=predicted.get(term), found=sd, found_u=u)
-        rows.append(replace(row, agrees=None, spread="", known=""))
+        row = replace(like, term=term, predicted=predicted.get(term), simulated=sd, simulated_se=u)
+        rows.append(replace(row, agrees=None, factor_spread="", source=""))
     return rows
 
 

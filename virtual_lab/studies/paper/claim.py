@@ -69,16 +69,16 @@ class Row:
         claim = self.claim
         return {
             "section": claim.section,
-            "where": claim.where,
-            "says": claim.says,
-            "paper": claim.paper,
-            "found": self.result,
+            "location": claim.where,
+            "claim": claim.says,
+            "published": claim.paper,
+            "value": self.result,
             "unit": claim.unit,
             "deviation": self.deviation,
-            "low": claim.low if isfinite(claim.low) else None,
-            "high": claim.high if isfinite(claim.high) else None,
+            "agreement_low": claim.low if isfinite(claim.low) else None,
+            "agreement_high": claim.high if isfinite(claim.high) else None,
             "why": claim.why,
-            "lost": claim.lost,
+            "disagreement": claim.lost,
             "holds": self.holds,
         }
 

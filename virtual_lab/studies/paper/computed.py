@@ -94,7 +94,8 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
 def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
     """Return the largest value of a curve of a bat in the standard game, and its position [in].
 
-    `curve` is e, BPF, e_A (all dimensionless) or v_f_mph [mph]. The position is the distance from
+    `curve` is the column of e, BPF, e_A (all dimensionless) or v_f [mph]. The position is the
+    distance from
     the tip, at most 12 in. `swing` is the exponent n, 0 to 0.5 in steps of 0.1; None stands for the
     law of constant energy. Raises `KeyError` for another curve or exponent.
     """
@@ -104,7 +105,7 @@ def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
 def peak_value(bat: str, curve: str) -> float:
     """Return the largest value of a curve of a bat in the standard game, for swing exponent 0.
 
-    `curve` is e, BPF, e_A (all dimensionless) or v_f_mph [mph], as in `top`.
+    `curve` is the column of e, BPF, e_A (all dimensionless) or v_f [mph], as in `top`.
     """
     return top(bat, curve).value
 
@@ -112,7 +113,7 @@ def peak_value(bat: str, curve: str) -> float:
 def peak_place(bat: str, curve: str) -> float:
     """Return the position of the largest value of a curve [in from the tip], for swing exponent 0.
 
-    `curve` is e, BPF, e_A or v_f_mph, as in `top`.
+    `curve` is the column of e, BPF, e_A or v_f, as in `top`.
     """
     return top(bat, curve).place
 
@@ -127,7 +128,9 @@ def lead(first: str, second: str, swing: float | None = 0.0) -> float:
 
     `swing` is the exponent n of the swing law, as in `top`.
     """
-    return top(first, "v_f_mph", swing).value - top(second, "v_f_mph", swing).value
+    return (
+        top(first, "batted_speed_mph", swing).value - top(second, "batted_speed_mph", swing).value
+    )
 
 
 def support(name: str) -> Support:
@@ -261,4 +264,6 @@ def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     range it has the value at its end. `swing` is the exponent n, as in `top`.
     """
     table = profiles_by_swing(bat)[swing].table
-    return np.asarray(np.interp(np.asarray(z, dtype=float), table["z_in"], table["v_bat_mph"]))
+    return np.asarray(
+        np.interp(np.asarray(z, dtype=float), table["impact_position_in"], table["bat_speed_mph"])
+    )

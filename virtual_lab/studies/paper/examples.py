@@ -110,7 +110,8 @@ def added_weight(bat: str) -> float:
 def percent(curve: str, first: str, second: str) -> float:
     """Return the peak of a curve of the first bat relative to that of the second, minus 1 [%].
 
-    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0. The result is negative if the first bat
+    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0. The result
+    is negative if the first bat
     has the lower peak.
     """
     return 100 * (top(first, curve).value / top(second, curve).value - 1)
@@ -119,7 +120,7 @@ def percent(curve: str, first: str, second: str) -> float:
 def farther(curve: str) -> float:
     """Return the peak position of a curve on EA70 minus that on R161, both from the tip [in].
 
-    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0.
+    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0.
     """
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
@@ -127,7 +128,7 @@ def farther(curve: str) -> float:
 def slower_there(curve: str) -> float:
     """Return the bat speed of R161 minus that of EA70, each at its peak of `curve` [mph].
 
-    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0.
+    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0.
     """
     speeds = [float(nominal(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
@@ -148,7 +149,7 @@ def thinner_is_livelier() -> float:
     r = recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, Z * INCH - bat_beam.z_cm)
     e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, r))
-    return float(e.max()) / 0.5 - top(ALUMINIUM, "BPF").value
+    return float(e.max()) / 0.5 - top(ALUMINIUM, "bat_performance_factor").value
 
 
 def thinner() -> float:
@@ -213,7 +214,8 @@ def by_restitution_alone() -> float:
 def contradictions(curve: str) -> float:
     """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
 
-    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0. Pairs with a tie are not counted.
+    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0. Pairs with a tie are not
+    counted.
     """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0

@@ -101,7 +101,7 @@ def explicit_share(v: str) -> float:
     the bat). The rest comes from the change of e_A with the relative speed, without sign. The bat
     is R161.
     """
-    e_A = top(WOOD, "e_A").value
+    e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
     return factor / (factor + abs(160 * speed_slope(WOOD)))
 
@@ -109,11 +109,14 @@ def explicit_share(v: str) -> float:
 def drop(bat: str, curve: str, side: float) -> float:
     """Return the decrease of a curve from its peak to a position `side` [in] away from the peak.
 
-    `curve` is e, BPF, e_A or v_f_mph, for swing exponent 0; the result has its unit. A positive
+    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0; the result has its
+    unit. A positive
     `side` is toward the handle.
     """
     summit, table = top(bat, curve), profiles_by_swing(bat)[0.0].table
-    return summit.value - float(np.interp(summit.place + side, table["z_in"], table[curve]))
+    return summit.value - float(
+        np.interp(summit.place + side, table["impact_position_in"], table[curve])
+    )
 
 
 def node_gap() -> float:
@@ -122,7 +125,10 @@ def node_gap() -> float:
     "Largest" is over the four bats, with the peaks for swing exponent 0.
     """
     return max(
-        min(abs(top(bat, "e_A").place - node / INCH) for node in profiles_by_swing(bat)[0.0].nodes)
+        min(
+            abs(top(bat, "collision_efficiency").place - node / INCH)
+            for node in profiles_by_swing(bat)[0.0].nodes
+        )
         for bat in BATS
     )
 
@@ -244,7 +250,9 @@ def rise_with_lighter_recoil() -> float:
 def below_restitution() -> float:
     """Return the largest e_A - e along the four bats; negative if e_A is less than e everywhere."""
     curves = [profiles_by_swing(bat)[0.0].table for bat in BATS]
-    return max(float((curve["e_A"] - curve["e"]).max()) for curve in curves)
+    return max(
+        float((curve["collision_efficiency"] - curve["restitution"]).max()) for curve in curves
+    )
 
 
 def efficiency(e: float, r: float) -> float:
@@ -353,7 +361,7 @@ def pivot_speed() -> float:
 
 def without_hoop() -> float:
     """Return the peak BPF of EA70 minus that of EA70 with a rigid shell."""
-    return top(ALUMINIUM, "BPF").value - dead_shell_factor()
+    return top(ALUMINIUM, "bat_performance_factor").value - dead_shell_factor()
 
 
 def dead_shell_factor() -> float:
@@ -422,4 +430,4 @@ def restitution_lost_clamped() -> float:
 
 def recoil_at_peak(bat: str) -> float:
     """Return r of a free bat at the position of its peak e_A."""
-    return float(recoil(bat, top(bat, "e_A").place))
+    return float(recoil(bat, top(bat, "collision_efficiency").place))

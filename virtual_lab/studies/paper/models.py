@@ -169,8 +169,8 @@ def follows() -> float:
     """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
-        np.interp(top(WOOD, curve).place + distances, table["z_in"], table[curve])
-        for curve in ("e", "e_A")
+        np.interp(top(WOOD, curve).place + distances, table["impact_position_in"], table[curve])
+        for curve in ("restitution", "collision_efficiency")
     ]
     return float(np.corrcoef(*curves)[0, 1])
 
@@ -181,8 +181,8 @@ def flat_swing() -> float:
     The pitch has 90 mph and every point of the bat 70 mph. A positive result is toward the handle.
     """
     table = profiles_by_swing(WOOD)[0.0].table
-    highest = top_of(table["z_in"], table["e_A"], 90.0, 70.0)
-    return highest.place - top(WOOD, "e_A").place
+    highest = top_of(table["impact_position_in"], table["collision_efficiency"], 90.0, 70.0)
+    return highest.place - top(WOOD, "collision_efficiency").place
 
 
 def least_recoil() -> float:
@@ -219,7 +219,8 @@ def speed_of_swing() -> float:
 def peaks_apart(farther: str, nearer: str) -> float:
     """Return the peak position of the curve `farther` on R161 minus that of `nearer` [in].
 
-    The curves are e, BPF, e_A or v_f_mph, for swing exponent 0. A positive result is toward the
+    The curves are columns of e, BPF, e_A or v_f, for swing exponent 0. A positive result
+    is toward the
     handle.
     """
     return top(WOOD, farther).place - top(WOOD, nearer).place

@@ -42,7 +42,7 @@ def rest_prediction_error(bat: str, n: float) -> float:
     """
     e_A = peak_of(bat, PLACES, speed=160.0).collision_efficiency
     highest = top_of(PLACES, e_A, 90.0, nominal(bat, PLACES, n))
-    return highest.value - top(bat, "v_f_mph", n).value
+    return highest.value - top(bat, "batted_speed_mph", n).value
 
 
 def ends() -> float:
@@ -51,7 +51,7 @@ def ends() -> float:
     The range is 3 to 9 in from the tip. The smallest distance of the four bats and of the swing
     exponents 0 and 0.5 is returned.
     """
-    places = [top(bat, "v_f_mph", n).place for bat in BATS for n in (0.0, 0.5)]
+    places = [top(bat, "batted_speed_mph", n).place for bat in BATS for n in (0.0, 0.5)]
     return min(min(place - float(PLACES[0]), float(PLACES[-1]) - place) for place in places)
 
 
@@ -142,7 +142,7 @@ def below_field(speed: float) -> float:
 
     The speed in the field is that at the peak of v_f, for swing exponent 0.
     """
-    return 90 + float(nominal(WOOD, top(WOOD, "v_f_mph").place)) - speed
+    return 90 + float(nominal(WOOD, top(WOOD, "batted_speed_mph").place)) - speed
 
 
 def off_percussion() -> float:
@@ -150,7 +150,9 @@ def off_percussion() -> float:
 
     "Largest" is over the four bats, with the peaks for swing exponent 0.
     """
-    return max(abs(centre_of_percussion_in(bat) - top(bat, "v_f_mph").place) for bat in BATS)
+    return max(
+        abs(centre_of_percussion_in(bat) - top(bat, "batted_speed_mph").place) for bat in BATS
+    )
 
 
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
@@ -158,13 +160,18 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
     `swing` is the exponent n, 0 to 0.5 in steps of 0.1; None stands for the law of constant energy.
     """
-    speeds = [float(profiles_by_swing(bat)[swing].table["v_bat_mph"][0]) for bat in (light, heavy)]
+    speeds = [
+        float(profiles_by_swing(bat)[swing].table["bat_speed_mph"][0]) for bat in (light, heavy)
+    ]
     return 100 * (speeds[0] / speeds[1] - 1)
 
 
 def swing_matters() -> float:
     """Return the change of peak v_f of EA70 if the swing exponent rises from 0 to 0.5 [mph]."""
-    return top(ALUMINIUM, "v_f_mph", 0.5).value - top(ALUMINIUM, "v_f_mph", 0.0).value
+    return (
+        top(ALUMINIUM, "batted_speed_mph", 0.5).value
+        - top(ALUMINIUM, "batted_speed_mph", 0.0).value
+    )
 
 
 def metrics_alike() -> float:

@@ -86,12 +86,14 @@ def _of_daily_checks(path: Path) -> DailyScatter:
     import pandas as pd
 
     table = pd.read_csv(path)
-    for column in ("e0_sd", "e0_dof"):
+    for column in ("ball_restitution_sd", "ball_restitution_dof"):
         if column not in table:
             allowed = "this column is missing; allowed: a table of virtual-lab daily"
             raise InputError(str(path), column, None, allowed)
     return DailyScatter(
-        variance=table["e0_sd"].to_numpy() ** 2, dof=table["e0_dof"].to_numpy(), at_wall=True
+        variance=table["ball_restitution_sd"].to_numpy() ** 2,
+        dof=table["ball_restitution_dof"].to_numpy(),
+        at_wall=True,
     )
 
 

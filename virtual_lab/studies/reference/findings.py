@@ -34,22 +34,22 @@ class ReferenceRow:
     """A published number beside our result, in the unit of the publication."""
 
     quantity: str = column("quantity")
-    value: str = column("published")
-    u: float | None = column("u")
+    published: str = column("published")
+    published_u: float | None = column("u")
     unit: str = column("unit")
-    result: float | None = column("ours", form=".4g")
+    value: float | None = column("ours", form=".4g")
     difference: float | None = column("difference", form="+.3g")
     difference_in_u: float | None = column("in u", form="+.1f")
     role: str = column("role")
-    verdict: Verdict = column("verdict")
-    low: float | None  # range of agreement; None: no limit
-    high: float | None
-    known: float | None  # difference at which the disagreement was explained
+    agreement: Verdict = column("verdict")
+    agreement_low: float | None  # range of agreement; None: no limit
+    agreement_high: float | None
+    explained_difference: float | None  # difference at which the disagreement was explained
     why: str
     conditions: str
     source: str
     address: str
-    reading: str
+    source_reading: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -62,7 +62,7 @@ class ReferenceResult(StudyResult):
     @property
     def represented(self) -> list[ReferenceRow]:
         """Rows with a result of this laboratory."""
-        return [row for row in self.rows if row.result is not None]
+        return [row for row in self.rows if row.value is not None]
 
     @property
     def title(self) -> str:
@@ -77,7 +77,7 @@ class ReferenceResult(StudyResult):
             role: sum(row.role == role for row in represented) for role in ("prediction", "data")
         }
         fits = len(represented) - sum(roles.values())
-        reasons = [_reason(row) for row in represented if row.verdict != "agrees"]
+        reasons = [_reason(row) for row in represented if row.agreement != "agrees"]
         counts = (
             f"{len(represented)} of {len(self.rows)} published numbers represented: "
             f"{roles['prediction']} predicted, {roles['data']} in the data files, {fits} inputs of "
@@ -90,17 +90,20 @@ class ReferenceResult(StudyResult):
         drawn = [
             row
             for row in self.represented
-            if row.role == "prediction" and row.low is not None and row.high is not None
+            if row.role == "prediction"
+            and row.agreement_low is not None
+            and row.agreement_high is not None
         ]
         names = [
-            f"{as_drawn(row.quantity)}: {row.value} {row.unit.removeprefix('1')}" for row in drawn
+            f"{as_drawn(row.quantity)}: {row.published} {row.unit.removeprefix('1')}"
+            for row in drawn
         ]
         with page_figure(0.17 * len(drawn) + 0.6) as figure:
             axes = figure.subplots()
             axes.axvspan(-1, 1, color=INTERVAL_GREY, linewidth=0)
             for place, row in enumerate(drawn):
                 at = _share(row)
-                agrees = row.verdict == "agrees"
+                agrees = row.agreement == "agrees"
                 far = abs(at) > FARTHEST
                 marker = ("<" if at < 0 else ">") if far else "o"
                 drawn_at = min(max(at, -FARTHEST), FARTHEST)
@@ -147,22 +150,22 @@ def compare_number(number: Published) -> ReferenceRow:
     difference = None if result is None else number.deviation(result)
     return ReferenceRow(
         quantity=number.quantity,
-        value=number.value,
-        u=number.u,
+        published=number.value,
+        published_u=number.u,
         unit=number.unit,
-        result=result,
+        value=result,
         difference=difference,
         difference_in_u=difference / number.u if difference is not None and number.u else None,
         role=number.role,
-        verdict=_verdict(number, result),
-        low=number.low if isfinite(number.low) else None,
-        high=number.high if isfinite(number.high) else None,
-        known=number.known,
+        agreement=_verdict(number, result),
+        agreement_low=number.low if isfinite(number.low) else None,
+        agreement_high=number.high if isfinite(number.high) else None,
+        explained_difference=number.known,
         why=number.why,
         conditions=number.conditions,
         source=number.source,
         address=number.address,
-        reading=number.reading,
+        source_reading=number.reading,
     )
 
 
@@ -181,12 +184,13 @@ def _verdict(number: Published, result: float | None) -> Verdict:
 def _reason(row: ReferenceRow) -> str:
     """Return a disagreement with its size and its explanation as one line."""
     size = f"{row.difference:+.3g} {row.unit.removeprefix('1')}".rstrip()
-    return f"{row.quantity}: {row.verdict}, {size} ({row.why})"
+    return f"{row.quantity}: {row.agreement}, {size} ({row.why})"
 
 
 def _share(row: ReferenceRow) -> float:
     """Return the distance of a result from the middle of its range of agreement [half widths]."""
-    assert row.result is not None
-    assert row.low is not None
-    assert row.high is not None
-    return (row.result - (row.low + row.high) / 2) / ((row.high - row.low) / 2)
+    assert row.value is not None
+    low, high = row.agreement_low, row.agreement_high
+    assert low is not None
+    assert high is not None
+    return (row.value - (low + high) / 2) / ((high - low) / 2)

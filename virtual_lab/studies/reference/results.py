@@ -379,7 +379,10 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
 
     Both are in the standard game. `exponent` is the n of the swing law.
     """
-    tops = [profiles(bat, swings=(exponent,))[0].peaks["v_f_mph"].value for bat in (first, second)]
+    tops = [
+        profiles(bat, swings=(exponent,))[0].peaks["batted_speed_mph"].value
+        for bat in (first, second)
+    ]
     return tops[0] - tops[1]
 
 

@@ -35,10 +35,12 @@ class Improvement:
     """A change of the laboratory, and the u of the metric with it."""
 
     change: str = column("change")
-    planned: float = column("planned u", "SI", ".3g")  # from the budget
-    sd: float = column("sd of the errors", "SI", ".3g")  # on days with the change
-    low: float = column("  at least", "SI", ".3g")  # 95 % interval of the standard deviation
-    high: float = column("  at most", "SI", ".3g")
+    planned_u: float = column("planned u", "SI", ".3g")  # from the budget
+    error_sd: float = column("sd of the errors", "SI", ".3g")  # on days with the change
+    error_sd_low: float = column(
+        "  at least", "SI", ".3g"
+    )  # 95 % interval of the standard deviation
+    error_sd_high: float = column("  at most", "SI", ".3g")
     gain: float = column("lower by", form=".1%")  # planned u below the stated one
 
 
@@ -95,7 +97,12 @@ def improvements(
         planned = sqrt(max(u**2 - variance, 0.0))
         rows.append(
             Improvement(
-                change=words, planned=planned, sd=sd, low=low, high=high, gain=1 - planned / u
+                change=words,
+                planned_u=planned,
+                error_sd=sd,
+                error_sd_low=low,
+                error_sd_high=high,
+                gain=1 - planned / u,
             )
         )
     return rows

@@ -7,6 +7,7 @@ catalogue. The faults played so far are kept in a file, so that an interrupted s
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -43,13 +44,13 @@ class NoticedFault:
     fault: str = column("fault")
     # smallest size from which on the fault is noticed on 9 of 10 days; None: at no size
     noticed_from: float | None = column("noticed from", "its size", "g")
-    shares: tuple[float, ...] = column(
+    noticed_at: Mapping[str, float] = column(  # by the size, one column each
         f"noticed at {', '.join(f'{size:g}' for size in SIZES)}",
         "of days",
-        lambda row: ", ".join(f"{share:.0%}" for share in row.shares),
+        lambda row: ", ".join(f"{share:.0%}" for share in row.noticed_at.values()),
     )
     # median change of the metric by the full fault, on days with a result; None: none has one
-    shift: float | None = column("shift of the metric at 1", "stated u", "+.2f")
+    metric_shift: float | None = column("shift of the metric at 1", "stated u", "+.2f")
 
 
 def noticed_faults(
@@ -94,7 +95,7 @@ def noticed_faults(
             folder.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as file:
                 file.write(json.dumps(played, indent=1).encode())
-        rows.append(NoticedFault(**{**kept[name], "shares": tuple(kept[name]["shares"])}))
+        rows.append(NoticedFault(**kept[name]))
         progress("faults", number, len(names))
     return rows
 
@@ -127,6 +128,6 @@ def _played(fault: Fault, playing: TwinDays, u: float, sound: Array) -> NoticedF
     return NoticedFault(
         fault=fault.name,
         noticed_from=enough[0] if enough else None,
-        shares=tuple(shares),
-        shift=shift,
+        noticed_at={f"{size:g}": share for size, share in zip(SIZES, shares, strict=True)},
+        metric_shift=shift,
     )

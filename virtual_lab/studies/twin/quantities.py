@@ -24,12 +24,14 @@ class TwinQuantity:
     quantity: str = column("quantity")
     value: float = column("value", "SI", ".5g")
     u: float = column("stated u", "SI", ".3g")
-    sd: float = column("sd of the errors", "SI", ".3g")
-    low: float = column("  at least", "SI", ".3g")  # 95 % interval of the standard deviation
-    high: float = column("  at most", "SI", ".3g")
-    ratio: float = column("u / sd", form=".3f")
-    bias: float = column("mean error", "u", "+.3f")
-    bias_se: float = column("  its standard error", "u", ".3f")
+    error_sd: float = column("sd of the errors", "SI", ".3g")
+    error_sd_low: float = column(
+        "  at least", "SI", ".3g"
+    )  # 95 % interval of the standard deviation
+    error_sd_high: float = column("  at most", "SI", ".3g")
+    u_ratio: float = column("u / sd", form=".3f")
+    mean_z: float = column("mean error", "u", "+.3f")
+    mean_z_se: float = column("  its standard error", "u", ".3f")
     finding: str = column("stated u")
 
     @classmethod
@@ -46,12 +48,12 @@ class TwinQuantity:
             quantity=quantity,
             value=value,
             u=u,
-            sd=sd,
-            low=low,
-            high=high,
-            ratio=u / sd,
-            bias=float(errors.mean()) / u,
-            bias_se=sd / u / float(np.sqrt(errors.size)),
+            error_sd=sd,
+            error_sd_low=low,
+            error_sd_high=high,
+            u_ratio=u / sd,
+            mean_z=float(errors.mean()) / u,
+            mean_z_se=sd / u / float(np.sqrt(errors.size)),
             finding=finding,
         )
 

@@ -42,11 +42,13 @@ class TwinReading:
 
     reading: str = column("reading")
     value: float = column("value", form=".4g")
-    low: float = column("days: 2.5 %", form=".4g")
-    median: float = column("median", form=".4g")
-    high: float = column("97.5 %", form=".4g")
-    tail: float = column("tail probability", form=".3f")
-    adjusted: float = column("adjusted", form=".3f")  # for the number of readings, by Holm
+    days_low: float = column("days: 2.5 %", form=".4g")
+    days_median: float = column("median", form=".4g")
+    days_high: float = column("97.5 %", form=".4g")
+    tail_probability: float = column("tail probability", form=".3f")
+    adjusted_probability: float = column(
+        "adjusted", form=".3f"
+    )  # for the number of readings, by Holm
     finding: str = column("finding")
     meaning: str
 
@@ -84,11 +86,11 @@ class _Comparison:
         return TwinReading(
             reading=self.name,
             value=self.value,
-            low=low,
-            median=median,
-            high=high,
-            tail=self.tail,
-            adjusted=adjusted,
+            days_low=low,
+            days_median=median,
+            days_high=high,
+            tail_probability=self.tail,
+            adjusted_probability=adjusted,
             finding="unlike its twins" if adjusted < LEVEL else "",
             meaning=TWIN_READINGS[self.name],
         )

@@ -139,8 +139,10 @@ class Twin(StudyResult):
             panels = figure.subplots(1, 2 if self.readings else 1, squeeze=False)[0]
             axes = panels[0]
             figure.suptitle(as_drawn(self.title), fontsize=8)
-            ratio = np.array([row.ratio for row in self.rows])
-            ends = np.array([(row.u / row.high, row.u / row.low) for row in self.rows])
+            ratio = np.array([row.u_ratio for row in self.rows])
+            ends = np.array(
+                [(row.u / row.error_sd_high, row.u / row.error_sd_low) for row in self.rows]
+            )
             spread = np.abs(ends.T - ratio)
             axes.errorbar(ratio, names, xerr=spread, capsize=3, fmt="ok", markersize=3)
             axes.axvline(1, color="0.5", linewidth=0.6)
@@ -148,7 +150,7 @@ class Twin(StudyResult):
             axes.invert_yaxis()
             for tails in panels[1:]:
                 of_readings = [row.reading for row in self.readings]
-                adjusted = [row.adjusted for row in self.readings]
+                adjusted = [row.adjusted_probability for row in self.readings]
                 tails.plot(adjusted, of_readings, "ok", markersize=3)
                 tails.axvline(LEVEL, color="0.5", linewidth=0.6)
                 tails.set(
@@ -217,7 +219,7 @@ def twin(
 
     def simulate(changed: TwinDays) -> tuple[float, float, float]:
         (metric, *_), _ = summed_days(certification, changed, days, progress)
-        return metric.sd, metric.low, metric.high
+        return metric.error_sd, metric.error_sd_low, metric.error_sd_high
 
     changes = improvements(certification, playing, simulate)
     noticed: list[NoticedFault] = []

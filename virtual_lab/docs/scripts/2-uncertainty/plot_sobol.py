@@ -18,7 +18,7 @@ def inertia(period, mass, distance, g):
 
 inputs = {"period": vl.Input(1.44, 3e-4), "mass": vl.Input(0.886, 3e-4)}
 inputs |= {"distance": vl.Input(low=0.412, high=0.4132), "g": vl.Input(9.8065, 1e-3)}
-table = vl.sobol(inertia, inputs, points=1024).set_index("input")[["first", "total"]]
+table = vl.sobol(inertia, inputs, points=1024).set_index("input")[["first_order", "total_order"]]
 figure, axes = plt.subplots()
 (100 * table).plot.bar(ax=axes, rot=0, hatch="", color=["C0", "C5"], edgecolor="black")
 axes.set(xlabel="", ylabel="share of the variance, %")

@@ -14,9 +14,11 @@ import pandas as pd
 
 import virtual_lab as vl
 
-table = pd.read_csv(Path(vl.__file__).parent / "docs/tables/critique.csv").query("n == 0.3")
-table["pair"] = table["first"] + "\n" + table["second"]
-grid = 100 * table.pivot(index="pair", columns="procedure", values="probability")
+table = pd.read_csv(Path(vl.__file__).parent / "docs/tables/critique.csv").query(
+    "swing_exponent == 0.3"
+)
+table["pair"] = table["bat"] + "\n" + table["against"]
+grid = 100 * table.pivot(index="pair", columns="procedure", values="opposite_probability")
 figure, axes = plt.subplots(figsize=(4.8, 4.4))
 axes.imshow(grid, cmap="cividis_r", vmin=0, vmax=100, aspect="auto", zorder=2)
 for (row, column), value in np.ndenumerate(grid.to_numpy()):

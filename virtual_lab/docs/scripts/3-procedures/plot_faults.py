@@ -15,9 +15,9 @@ import virtual_lab as vl
 
 folder = Path(vl.__file__).parents[1] / "tests" / "studies"
 table = pd.read_csv(next(folder.glob("faults-*.csv")))
-table = table[(table.procedure == "astm-f1881")].sort_values("caught")
+table = table[(table.procedure == "astm-f1881")].sort_values("detected")
 figure, axes = plt.subplots(figsize=(4.8, 6.4))
-axes.barh(table["fault"], 100 * table["caught"], color="C0")
+axes.barh(table["fault"], 100 * table["detected"], color="C0")
 axes.tick_params(axis="y", labelsize=8.5)
 axes.margins(y=0.01)
 axes.set(xlabel="laboratories with a flag, %", xlim=(0, 100))

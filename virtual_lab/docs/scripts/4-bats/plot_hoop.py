@@ -14,7 +14,7 @@ figure, axes = plt.subplots()
 for hertz in (2500, 3000, 5000):
     bat = vl.bat("ea70").with_({"body.hoop.frequency": f"{hertz} Hz"})
     table = vl.profile(bat).table
-    rows = table[table["z_in"].between(2, 12)]
-    axes.plot(rows["z_in"], rows["e_A"], label=f"{hertz} Hz")
+    rows = table[table["impact_position_in"].between(2, 12)]
+    axes.plot(rows["impact_position_in"], rows["collision_efficiency"], label=f"{hertz} Hz")
 axes.set(xlabel="impact position from the tip, in", ylabel="collision efficiency $e_A$")
 axes.legend(title="hoop mode")

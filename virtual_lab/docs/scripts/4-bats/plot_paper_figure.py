@@ -11,9 +11,10 @@ import matplotlib.pyplot as plt
 import virtual_lab as vl
 
 table = vl.profile("r161").table
-rows = table[table["z_in"].between(1, 12)]
+rows = table[table["impact_position_in"].between(1, 12)]
 figure, axes = plt.subplots()
-for column, label in (("e", "$e$"), ("r", "$r$"), ("e_A", "$e_A$")):
-    axes.plot(rows["z_in"], rows[column], label=label)
+labels = {"restitution": "$e$", "recoil_factor": "$r$", "collision_efficiency": "$e_A$"}
+for column, label in labels.items():
+    axes.plot(rows["impact_position_in"], rows[column], label=label)
 axes.set(xlabel="impact position from the tip, in", ylabel="$e$, $r$, $e_A$")
 axes.legend()

@@ -16,7 +16,7 @@ import virtual_lab as vl
 from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.document import BudgetLine
 from virtual_lab.files.column_units import PURE, UNITS, unit_of
-from virtual_lab.output.dictionary import (
+from virtual_lab.files.dictionary import (
     COLUMNS,
     PATTERNS,
     PER_ROW,
@@ -25,34 +25,13 @@ from virtual_lab.output.dictionary import (
     units_of,
     with_units,
 )
+from virtual_lab.output.result import frame
 from virtual_lab.output.tables import INLINE, Column
 from virtual_lab.records import record_types
-
-PENDING = {
-    "ClassDay",
-    "CurvePoint",
-    "TriedDay",
-    "PlayedEntry",
-    "Spread",
-    "ReadError",
-    "PlaceReadings",
-    "Difference",
-    "LawRow",
-    "ClipCoverage",
-    "AlarmCount",
-    "Effect",
-    "FaultOutcome",
-    "InterlabTerm",
-    "ShelfEntry",
-    "OperatingPoint",
-    "Slope",
-    "ReferenceRow",
-    "QuantityScore",
-    "TwinQuantity",
-    "NoticedFault",
-    "TwinReading",
-    "Improvement",
-}
+from virtual_lab.studies.bats.text import Peaks
+from virtual_lab.studies.critique import BatRank, Pair
+from virtual_lab.studies.paper.claim import Row
+from virtual_lab.studies.paper.findings import CLAIMS
 
 
 def modules() -> Iterator[Any]:
@@ -63,12 +42,12 @@ def modules() -> Iterator[Any]:
 
 def rows_of_tables() -> dict[str, type]:
     """Return all dataclasses with printed columns, and those of tables without."""
-    kinds = {BudgetLine.__name__: BudgetLine}
+    kinds: dict[str, type] = {each.__name__: each for each in (BudgetLine, BatRank, Pair, Peaks)}
     for module in modules():
         for name, kind in vars(module).items():
             if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == module.__name__:
                 printed = any(Column.__name__ in each.metadata for each in fields(kind))
-                if printed and name not in PENDING:
+                if printed:
                     kinds[name] = kind
     return kinds
 
@@ -146,3 +125,24 @@ def test_the_tables_of_a_test_have_units() -> None:
     assert (units["shot"], units["reason"], units["used"]) == ("", "", "")
     assert test.budget.attrs["units"] == units_of(test.budget.columns)
     assert list(test.budget.attrs["units"]) == list(test.budget.columns)
+
+
+def known(table: pd.DataFrame) -> None:
+    """Assert that each column is in the dictionary, and has its unit."""
+    assert [name for name in table if column_meaning(str(name)) is None] == []
+    assert table.attrs["units"] == units_of(table.columns) or "unit" in table
+
+
+def test_the_tables_that_are_computed_are_in_the_dictionary() -> None:
+    compared = vl.profile("r161", "ea70")
+    for table in (compared.table, *compared.tables.values(), vl.profile("r161").table):
+        known(table)
+    assert compared.table.attrs["units"]["batted_speed_mph"] == "mph"
+    known(vl.daily(days=30).table)
+    inputs = {"x": vl.Input(1.0, 0.1), "y": vl.Input(2.0, 0.1)}
+    result = vl.propagate(lambda x, y: x * y, inputs)
+    for table in (result.table, result.budget, vl.sobol(lambda x, y: x * y, inputs, points=64)):
+        known(table)
+    known(vl.procedure("astm-f1881").numbers)
+    known(vl.shelf("bats").table)
+    known(frame([Row(claim=CLAIMS[0], result=1.0).document]))

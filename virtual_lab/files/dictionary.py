@@ -1,0 +1,352 @@
+"""Dictionary of the columns of tables: one name per meaning, with its unit.
+
+It covers the tables that functions return and that ``--csv`` and ``save`` write. Records and the
+table of shots have dictionaries of their own, beside the code that writes them
+(`virtual_lab.records`, `virtual_lab.certificate.columns`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NamedTuple
+
+from virtual_lab.files.column_units import PURE, unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WORDS = ""  # unit of texts, truth values and whole numbers that count or number things
+PER_ROW = "of the row"  # that in the column `unit`; without this column, that of the quantity
+
+
+class ColumnMeaning(NamedTuple):
+    """Meaning of a column and its unit, "1" for pure numbers."""
+
+    meaning: str
+    unit: str = PURE.ucum
+
+
+_M = ColumnMeaning
+# the unit of a name that ends in a unit is the one in the name
+COLUMNS: dict[str, ColumnMeaning] = {
+    # what was tested
+    "bat": _M("name of the bat", WORDS),
+    "ball_name": _M("name of the ball", WORDS),
+    "procedure": _M("name of the procedure", WORDS),
+    "laboratory": _M("number of the laboratory, from 0", WORDS),
+    "laboratory_name": _M("name of the laboratory", WORDS),
+    "repeat": _M("number of the day of the laboratory, from 0", WORDS),
+    "certificate": _M("number of the certificate", WORDS),
+    "folder": _M("name of the result folder", WORDS),
+    # result of a test or of a quantity
+    "verdict": _M("verdict of the test: PASS, FAIL, INVALID or MEASURED", WORDS),
+    "marginal": _M("whether the limit is within the 95 % interval", WORDS),
+    "reason": _M("reason of FAIL or INVALID, else empty", WORDS),
+    "flag_names": _M("names of the flags, separated by blanks", WORDS),
+    "metric": _M("symbol of the procedure's metric", WORDS),
+    "quantity": _M("name of the quantity", WORDS),
+    "unit": _M("unit of the row's values; empty: a pure number", WORDS),
+    "value": _M("measured or computed value", PER_ROW),
+    "u": _M("standard uncertainty of the value", PER_ROW),
+    "dof": _M("effective degrees of freedom of u"),
+    "low": _M("lower end of the 95 % interval of the value", PER_ROW),
+    "high": _M("upper end of the 95 % interval of the value", PER_ROW),
+    "true": _M("true value", PER_ROW),
+    "error": _M("value minus true value", PER_ROW),
+    "z": _M("error divided by u"),
+    "limit": _M("limit of the procedure for the metric", PER_ROW),
+    "risk": _M("risk of a wrong verdict, with no knowledge of the bat before the test"),
+    "valid_hits": _M("number of valid hits", WORDS),
+    # quantities, in SI unless the name has another unit
+    "restitution": _M("coefficient of restitution e of ball and bat"),
+    "collision_efficiency": _M("collision efficiency e_A"),
+    "ball_restitution": _M("coefficient of restitution e0 of the ball on a rigid wall"),
+    "recoil_factor": _M("recoil factor r"),
+    "bat_performance_factor": _M("bat performance factor e / e0"),
+    "impact_position_in": _M("impact position, distance from the barrel tip"),
+    "bat_speed_mph": _M("speed of the bat at the impact position"),
+    "batted_speed_mph": _M("speed of the batted ball in the field, v_f"),
+    "slope_per_in": _M("slope of e_A along the barrel", "1/in"),
+    # curves of a bat
+    "against": _M("bat that is subtracted", WORDS),
+    "swing_exponent": _M("exponent n of the swing law in the field; empty: constant energy"),
+    "peak_restitution": _M("largest e on the barrel"),
+    "peak_bat_performance_factor": _M("largest BPF on the barrel"),
+    "peak_collision_efficiency": _M("largest e_A on the barrel"),
+    "peak_batted_speed_mph": _M("largest v_f on the barrel"),
+    "peak_restitution_position_in": _M("impact position of the largest e"),
+    "peak_bat_performance_factor_position_in": _M("impact position of the largest BPF"),
+    "peak_collision_efficiency_position_in": _M("impact position of the largest e_A"),
+    "peak_batted_speed_position_in": _M("impact position of the largest v_f"),
+    "restitution_difference_percent": _M("difference of the largest e, relative"),
+    "bat_performance_factor_difference_percent": _M("difference of the largest BPF, relative"),
+    "collision_efficiency_difference_percent": _M("difference of the largest e_A, relative"),
+    "batted_speed_difference_mph": _M("difference of the largest v_f"),
+    "law": _M("force law of the ball", WORDS),
+    "exponent": _M("exponent of the force law"),
+    "stiffness": _M("stiffness of the ball in the force law", "N/m^exponent"),
+    "wall_time_ms": _M("time of contact of the ball with a wall"),
+    "wall_force_kn": _M("largest force of the ball on a wall", "kN"),
+    # a bat hit away from its centre of percussion
+    "reaction_ns": _M("impulse on the axis, positive in the direction of the ball", "N s"),
+    "reaction_n": _M("mean force on the axis", "N"),
+    "ring_mrad": _M("amplitude of the vibration at the encoder", "mrad"),
+    "rebounds_detected": _M("share of rebounds that the instruments detect"),
+    "recoil_bias": _M("error of e_A by recoil, without randomness"),
+    "recoil_rms_error": _M("root mean square of the error of e_A by recoil"),
+    "recoil_rms_u": _M("root mean square of the stated u of e_A by recoil"),
+    "rebound_bias": _M("error of e_A by rebound, without randomness"),
+    "rebound_rms_error": _M("root mean square of the error of e_A by rebound"),
+    "rebound_rms_u": _M("root mean square of the stated u of e_A by rebound"),
+    "plain_shift": _M("shift of e_A by recoil, caused by a plain bearing"),
+    "loose_shift": _M("shift of e_A by recoil, caused by a loose bearing"),
+    # a bat fitted to measurements
+    "lowest": _M("lowest value of the bats that fit the data", PER_ROW),
+    "highest": _M("highest value of the bats that fit the data", PER_ROW),
+    "is_measured": _M("whether the quantity is among the measurements", WORDS),
+    "remark": _M("remark", WORDS),
+    # an uncertainty budget
+    "component": _M("source of uncertainty", WORDS),
+    "evaluation": _M("type A (from scatter) or B of the evaluation of u", WORDS),
+    "sensitivity": _M("change of the result per unit of the component", PER_ROW),
+    "contribution": _M("contribution of the component to u of the result", PER_ROW),
+    "share_percent": _M("share of the component in the square of u"),
+    # inputs and outputs of a model
+    "output": _M("name of the output", WORDS),
+    "input": _M("name of the input", WORDS),
+    "method": _M("method that propagates the uncertainty", WORDS),
+    "first_order": _M("share of the variance that the input explains alone"),
+    "total_order": _M("share of the variance that the input explains with its interactions"),
+    # effects of the components
+    "stated_effect": _M("effect of one u of the component on the metric by the budget", PER_ROW),
+    "real_effect": _M("effect of one u of the component on the metric by simulation", PER_ROW),
+    "difference_in_se": _M("real minus stated effect, in standard errors"),
+    # faults
+    "fault": _M("name of the fault; none: a day without one", WORDS),
+    "prediction": _M("predicted sign of the fault", WORDS),
+    "detected": _M("share of laboratories that detect the fault"),
+    "detected_by": _M("flags and verdicts that detect it, with their numbers", WORDS),
+    "collision_efficiency_predicted": _M("predicted mean error of e_A"),
+    "collision_efficiency_z": _M("mean error of e_A minus prediction, over its u"),
+    "metric_bias": _M("mean error of the metric", PER_ROW),
+    "metric_predicted": _M("predicted mean error of the metric", PER_ROW),
+    "metric_z": _M("mean error of the metric minus prediction, over its u"),
+    "as_predicted": _M("whether the outcome is the predicted one", WORDS),
+    # probability of PASS
+    "best_of": _M("number of tests of which one must pass", WORDS),
+    "pass_probability": _M("probability of PASS"),
+    "pass_probability_if_valid": _M("probability of PASS of tests that are not INVALID"),
+    # bats ranked by a procedure and in the field
+    "error_free": _M("metric in an error-free laboratory", PER_ROW),
+    "procedure_swing_exponent": _M("exponent n of the procedure's own swing law; empty: none"),
+    "error_free_difference": _M("difference of the metric in an error-free laboratory", PER_ROW),
+    "mean_difference": _M("mean difference of the metric over the laboratories", PER_ROW),
+    "sd_difference": _M("standard deviation of this difference", PER_ROW),
+    "opposite_probability": _M(
+        "probability that a laboratory ranks the bats opposite to the field"
+    ),
+    "opposite": _M("number of laboratories that do", WORDS),
+    "opposite_low": _M("lower end of the 95 % interval of the share of these laboratories"),
+    "opposite_high": _M("upper end of the 95 % interval of the share of these laboratories"),
+    "ranking": _M("same order, opposite order, by chance, tie or no result", WORDS),
+    # comparison of laboratories
+    "result": _M("which result of the test", WORDS),
+    "term": _M("standard deviation (s_r, s_lot, s_L, s_R) or the factor that causes it", WORDS),
+    "predicted": _M("predicted standard deviation", PER_ROW),
+    "simulated": _M("simulated standard deviation", PER_ROW),
+    "agrees": _M("whether both agree", WORDS),
+    "factor_spread": _M("spread of the factor between laboratories", WORDS),
+    # clips
+    "clips": _M("number of clips with a result", WORDS),
+    "missed_clips": _M("number of clips without a result", WORDS),
+    "rms_error_percent": _M("root mean square of the relative error"),
+    "rms_u_percent": _M("root mean square of the relative u"),
+    "bias_percent": _M("mean of the relative error"),
+    # a laboratory beside its twin
+    "error_sd": _M("standard deviation of the errors on the twin's days", PER_ROW),
+    "u_ratio": _M("stated u over the standard deviation of the errors"),
+    "finding": _M("finding on u, or on the reading", WORDS),
+    "change": _M("change of the laboratory", WORDS),
+    "gain": _M("share by which the planned u is below the stated one"),
+    "reading": _M("name of the reading", WORDS),
+    "days_low": _M("2.5 % quantile of the reading on the twin's days", PER_ROW),
+    "days_median": _M("median of the reading on the twin's days", PER_ROW),
+    "days_high": _M("97.5 % quantile of the reading on the twin's days", PER_ROW),
+    "tail_probability": _M("share of days as extreme as the records"),
+    "adjusted_probability": _M("tail probability adjusted for the number of readings, by Holm"),
+    "meaning": _M("meaning of the reading", WORDS),
+    "noticed_from": _M("smallest size, over that of the fault, noticed on 9 of 10 days"),
+    "metric_shift": _M("median change of the metric by the full fault, over u"),
+    # check standards from day to day
+    "day": _M("number of the day, from 1", WORDS),
+    "ball_restitution_sd": _M("standard deviation of the e0 of the hits of the day"),
+    "ball_restitution_dof": _M("degrees of freedom of this standard deviation"),
+    "true_wall_ratio": _M("rebound speed over that from a rigid wall, true value"),
+    "standardised": _M("deviation from the baseline, in its standard deviations"),
+    "moving_range": _M("difference from the day before, in the same unit"),
+    "ewma": _M("exponentially weighted moving average, in the same unit"),
+    "cusum_up": _M("cumulative sum of deviations above the baseline"),
+    "cusum_down": _M("cumulative sum of deviations below the baseline"),
+    "alarms": _M("rules and charts that raise an alarm, of the check ball", WORDS),
+    "cylinder_collision_efficiency": _M("mean e_A of the check cylinder"),
+    "cylinder_alarms": _M("rules and charts that raise an alarm, of the check cylinder", WORDS),
+    "standard": _M("name of the check standard", WORDS),
+    "rule": _M("name of the rule or chart", WORDS),
+    "first_alarm_day": _M("number of the day of the first alarm after the change", WORDS),
+    "earlier_alarms": _M("number of days with an alarm before the change", WORDS),
+    "delay_days": _M("number of days from the change to the alarm", "d"),
+    # comparison with publications
+    "published": _M("published value", WORDS),
+    "published_u": _M("standard uncertainty of the published value", PER_ROW),
+    "difference": _M("value minus published value", PER_ROW),
+    "difference_in_u": _M("difference divided by the published u"),
+    "role": _M("prediction, data, fit or none", WORDS),
+    "agreement": _M("whether value and published value agree", WORDS),
+    "agreement_low": _M("lower end of the range of agreement", PER_ROW),
+    "agreement_high": _M("upper end of the range of agreement", PER_ROW),
+    "explained_difference": _M("difference at which the disagreement was explained", PER_ROW),
+    "why": _M("reason of the range or of the disagreement", WORDS),
+    "conditions": _M("conditions of the measurement", WORDS),
+    "address": _M("address of the source", WORDS),
+    "source_reading": _M("text, table or drawing of the source", WORDS),
+    "section": _M("section of the paper", WORDS),
+    "location": _M("text, figure, table or equation of the paper", WORDS),
+    "claim": _M("claim of the paper", WORDS),
+    "deviation": _M("value minus published value", PER_ROW),
+    "disagreement": _M("reason of a known disagreement", WORDS),
+    "holds": _M("whether the claim holds", WORDS),
+    # rehearsed days
+    "trainee": _M("name of the folder of the trainee's day", WORDS),
+    "day_title": _M("title of the day", WORDS),
+    "right_verdict": _M("correct verdict, given the truth", WORDS),
+    "brier": _M("Brier score of the stated confidence"),
+    "result_score": _M("score of the result, 0 to 1"),
+    "detection_score": _M("score of the detection of faults, 0 to 1"),
+    "protocol_score": _M("score of the protocol, 0 to 1"),
+    "record_score": _M("score of the notebook, 0 to 1"),
+    "economy_score": _M("score of time and shots, 0 to 1"),
+    "faults_named": _M("faults of the day that were named, separated by blanks", WORDS),
+    "faults_missed": _M("faults of the day that were not named, separated by blanks", WORDS),
+    "false_alarms": _M("faults that were named but not there, separated by blanks", WORDS),
+    "time_min": _M("time of the day", "min"),
+    "shots": _M("number of shots", WORDS),
+    "curve": _M("score or fault of a learning curve", WORDS),
+    "mean_so_far": _M("mean of the value up to this day"),
+    "operator": _M("name of the simulated operator", WORDS),
+    "seed": _M("seed of the day", WORDS),
+    "entry": _M("number of the entry in the log", WORDS),
+    "action": _M("action of the operator", WORDS),
+    "entered": _M("what the operator entered", WORDS),
+    "shown": _M("what the page showed", WORDS),
+    "same": _M("whether the replay shows the same", WORDS),
+    # the catalog
+    "kind": _M("kind of the entry", WORDS),
+    "name": _M("name of the entry", WORDS),
+    "title": _M("title in one line", WORDS),
+    "metric_of_continuous_curve": _M("maximum of the exact curve along the barrel", PER_ROW),
+    "metric_as_found": _M("metric before the correction for the balls", PER_ROW),
+    "width_m": _M("width of the curve along the barrel at the stated drop"),
+    # a sheet of the catalog
+    "source": _M("source of the number or of the term", WORDS),
+    "verified": _M("whether somebody read the number in the source itself", WORDS),
+    "note": _M("note", WORDS),
+    # comparison of a result folder with its records
+    "file": _M("name of the file", WORDS),
+    "key": _M("key, column or line in a file", WORDS),
+    "stated": _M("content of the file", WORDS),
+    "expected": _M("content by the rest of the folder or by this program", WORDS),
+    "state": _M("altered, or differs if another program made it", WORDS),
+    # statistics over many laboratories
+    "tests": _M("number of tests", WORDS),
+    "missing": _M("number of tests without a sound part", WORDS),
+    "mean": _M("mean of the value", PER_ROW),
+    "sd": _M("standard deviation of the value", PER_ROW),
+    "sd_within": _M("standard deviation of the value within a laboratory", PER_ROW),
+    "laboratories": _M("number of laboratories with a result", WORDS),
+    "invalid": _M("number of laboratories with an INVALID test", WORDS),
+    "rejected": _M("share of hits that the procedure rejected"),
+    "coverage": _M("share of 95 % intervals with the true value"),
+    "above": _M("share of true values above the interval"),
+    "below": _M("share of true values below the interval"),
+    "mean_z": _M("mean of error divided by u"),
+    "sd_z": _M("standard deviation of error divided by u"),
+    "rms_error": _M("root mean square of the error", PER_ROW),
+    "rms_u": _M("root mean square of the stated u", PER_ROW),
+    "bias": _M("mean of the error", PER_ROW),
+    "expected_bias": _M("bias that the method is expected to have", PER_ROW),
+    # plans of a laboratory
+    "plan": _M("number of the plan, or present, single change or floor", WORDS),
+    "exchanged": _M("instruments that the plan exchanges", WORDS),
+    "hits": _M("number of valid hits per impact position", WORDS),
+    "final_hits": _M("number of hits at the best position after a scan, 0 for none", WORDS),
+    "balls": _M("number of balls", WORDS),
+    "wall_hits": _M("number of wall hits per ball and speed", WORDS),
+    "minutes": _M("time of one test by the actions at the rehearsal bench", "min"),
+    "planned_u": _M("u of the metric with a change, predicted from the budget", PER_ROW),
+    "simulated_u": _M("median u of simulated tests", PER_ROW),
+    "price": _M("price of a plan, all tests and instruments", "of the column currency"),
+    "currency": _M("currency of the price", WORDS),
+    "reaches": _M("whether the simulated u reaches the target, within two standard errors", WORDS),
+}
+PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on the table
+    "contribution.*": _M("contribution of * to u", PER_ROW),
+    "batted_speed_*_mph": _M("largest v_f on the barrel by the swing law *", "mph"),
+    "noticed_at_*": _M("share of days on which the fault is noticed at the size *"),
+    "*_modes": _M("largest error of e_A with * bending modes"),
+    "verdict_*": _M("number of tests with the verdict *", WORDS),
+    "flag_*": _M("number of tests with the flag *", WORDS),
+    "coverage_by_u_*": _M("coverage of tenth * of the laboratories, smallest u first"),
+    "coverage_by_dof_*": _M("coverage of tenth * of the laboratories, fewest dof first"),
+}
+ENDINGS = {  # of names that follow from another name
+    "u": "standard uncertainty: {}",
+    "true": "true value: {}",
+    "low": "lower end of the 95 % interval: {}",
+    "high": "upper end of the 95 % interval: {}",
+    "se": "standard error: {}",
+    "bias": "mean error: {}",
+}
+
+
+def column_meaning(name: str) -> ColumnMeaning | None:
+    """Return meaning and unit of a column, or None for a name that is not in the dictionary.
+
+    A name with an ending such as ``_u``, before its unit if it has one, follows from the name
+    without it.
+    """
+    unit = unit_of(name)
+    if name in COLUMNS:
+        known = COLUMNS[name]
+        return known if unit == PURE else known._replace(unit=unit.text)
+    for pattern, known in PATTERNS.items():
+        if match := re.fullmatch(re.escape(pattern).replace(r"\*", "(.+)"), name):
+            return known._replace(meaning=known.meaning.replace("*", match[1]))
+    parts = name.split("_")
+    for at, ending in enumerate(parts):
+        if at and ending in ENDINGS:
+            stem = column_meaning("_".join(parts[:at] + parts[at + 1 :]))
+            if stem:
+                return stem._replace(meaning=ENDINGS[ending].format(stem.meaning))
+    return None
+
+
+def units_of(columns: Iterable[str]) -> dict[str, str]:
+    """Return the units of the columns that are in the dictionary, by name."""
+    known = {name: column_meaning(name) for name in columns}
+    return {name: each.unit for name, each in known.items() if each}
+
+
+def with_units(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with the units of its columns in ``attrs["units"]``.
+
+    The unit is empty for texts and counts, and "1" for pure numbers. Where all rows have the same
+    `unit`, columns in this unit get it; otherwise their unit is ``of the row``.
+    """
+    units = units_of(map(str, table.columns))
+    stated = set(table["unit"]) if "unit" in table else set()
+    if len(stated) == 1:
+        row_unit = stated.pop() or PURE.ucum
+        units = {name: row_unit if unit == PER_ROW else unit for name, unit in units.items()}
+    table.attrs["units"] = units
+    return table
