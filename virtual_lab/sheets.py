@@ -427,7 +427,7 @@ def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> s
 
     `call` is the first line. An argument that a file cannot contain (a sheet with changed values,
     an array, a function) is only named in a comment. If the truth is sealed, seed and faults are
-    left out. Faults are not even named, because a comment would reveal that there are some.
+    left out. Faults are not even named, because a comment would reveal that faults exist.
     """
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():

@@ -27,7 +27,7 @@ from tests.benchmarks.rows import Row, tell
 from tests.benchmarks.trackpy_peer import TRACKPY
 from tests.video.scenery.shot_study import hull_places, rms_error, sharp_places
 from tests.video.scenery.shots import KINDS
-from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture
+from virtual_lab.fidelity.camera_errors import score_places, seconds_per_picture
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS, OURS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Case
@@ -106,7 +106,7 @@ def _peers() -> Iterator[Row]:
         for name, estimator in (ESTIMATORS | TRACKPY).items():
             sample = few if name in TRACKPY else batch
             score = score_places(sample, estimator(sample.inputs))
-            spent = seconds_a_picture(estimator, few.inputs, rounds=1)
+            spent = seconds_per_picture(estimator, few.inputs, rounds=1)
             yield Row(
                 part="peers",
                 what=f"{scene}: {name}",

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from virtual_lab.fidelity.camera_errors import score_places, seconds_a_picture, wrong_unsaid
+from virtual_lab.fidelity.camera_errors import score_places, seconds_per_picture, wrong_unsaid
 from virtual_lab.fidelity.camera_pictures import Batch, pictures
 from virtual_lab.fidelity.camera_scenes import Case
 from virtual_lab.video.locate.located import PlaceFlag
@@ -53,5 +53,5 @@ def test_a_batch_without_positions_is_all_lost(batch: Batch) -> None:
 def test_the_time_is_divided_by_the_number_of_pictures(batch: Batch) -> None:
     """The method runs three times on the whole batch, not once per picture."""
     calls = []
-    seconds_a_picture(lambda given: calls.append(1) or given.start, batch.inputs, rounds=2)
+    seconds_per_picture(lambda given: calls.append(1) or given.start, batch.inputs, rounds=2)
     assert len(calls) == 3

@@ -157,7 +157,7 @@ class Certificate:
 
     @property
     def unit(self) -> str:
-        """The printed unit of the metric; empty for a number without unit."""
+        """The printed unit of the metric; empty for a dimensionless number."""
         return self._print.unit
 
     @property

@@ -248,7 +248,7 @@ class Campaign:
         return Rows(name="campaign", rows=with_all_flags(rows), columns=columns, **about)
 
     def _changed(self, case: StudyCase) -> dict[str, Any]:
-        """Return the values of the changed keys of a case by name of the column."""
+        """Return the values of the changed keys of a case keyed by column name."""
         texts = {cast("Key", tuple(key.split("/", 1))): text for key, text in self.sheets.items()}
         with catalog.sheets_in_place(texts):
             return {name: value for name, (value, _) in case.apply_changes()[1].items()}

@@ -87,7 +87,7 @@ class StudyCase:
     def apply_changes(self) -> tuple[dict[Key, str], dict[str, tuple[Value, str]]]:
         """Return the texts of the changed sheets, and value and unit of each changed key.
 
-        Values and units are by name of the column: the key, and its unit unless that is 1. A
+        Values and units are keyed by column name: the key, and its unit unless that is 1. A
         number is in the unit of the unchanged sheet; a text has the unit "".
 
         Raises `InputError` if no rig of the procedure and no instrument of these rigs has the key.

@@ -65,7 +65,7 @@ def summary_of(
     case
         Combination of bat, procedure and changed settings.
     changed
-        Values of the changed settings by name of the column.
+        Values of the changed settings keyed by column name.
     unit
         SI unit of the metric; "" for a pure number.
     parts

@@ -30,7 +30,7 @@ _installed = cache(version)  # cached, because it searches every folder of the p
 
 @cache
 def commit() -> CommitStated | None:
-    """Return the commit of the clone that this program runs from, None if it is installed."""
+    """Return the commit of the Git clone this program runs from, or None if it is installed."""
     return commit_of(Path(__file__).resolve().parents[2])
 
 

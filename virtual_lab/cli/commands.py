@@ -344,7 +344,7 @@ def _check_saving(how: Mapping[str, Any]) -> None:
 def settings_in(
     path: Path, name: str, parameters: Mapping[str, ParameterDescription]
 ) -> dict[str, Any]:
-    """Return the values in a file of settings, by name of the parameter.
+    """Return the values in a file of settings, keyed by parameter name.
 
     A single value of a parameter that takes several values becomes a list. Raises `InputError` with
     file and key for an unknown key or a value that is not allowed. `name` is the name of the

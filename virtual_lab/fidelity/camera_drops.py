@@ -24,7 +24,7 @@ ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return one row per pair of a number of dropped frames and an error of the positions.
+    """Return one row per combination of number of dropped frames and error of the positions.
 
     The errors of the positions are `ERRORS` [px]. The keys of a row are those of
     `camera_stability.picture_cells`; its error is the relative rms error of the speed of the

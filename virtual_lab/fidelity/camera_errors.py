@@ -60,8 +60,8 @@ def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
     return np.asarray(wrong & (located.flags == 0))
 
 
-def seconds_a_picture(estimator: Estimator, inputs: EstimatorInput, rounds: int = 3) -> float:
-    """Return the shortest processor time per picture over `rounds` runs [s], after a warm-up.
+def seconds_per_picture(estimator: Estimator, inputs: EstimatorInput, rounds: int = 3) -> float:
+    """Return the shortest CPU time per picture over `rounds` runs [s], after a warm-up.
 
     Each run locates the ball in all pictures of `inputs`.
     """

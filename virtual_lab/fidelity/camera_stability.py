@@ -96,7 +96,7 @@ def picture_cells(
     axes
         For each map, by name: the field of `Case` that varies, and its values.
     balls
-        Cases by name of the ball, in which this field is changed.
+        Cases keyed by ball name, in which this field is changed.
     """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():

@@ -106,8 +106,8 @@ def draw_maps(
 ) -> PageFigure:
     """Draw the maps of `rows`. Each row is a cell with the keys `value` and `state`.
 
-    The number in a cell is that of scenes with too large an error (key `off`) or of wrong pictures
-    without a flag (key `unsaid`). A `refused` cell is hatched.
+    A cell shows the number of scenes whose error is too large (key `off`), or of wrong pictures
+    that were not flagged (key `unsaid`). A `refused` cell is hatched.
 
     Parameters
     ----------
@@ -118,9 +118,9 @@ def draw_maps(
     states
         Enumeration of the states.
     map_of, line_of
-        Functions that return the name of the map to which a row belongs, and its line in the map.
+        Functions that return the name of the map that a cell belongs to, and of its row in the map.
     down
-        Label of the lines.
+        Label of the y axis.
     abreast
         Number of maps per row of the figure.
     framed

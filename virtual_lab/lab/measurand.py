@@ -157,8 +157,8 @@ def true_curve(
 ) -> TrueCurve:
     """Return the true results at `places` for the procedure's nominal speeds, arrays (place,).
 
-    `places` are distances from the barrel tip [m]. In a block, `owner` is the laboratory whose bat
-    and balls are used at each position, (place,).
+    `places` are distances from the barrel tip [m]. If several laboratories are simulated as a
+    block, `owner` is the laboratory whose bat and balls are used at each position, (place,).
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

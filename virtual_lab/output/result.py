@@ -25,7 +25,7 @@ Json = dict[str, Any]  # JSON document
 
 
 def frame(rows: Sequence[Any]) -> pd.DataFrame:
-    """Return rows, dataclasses or mappings, as a table with one column per key of `record`.
+    """Return rows, dataclasses or mappings, as a table with one column per field or key.
 
     ``attrs["units"]`` has the units of the columns.
     """

@@ -87,7 +87,7 @@ class PackedSession:
 
 
 def pack(session: Session) -> PackedSession:
-    """Return the files of a session as bytes and arrays, by their paths in its folder.
+    """Return the files of a session as bytes and arrays, keyed by path in its folder.
 
     One of them, ``session.json``, holds the SHA-256 of every other file. In a simulated session,
     the hash of a channel's file also covers the JSON text of the simulation's origin, placed before

@@ -99,10 +99,10 @@ def board_of(text: str) -> Board:
 
 
 def length_of(text: str, key: str, low: float, high: float) -> float:
-    """Return the length [m] that a text like ``25mm`` states.
+    """Parse a length with its unit, such as ``25mm``, and return it [m].
 
-    Raises `InputError`, which names `key`, for a text of another form and for a length that is not
-    between `low` and `high` [m].
+    Raises `InputError`, which names `key`, for malformed text and for a length that is not between
+    `low` and `high` [m].
     """
     match = re.fullmatch(r"\s*([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([a-z]+)\s*", text, re.ASCII)
     allowed = f"expected a length with its unit ({', '.join(LENGTHS)}), e.g. 25mm"

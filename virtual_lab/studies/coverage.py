@@ -332,7 +332,7 @@ class Sample:
     stray: Array  # variance of the marks along the bat [m²]
     beside: Array  # mean square distance of the marks from the known aim [m²]
     scatter: Array  # variance of the metric at a position, over the hits of the result
-    results: Mapping[str, Results]  # results by name of the quantity
+    results: Mapping[str, Results]  # results keyed by quantity name
 
 
 def sample(tested: BlockTest) -> Sample:

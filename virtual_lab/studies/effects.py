@@ -117,9 +117,8 @@ def effects(
 
     For two components, the real effect can differ from the stated effect for a known reason. The
     first is the slope along the barrel. Its stated uncertainty is the spread over many bats, but
-    the study tests one bat. For the slope, `real_effect` is the error of this one bat's slope,
-    which says little about the spread, so `difference_in_se` is None. This error also changes the
-    effect of the aim.
+    the study tests one bat. For the slope, `real_effect` reflects only the slope error of this one
+    bat, so `difference_in_se` is None. The slope error also shifts the real effect of the aim.
 
     The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
     ball, but the hits use different balls of the same dozen. If e is not proportional to e0, as for

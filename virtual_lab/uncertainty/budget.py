@@ -288,7 +288,8 @@ def means_of_hits(
     Parameters
     ----------
     variants, hits
-        Constants, and the outputs of a model for their columns, (laboratory, k, hit).
+        Variants of the constants, and the model's output of each hit for variant k,
+        (laboratory, k, hit). Variant 0 has all constants at their values.
     weights, places, effects
         Weight of each hit in the result, its impact position, and the derivative of the result with
         respect to the hit, (laboratory, hit). Weight and effect are 0 for a missing hit.
@@ -376,7 +377,7 @@ def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
 
 
 def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
-    """Return the coverage factor t of Student's distribution, without unit, in the shape of `dof`.
+    """Return the coverage factor t of Student's distribution, dimensionless, in the shape of `dof`.
 
     The interval ± t u contains `probability`; `dof` are the degrees of freedom of u, up to inf.
     """

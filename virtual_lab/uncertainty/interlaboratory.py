@@ -80,32 +80,32 @@ class NestedStudy:
         return np.asarray(np.abs(self.h).max(axis=-1))
 
     def cochran_limit(self, level: float = STRAGGLER) -> float:
-        """Return the critical value of `cochran`, without unit, for a significance level."""
+        """Return the critical value of `cochran`, dimensionless, for a significance level."""
         return cochran_limit(self.laboratories, self.lots * (self.repeats - 1), level)
 
     def grubbs_limit(self, level: float = STRAGGLER) -> float:
-        """Return the critical value of `grubbs`, without unit; NaN for two laboratories."""
+        """Return the critical value of `grubbs`, dimensionless; NaN for two laboratories."""
         return grubbs_limit(self.laboratories, level)
 
     def h_limit(self, level: float = CONSISTENCY) -> float:
-        """Return the critical value of |h|, without unit; NaN for two laboratories."""
+        """Return the critical value of |h|, dimensionless; NaN for two laboratories."""
         return h_limit(self.laboratories, level)
 
     def k_limit(self, level: float = CONSISTENCY) -> float:
-        """Return the critical value of k, without unit, for a significance level."""
+        """Return the critical value of k, dimensionless, for a significance level."""
         return k_limit(self.laboratories, self.lots * (self.repeats - 1), level)
 
 
 def nested_study(values: ArrayLike) -> NestedStudy:
     """Return variances within and between laboratories and lots, and statistics of consistency.
 
-    The results are arrays (...), one entry per data set, in the unit of the values or its square; h
-    and k are (..., laboratory), without unit. The design is balanced: every laboratory has the same
-    number of lots, and repeats the test with each lot equally often. With one lot, the results are
-    those of ISO 5725-2 and ASTM E691, and `group_study` gives the same standard deviations.
-    Variances are unbiased estimates, so those between laboratories and between lots can be
-    negative; their standard deviations are then 0. With one lot per laboratory, `lot_variance` is
-    NaN.
+    The results are arrays (...), one entry per data set, in the unit of the values or its
+    square; h and k are dimensionless, (..., laboratory). The design is balanced: every
+    laboratory has the same number of lots, and repeats the test with each lot equally often.
+    With one lot, the results are those of ISO 5725-2 and ASTM E691, and `group_study` gives the
+    same standard deviations. Variances are unbiased estimates, so those between laboratories
+    and between lots can be negative; their standard deviations are then 0. With one lot per
+    laboratory, `lot_variance` is NaN.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def nested_study(values: ArrayLike) -> NestedStudy:
 
 
 def cochran_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical value of Cochran's test (ISO 5725-2), without unit.
+    """Return the critical value of Cochran's test (ISO 5725-2), dimensionless.
 
     The statistic is the largest of `groups` variances over their sum, each variance with `dof`
     degrees of freedom. It exceeds the limit by chance with a probability of `level`.
@@ -184,7 +184,7 @@ def grubbs_limit(groups: int, level: float) -> float:
 
 
 def h_limit(groups: int, level: float) -> float:
-    """Return the critical value of |h| (ASTM E691), without unit.
+    """Return the critical value of |h| (ASTM E691), dimensionless.
 
     The test examines one mean out of `groups`. The statistic h is the deviation of this mean from
     the mean of all groups, in standard deviations of the means. By chance, |h| exceeds the limit
@@ -199,7 +199,7 @@ def h_limit(groups: int, level: float) -> float:
 
 
 def k_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical value of k (ASTM E691), without unit.
+    """Return the critical value of k (ASTM E691), dimensionless.
 
     The test examines one group out of `groups`. The statistic k is the standard deviation within
     this group, with `dof` degrees of freedom, divided by the pooled standard deviation of all

@@ -113,7 +113,7 @@ def inexactness(dof: float) -> float:
     """Return the relative inexactness of limits with `dof` degrees of freedom, 1/√(2 ν).
 
     It is the half width of the range in which each limit lies, divided by half the distance between
-    the limits (GUM G.4.2), without unit. It is 0 for infinite `dof`. For `dof` below 0.5 it exceeds
-    1, which is impossible for limits.
+    the limits (GUM G.4.2), dimensionless. It is 0 for infinite `dof`. For `dof` below 0.5 it
+    exceeds 1, which is impossible for limits.
     """
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

@@ -35,7 +35,7 @@ USED: dict[str, tuple[str, ...]] = {  # procedures whose metric depends on the e
     "parallel_axis": (ASTM, PROPOSED),
     "rebound_speed_from_recoil": (ASTM,),
     "restitution_of_standard_ball": (PROPOSED,),
-    "struck_place": (ASTM, BESR, PROPOSED),
+    "impact_position": (ASTM, BESR, PROPOSED),
     "square_rebound": (BESR, PROPOSED),
     "head_on_efficiency": (ASTM, BESR, PROPOSED),
     "efficiency_at_aim": (ASTM, BESR, PROPOSED),

@@ -55,14 +55,14 @@ def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
 def action_of(
     name: str, arguments: Mapping[str, object] | None = None, length: str = "mm"
 ) -> Action:
-    """Return an action after a check of its arguments, which may be typed text.
+    """Return an action after checking its arguments, which may be strings as typed.
 
     A missing argument gets its default. A length without a unit is in the unit `length`.
 
     Raises
     ------
     InputError
-        The action does not exist, or an argument is unknown, missing or out of its limits.
+        The action does not exist, or an argument is unknown, missing or out of range.
     """
     sheets = action_table().actions
     if name not in sheets:

@@ -90,7 +90,7 @@ class ActionTable(Spec):
 
 @cache
 def channels() -> Mapping[str, str]:
-    """Return the channel that each measuring action at the bench records, by name of the action."""
+    """Return the channel that each measuring action at the bench records, keyed by action name."""
     return {name: each.channel for name, each in action_table().actions.items() if each.channel}
 
 
@@ -103,7 +103,7 @@ def preparation() -> tuple[str, ...]:
 
 @cache
 def repairs() -> Mapping[str, ActionSheet]:
-    """Return the actions that repair a fault, by name of the action."""
+    """Return the actions that repair a fault, keyed by action name."""
     return {name: each for name, each in action_table().actions.items() if each.mends}
 
 
@@ -144,6 +144,6 @@ def action_table() -> ActionTable:
 
 @cache
 def detectable() -> Mapping[str, FoundBy]:
-    """Return the data of each fault that a check at the bench can reveal, by name of the fault."""
+    """Return the data of each fault that a check at the bench can reveal, keyed by fault name."""
     detections = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
     return MappingProxyType(detections)

@@ -207,9 +207,9 @@ class StoredDay:
 
 
 def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
-    """Carry out an action and return its event, with the price and any remarks.
+    """Carry out an action and return its event, with the time it takes [s] and any remarks.
 
-    The price is the time that the action takes [s]. `day` does not change, and no file is written.
+    `day` does not change, and no file is written.
     Raises `InputError` if the action is refused.
     """
     price = decide(day, action)

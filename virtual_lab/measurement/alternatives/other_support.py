@@ -32,7 +32,7 @@ def other_support(
     """Return r, e and BPF of one bat for the support that the procedure does not name.
 
     `OtherSupport.which` is "free" if the procedure names "pivoted", otherwise "pivoted". The
-    collision efficiency is the measured one. Each result is a number without unit, the mean over
+    collision efficiency is the measured one. Each result is dimensionless, the mean over
     the hits of `outcome` with its weights; without such hits it is 0.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"

@@ -90,7 +90,7 @@ def reduce_film(
 def frames_u(
     x: Constants, stage: str, sightings: Sightings, results: CameraResults
 ) -> dict[str, Array]:
-    """Return the standard uncertainty of each of the `results` caused by the frames, (shot,).
+    """Return the standard uncertainty of each result, due to errors in single frames, (shot,).
 
     Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
     frames. Their correlation depends on the unknown spin, so the least favourable spin is assumed.

@@ -264,12 +264,12 @@ class Slowing(NamedTuple):
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
-    """Return the observed change of the pendulum's period over the change expected from amplitudes.
+    """Return the observed over the predicted change of the pendulum's period.
 
     The period grows with the square of the amplitude, so it shortens as the swing decays. The size
-    of this change depends on the true amplitude. The ratio is 1 for correct readings of the
-    amplitude, and NaN if the amplitude does not decay. Return None if a release has fewer than four
-    swings.
+    of this change is predicted from the measured amplitudes. The ratio is 1 for correct readings of
+    the amplitude, and NaN if the amplitude does not decay. Return None if any release has fewer
+    than four swings.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
     counted = counted_releases(odd_swings(times))

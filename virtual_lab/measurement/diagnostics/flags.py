@@ -92,7 +92,7 @@ class Checked:
 
     @property
     def voids(self) -> Mapping[str, Mask]:
-        """Mask of the laboratories in which a check rules out a verdict, by name of the check."""
+        """Mask of the laboratories in which a check rules out a verdict, keyed by check name."""
         return {
             name: np.logical_or.reduce([each.voids for each in answers])
             for name, answers in zip(CHECKS, self.answers, strict=True)
@@ -101,7 +101,7 @@ class Checked:
 
     @property
     def flagged(self) -> Mapping[str, Mask]:
-        """Mask of the laboratories in which a check raises a flag, by name of the check."""
+        """Mask of the laboratories in which a check raises a flag, keyed by check name."""
         return {
             name: np.logical_or.reduce([each.where for each in answers])
             for name, answers in zip(CHECKS, self.answers, strict=True)

@@ -139,12 +139,13 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons per encoder of rates from half of the record and from the whole record.
+    """Yield two comparisons per encoder: the rate fitted to the half of a record nearest contact.
 
-    The half is the part nearest contact. The first comparison is for the mean over the shots, the
-    second for the worst shot of each laboratory. Both differences are in the unit of the metric:
-    the difference of the rates times the effect of the rate on the result. Nothing is yielded for
-    an encoder that the rig does not have, that keeps no record, or that does not affect the result.
+    It is compared with the rate fitted to the whole record. The first comparison is for the mean
+    over the shots, the second for the worst shot of each laboratory. Both differences are in the
+    unit of the metric: the difference of the rates times the sensitivity of the result to the rate.
+    Nothing is yielded for an encoder that the rig does not have, that keeps no record, or that does
+    not affect the result.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)

@@ -54,7 +54,7 @@ def judge(
     percussion: float,
     turn_rate: float,
 ) -> Judgement:
-    """Return the reason of rejection of each shot, (shot,), empty for a valid hit.
+    """Return the reason each shot was rejected, (shot,), empty for a valid hit.
 
     Only the first violated window is named. `percussion` is the distance of the centre of
     percussion from the barrel tip [m], and `turn_rate` the angular speed [rad/s] that the procedure

@@ -46,7 +46,7 @@ class EnergyFractions(NamedTuple):
 
 
 def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
-    """Return e_A = (v_f - v_bat) / (v_ball + v_bat), a number without unit. Eq. (2).
+    """Return e_A = (v_f - v_bat) / (v_ball + v_bat), dimensionless. Eq. (2).
 
     The speeds [m/s] are those at the impact: the ball toward the bat, the bat toward the ball, and
     the batted ball away from the bat, each positive. The arguments broadcast, and NaN gives NaN.
@@ -60,27 +60,27 @@ def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
 
 
 def besr(e_A: Floats) -> Floats:
-    """Return the ball exit speed ratio e_A + 1/2, a number without unit. Eq. (4)."""
+    """Return the ball exit speed ratio e_A + 1/2, dimensionless. Eq. (4)."""
     return e_A + 0.5
 
 
 def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
-    """Return the bat performance factor e / e0, a number without unit. Eq. (5)."""
+    """Return the bat performance factor e / e0, dimensionless. Eq. (5)."""
     return e / e0
 
 
 def restitution_from_efficiency(e_A: Floats, r: Floats) -> Floats:
-    """Return e = e_A (1 + r) + r, without unit, from e_A and recoil factor. Eq. (6)."""
+    """Return e = e_A (1 + r) + r, dimensionless, from e_A and recoil factor. Eq. (6)."""
     return e_A * (1 + r) + r
 
 
 def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
-    """Return e_A = (e - r) / (1 + r), without unit, from e and recoil factor. Eq. (6)."""
+    """Return e_A = (e - r) / (1 + r), dimensionless, from e and recoil factor. Eq. (6)."""
     return (e - r) / (1 + r)
 
 
 def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
-    """Return r, without unit: mass of the ball [kg] times 1/M_eff of the bat [1/kg]. Eq. (7)."""
+    """Return r, dimensionless: mass of the ball [kg] times 1/M_eff of the bat [1/kg]. Eq. (7)."""
     return m * inverse_M_eff
 
 
@@ -103,7 +103,7 @@ def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
 
 
 def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
-    """Return the recoil factor r of a free bat, without unit. Eqs. (7), (8).
+    """Return the recoil factor r of a free bat, dimensionless. Eqs. (7), (8).
 
     `m` and `M` are the masses of ball and bat [kg], `I_cm` is the bat's moment of inertia about its
     centre of mass [kg m²], and `d` the distance of the impact from there [m].
@@ -112,7 +112,7 @@ def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
 
 
 def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
-    """Return the recoil factor r of a pivoted bat, without unit. Eqs. (7), (9).
+    """Return the recoil factor r of a pivoted bat, dimensionless. Eqs. (7), (9).
 
     `m` is the mass of the ball [kg], `I_p` the bat's moment of inertia about the pivot [kg m²], and
     `b` the distance of the impact from the pivot [m].
@@ -168,12 +168,12 @@ def rebound_speed_from_recoil(
     return I_p * omega / (m * b) - v_ball
 
 
-def struck_place(aimed: Floats, aim: Floats, along: Floats) -> Floats:
+def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    It is `aimed` + `aim` - `along`, all in metres. `aim` is the distance, along the bat, of the
-    line of fire from its nominal line. The estimate `along` of this distance is already included in
-    `aimed`, so it is subtracted.
+    It is `aimed` + `aim` - `along`, all in metres. `aimed` is the planned impact position. `aim` is
+    the offset, along the bat, of the line of fire from its nominal line. `along` is an estimate of
+    this offset that `aimed` already includes, so it is subtracted.
     """
     return aimed + aim - along
 
@@ -192,7 +192,7 @@ def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
 def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
     """Return e_A of a head-on hit from e_A of a hit off the bat's axis, which is always lower.
 
-    `sine_square` is sin² of the contact angle. All numbers are without unit.
+    `sine_square` is sin² of the contact angle. All numbers are dimensionless.
     """
     return (e_A + sine_square) / (1 - sine_square)
 
@@ -214,7 +214,7 @@ def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
     """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
-    All are numbers without unit, and NaN gives NaN. The energy is shared between an elastic shell
+    All are dimensionless, and NaN gives NaN. The energy is shared between an elastic shell
     and a lossy ball, with the ratio R = shell/ball of their stiffnesses: ``e^2 = (e0^2 R + 1)/(R +
     1)``. R therefore follows from e and e0. If e is not above e0, the shell has no measurable
     elasticity, and e is proportional to e0 as for a rigid shell.
@@ -275,7 +275,7 @@ def reduce_shot(
     # The line of fire passes the axis at the distance `abreast`. A bat that is not square to this
     # line is struck farther from the axis.
     axis = length - rig_pivot
-    struck = struck_place(aimed, aim, along)
+    struck = impact_position(aimed, aim, along)
     abreast = axis - struck
     b = abreast / cosine
     v_ball, v_bat, omega = v_in * cosine, b * swing_rate, encoder * counts

@@ -113,8 +113,8 @@ def empty_rates(shots: int) -> RateFit:
 def summed_up(record: RateRecord) -> RateFit:
     """Return the rates that the encoder's own recorder computed [counts/s], (shot,).
 
-    The fields about the record and its fit are NaN, because the recorder does not store them, and
-    there are no vibrations (rings).
+    The fields about the record and its fit are NaN, because the recorder does not store them. No
+    vibration (ring) is reported.
     """
     return replace(
         empty_rates(len(record.rate)),

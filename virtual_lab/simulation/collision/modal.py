@@ -171,7 +171,7 @@ def energy_split(
     losses: Array,
     energy: Array,
 ) -> EnergySplit:
-    """Return the shares of the ball's initial energy at separation, each (n,), without unit.
+    """Return the shares of the ball's initial energy at separation, each (n,), dimensionless.
 
     `displacements` and `velocities` are the modal state, (n, N) [kg^1/2 m, kg^1/2 m/s], and `e_A`
     is (n,). `losses` is the energy lost in the ball, and `energy` the initial one, both (n,) [J].

@@ -41,10 +41,10 @@ def write_edges(
     Parameters
     ----------
     records
-        Errors of the times on input, recorded times in whole ticks on output,
-        (shot, direction, board, 2 beam + edge) [s].
+        Errors of the times on input, recorded times rounded to clock ticks on output [s],
+        (shot, direction, board, 2 beam + edge).
     flights, start
-        Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
+        Trajectory parameters of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
         Whether the ball rebounds.
     boards
@@ -99,7 +99,7 @@ def sum_up(
         Standard normal numbers on input, recorded times [s] and heights [m] on output,
         (2, board, shot).
     flights, start
-        Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
+        Trajectory parameters of `Passage.way`, (5, shot), and times at the target [s], (shot,).
     out
         Whether the ball rebounds.
     boards

@@ -14,7 +14,7 @@ from virtual_lab.units import Array
 def loss_of_restitution(
     ageing: BallAgeing, ball: NDArray[np.int_], speed: Array, rest: float
 ) -> Array:
-    """Return the loss of e0 before each hit, without unit, caused by earlier hits on the ball.
+    """Return the loss of e0 before each hit, dimensionless, caused by earlier hits on the ball.
 
     The result is (shot,), and 0 at the first hit of a ball. The hits are in the order of time.
     `ball` holds the number of the ball of each hit and `speed` its speed [m/s], both (shot,).

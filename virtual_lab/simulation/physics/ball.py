@@ -39,7 +39,7 @@ class WallContact(NamedTuple):
 
 
 def unloading_exponent(exponent: Array, restitution: Array) -> Array:
-    """Return the unloading exponent b = (a + 1) / e0² - 1 of a ball, without unit.
+    """Return the unloading exponent b = (a + 1) / e0² - 1 of a ball, dimensionless.
 
     `exponent` is the loading exponent a, and `restitution` is e0. The arguments broadcast.
     """

@@ -64,7 +64,7 @@ LAWS = (
 PANELS = {
     "restitution": "$e$",
     "batted_speed_mph": "$v_f$, mph",
-}  # axis labels by name of the curve
+}  # axis labels keyed by curve name
 LINES = {"power law": ("-", "black"), "Hunt-Crossley": ("--", "0.5")}  # style and colour by law
 MARKERS = {1.0: "o", 1.5: "s", 2.0: "^"}  # markers of the peaks by exponent
 

@@ -159,9 +159,9 @@ def swing_text(exponent: float | None) -> str:
 
 
 def balls_text(balls: Mapping[str, str]) -> str:
-    """Return a text on the ball that hits each bat; `balls` are names of balls by name of the bat.
+    """Return the text that names the ball used with each bat.
 
-    If all balls are the same, the ball is named once.
+    `balls` maps the name of a bat to that of its ball. A ball that hits all bats is named once.
     """
     if len(set(balls.values())) == 1:
         return f"struck by {next(iter(balls.values()))}"
@@ -173,7 +173,7 @@ def comparison_text(
 ) -> str:
     """Return two tables as text: peaks of several bats, and differences from the first bat.
 
-    `balls` are names of balls by name of the bat. `differences` must not be empty.
+    `balls` maps the name of a bat to that of its ball. `differences` must not be empty.
     """
     swung = {"swing_exponent": Column("swing", form=lambda row: swing_text(row.swing_exponent))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS

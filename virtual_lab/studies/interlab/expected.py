@@ -58,10 +58,10 @@ def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of the stored table from the terms of studies, one per bat and procedure.
+    """Return the rows of the stored table from the variance terms of interlaboratory studies.
 
-    For a procedure that converts to a standard ball, the converted result is used. Raises
-    `ValueError` for a study in which no factor was simulated alone.
+    There is one row per bat and procedure. For a procedure that converts to a standard ball, the
+    converted result is used. Raises `ValueError` for a study without single-factor simulations.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:

@@ -57,7 +57,7 @@ class Play:
             yield RoundRobin.with_common_model(setup)
 
     def alone(self, factors: Sequence[str]) -> dict[str, float]:
-        """Return the standard deviation [SI] that `factors` alone cause, by name of the result.
+        """Return the standard deviation [SI] that `factors` alone cause, keyed by result name.
 
         Laboratories without a result are left out.
         """
@@ -68,7 +68,7 @@ class Play:
         return {name: float(np.nanstd(values[0], ddof=1)) for name, values in results.items()}
 
     def exercises(self, first_test: int = 1) -> dict[str, Array]:
-        """Return values and stated u, by name of the result.
+        """Return values and stated u, keyed by result name.
 
         The shape is (2, exercise, laboratory, lot, repeat) [SI]. Values are NaN if a test is
         INVALID. The first test of each laboratory has the number `first_test`.

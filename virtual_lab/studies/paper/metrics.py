@@ -345,7 +345,7 @@ def recoils_at_percussion() -> float:
 
 
 def pivot_speed() -> float:
-    """Return the speed of the pivot point over that of the struck point, just after a hit.
+    """Return the ratio of the speeds of the pivot point and the impact point, just after a hit.
 
     R161 is free and rigid, and is hit at its centre of percussion for a pivot 6 in from the knob.
     This point then stays at rest, so the ratio is 0 up to rounding. It may be negative.

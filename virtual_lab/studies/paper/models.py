@@ -59,8 +59,8 @@ def modes_left_out(count: int) -> float:
     return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
 
-def highest_of(count: int) -> float:
-    """Return the frequency [kHz] of bending mode number `count` of the free bat R161.
+def bending_frequency(count: int) -> float:
+    """Return the frequency [kHz] of bending mode `count` of the free bat R161.
 
     Mode 1 is the lowest.
     """
@@ -211,7 +211,7 @@ def constant_power_exponent() -> float:
     return 1 / 3 - 0.3
 
 
-def speed_of_swing() -> float:
+def swing_speed() -> float:
     """Return the bat speed 27 in from the axis at 45 rad/s [mph]."""
     return 45 * 27 * INCH / MPH
 
@@ -242,5 +242,5 @@ def angular_speed() -> float:
 
 
 def reference_inertia() -> float:
-    """Return the moment of inertia of a bat that has the game's angular speed [oz in^2]."""
+    """Return the moment of inertia at which a bat swings at the game's angular speed [oz in^2]."""
     return game().reference_inertia / OZ_IN2

@@ -36,7 +36,7 @@ class PlannedLaboratory:
     shared: RoundRobin
     seed: int
     workers: int
-    exchanges: Mapping[str, Sheet]  # new sheet by name of the instrument
+    exchanges: Mapping[str, Sheet]  # new sheet keyed by instrument name
     forecast: Forecast
 
     @classmethod

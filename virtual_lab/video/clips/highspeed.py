@@ -33,8 +33,8 @@ def cine(path: Path) -> Source:
     """Read a Phantom .cine file, with its time stamps and exposure time.
 
     The pictures must be grayscale of 8, 10 or 12 bits, stored in 8 or 16 bits or packed as P10 or
-    P12L. A raw color file is read as its gray mosaic. Raises `InputError` if the header cannot be
-    read, and while the pictures are read if one of them cannot be.
+    P12L. A raw color file is read as its unconverted mosaic, in gray. Raises `InputError` if the
+    header cannot be read, or later, while pictures are read, if one of them cannot be read.
     """
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _library_errors(path, ".cine"):

@@ -48,14 +48,15 @@ def watch(
     tripod: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
-    """Find the moving blobs of a clip, in some frames and in a region of the still frame.
+    """Find the moving blobs of a clip, in some frames and in a region of the stabilized frame.
 
     Parameters
     ----------
     frames
         Numbers of the first and the last frame, counted from 0; all by default.
     region
-        x and y of its upper left corner, width, height [pixels]; the whole frame by default.
+        x and y of the region's upper left corner, its width and height [pixels]; the whole frame by
+        default.
     tripod
         Whether the camera is known to stand still.
     progress

@@ -29,9 +29,9 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 def course_of(track: FollowedClip) -> Places:
     """Return the course of a ball, one record per position, in the order of frames.
 
-    The positions are the sharp positions if there are any, otherwise those of the flights,
-    otherwise those of all pieces of motion. If there are none, the result has up to 12 evenly
-    spaced frames of the clip, with positions NaN.
+    The positions are the refined (sharp) positions if there are any, otherwise those of the
+    flights, otherwise those of all track fragments. If there are none, the result has up to 12
+    evenly spaced frames of the clip, with positions NaN.
     """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
     values: dict[str, Any]
