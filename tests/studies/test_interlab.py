@@ -174,7 +174,7 @@ def test_a_scatter_is_compared_with_that_of_the_study() -> None:
 def test_a_study_with_one_lot_is_summarised_without_a_scatter_of_lots() -> None:
     common = {"bat": "r161", "procedure": "bbcor", "result": "as found"}
     found = {"s_r": 0.003, "s_L": 0.004, "s_R": 0.005, "lot": 0.0035, "wall": 0.001}
-    (row,) = summarise(common | {"term": term, "found": str(sd)} for term, sd in found.items())
+    (row,) = summarise(common | {"term": term, "simulated": str(sd)} for term, sd in found.items())
     assert (row["lots"], row["cause"]) == (None, "lot")
     said = ExpectedScatter(**row).explain(0.005, 5)
     assert "repeats 0.003, laboratories 0.004; largest cause: lot" in said
