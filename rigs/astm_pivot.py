@@ -39,7 +39,7 @@ from virtual_lab.simulation.stations.rig import MotionRung, RigOutput, ShotPlan,
 from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.units import Array
 
-GAP = 2.3e-3  # time after contact that a recorder of sums leaves out, due to the impact [s]
+GAP = 2.3e-3  # time after contact left out of summary values, because of the impact [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

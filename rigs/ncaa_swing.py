@@ -30,7 +30,7 @@ from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, S
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
 
-GAP = 1e-3  # time before contact that a recorder of sums leaves out; contact may be early [s]
+GAP = 1e-3  # time before contact left out of summary values; contact may be early [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

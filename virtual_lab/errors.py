@@ -43,8 +43,8 @@ def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
     """Suppress an error in the context, and append `form` and the reason to `missing`.
 
     `form` is the name of the file that is made in the context. Panics of Typst, which are not
-    derived from `Exception`, are suppressed too. `KeyboardInterrupt` and `SystemExit` are raised
-    again.
+    derived from `Exception`, are suppressed too. `KeyboardInterrupt` and `SystemExit` are
+    re-raised.
     """
     try:
         yield

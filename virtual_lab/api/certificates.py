@@ -384,7 +384,7 @@ def certify(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     rig
         Rig to use instead of that of the procedure; it must write the records that the procedure
         needs.
@@ -452,8 +452,8 @@ def certify(
     uncertainty
         Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
     progress
-        Function that is called with a text that names the present task. By default the progress is
-        shown on stderr.
+        Function that is called with a message that names the current task. By default the progress
+        is shown on stderr.
 
     Raises
     ------
@@ -626,8 +626,8 @@ def sweep(
 ) -> pd.DataFrame:
     """Test bats by procedures in many laboratories; the table has one row per test.
 
-    By default every laboratory tests the nominal bat, and the instruments record sums instead of
-    every gate edge and encoder count, so that a test takes little time.
+    By default every laboratory tests the nominal bat, and the instruments record summary values
+    instead of every gate edge and encoder count, so that a test takes little time.
 
     Parameters
     ----------
@@ -663,9 +663,9 @@ def sweep(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of tests done, and the total. By default
+        Function that is called with a message, the number of tests done, and the total. By default
         the progress is shown on stderr.
 
     Returns

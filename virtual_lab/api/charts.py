@@ -26,10 +26,10 @@ def chart(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the present task. By default the progress is
-        shown on stderr.
+        Function that is called with a message that names the current task. By default the progress
+        is shown on stderr.
 
     Raises
     ------
@@ -54,10 +54,10 @@ def stability(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the present task. By default the progress is
-        shown on stderr.
+        Function that is called with a message that names the current task. By default the progress
+        is shown on stderr.
 
     Raises
     ------

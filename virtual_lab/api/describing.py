@@ -71,7 +71,7 @@ class ParameterDescription:
 
 @dataclass(frozen=True)
 class Description:
-    """A public function: its docstring and its parameters by name."""
+    """A public function: its docstring and its parameters keyed by name."""
 
     doc: str
     parameters: Mapping[str, ParameterDescription]
@@ -99,7 +99,7 @@ class Description:
 
 @cache
 def describe(module: str, name: str) -> Description:
-    """Return the description of a function of a module, read from its text without an import.
+    """Return the description of a function of a module, parsed from source without an import.
 
     Raises `ValueError` if there is no such function or no docstring.
     """

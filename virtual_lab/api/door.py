@@ -79,7 +79,7 @@ def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, seale
 def _bound(
     name: str, description: Description, positional: Sequence[Any], named: Mapping[str, Any]
 ) -> inspect.BoundArguments:
-    """Return the arguments of a call by name. Raises `InputError` for missing or unknown ones."""
+    """Return a call's arguments, keyed by name. Raises `InputError` for missing or unknown ones."""
     parameters = description.parameters
     for key in named:
         if key not in parameters:

@@ -163,7 +163,7 @@ class Campaign:
         return range(self.blocks * (number - 1) // many, self.blocks * number // many)
 
     def layout(self, block: Block) -> PartColumns:
-        """Return the columns of the part of a block: type and unit by name."""
+        """Return the columns of the part of a block: type and unit keyed by name."""
         layout = self.layouts[block.case.procedure]
         return {name: (type_, unit) for name, (type_, unit) in layout.items()}
 
@@ -205,7 +205,7 @@ class Campaign:
     def states(self, numbers: range, *, whole: bool = False) -> Iterator[Part]:
         """Yield the parts of a range of blocks, including parts without a file.
 
-        Raises `InputError` as `numbers_there` does.
+        Raises `InputError` in the same cases as `numbers_there`.
         """
         present = set(self.numbers_there())
         for number in numbers:
@@ -232,8 +232,8 @@ class Campaign:
     def summary(self) -> Rows[dict[str, Any]]:
         """Return verdicts, means, errors and coverage of the tests [SI].
 
-        The table has one row per combination of bat, procedure and changed settings.
-        Raises `InputError` as `states` does.
+        The table has one row per combination of bat, procedure and changed settings. Raises
+        `InputError` in the same cases as `states`.
         """
         numbers = range(self.blocks)
         cases = groupby(self.states(numbers, whole=True), key=lambda part: part.block.case)

@@ -49,7 +49,7 @@ NOT_MADE = "not made"
 LONGEST_REASON = 100  # length of the reason why a part is faulty [characters]
 CONTRIBUTION = "contribution."  # prefix of the columns of the sources of uncertainty
 Columns = dict[tuple[str, str], NDArray[Any]]  # values, (laboratory,), by name and unit
-PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns, by name
+PartColumns = Mapping[str, tuple[str, str]]  # type and unit of a part's columns, keyed by name
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,10 +247,10 @@ class Part:
 
 
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
-    """Return the part in a file after a check of its footer, or of all of it if `whole`.
+    """Return the part in a file after checking its footer, or the whole file if `whole`.
 
-    If the file is missing, changed, unreadable or of other tests, the part has a fault; no error is
-    raised. The part contains the content of the file only if `whole`.
+    If the file is missing, changed or unreadable, or belongs to different tests, the part has a
+    fault; no error is raised. The part contains the content of the file only if `whole`.
     """
     import pyarrow as pa
 

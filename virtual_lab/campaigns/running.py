@@ -58,9 +58,9 @@ def campaign(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of tests done, and the total. While a new
+        Function that is called with a message, the number of tests done, and the total. While a new
         campaign is prepared, cases and columns are counted instead. By default the progress is
         shown on stderr.
 

@@ -49,7 +49,7 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
     """Return the certificate in a result folder, and the certification computed from its records.
 
     Raises `InputError` if the folder has no certificate or no usable records, or if the records
-    give another certificate. If another version of the program made the certificate, only its
+    yield a different certificate. If another version of the program made the certificate, only its
     result and the values copied from the records must agree.
     """
     stated = read_document(folder / CERTIFICATE)

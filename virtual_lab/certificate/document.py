@@ -585,7 +585,7 @@ class CertificateDocument(Spec):
     flags: tuple[FlagRaised, ...]
     """Contradictions in the records."""
     not_checked: tuple[str, ...] = ()
-    """Checks that the records do not allow, because a recorder keeps only sums."""
+    """Checks that the records do not allow, because a recorder keeps only summary values."""
     incomplete: str
     """Reason why the test gave no result; empty: it gave one."""
     reasons: tuple[str, ...]
@@ -619,7 +619,7 @@ class CertificateDocument(Spec):
     simulation: SimulationStated | None
     """The simulation; null: supplied records."""
     versions: dict[str, str]
-    """Versions of the program and its libraries, by name."""
+    """Versions of the program and its libraries, keyed by name."""
     session_digest: str | None = None
     """SHA-256 of session.json, which states the digests of all records; null: no such file."""
     commit: CommitStated | None = None
@@ -635,7 +635,7 @@ class CertificateDocument(Spec):
 
     @property
     def quantities(self) -> dict[str, Stated]:
-        """The quantities other than the metric, by name."""
+        """The quantities other than the metric, keyed by name."""
         by_name = {name: getattr(self, name) for name in OPTIONAL}
         return {name: stated for name, stated in by_name.items() if stated is not None}
 

@@ -20,7 +20,7 @@ X_LABEL_HEIGHT = 32.0  # height of the labels below the axes [pt]
 
 
 def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
-    """Return the seven figures of a certificate by name, as SVG elements.
+    """Return the seven figures of a certificate keyed by name, as SVG elements.
 
     A figure for which the certificate has no data is None.
     """
@@ -102,7 +102,7 @@ def along_figure(document: CertificateDocument) -> str:
 
 
 def budget_figure(document: CertificateDocument) -> str:
-    """Return an SVG bar chart of the share of each budget component in the metric's variance [%].
+    """Return an SVG bar chart of each budget component's share of the variance of the metric [%].
 
     The document must have a printed budget.
     """
@@ -257,7 +257,7 @@ def swings_figure(document: CertificateDocument) -> str:
 def encoder_figure(trace: EncoderTrace) -> str:
     """Return the encoder's record of one shot as SVG: angle [deg] of rotation and vibration.
 
-    Both are drawn over the time after contact [ms], with their fits.
+    Both are plotted against the time after contact [ms], with their fits.
     """
     middle, bottom = (LEFT + RIGHT) / 2, 140 - X_LABEL_HEIGHT
     turn, ring = trace.turn, trace.ring

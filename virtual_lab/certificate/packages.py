@@ -44,7 +44,7 @@ def descriptors(
     document, session
         Certificate and session of the test.
     shots
-        Columns of ``readings.csv`` by name, each of shape (shot,).
+        Columns of ``readings.csv`` keyed by name, each of shape (shot,).
     folder
         The result folder, which holds all other files.
     """

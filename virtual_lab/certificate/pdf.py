@@ -53,8 +53,8 @@ def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
     """Return the certificate as a PDF file, for paper ``a4`` or ``letter``.
 
     Characters that no font of Typst has are printed as code points, and a logo that Typst cannot
-    draw is left out. The certificate then states this. Raises `InputError` as `require_pdf` does,
-    or if Typst fails.
+    draw is left out. The certificate then states this. Raises `InputError` in the same cases as
+    `require_pdf`, or if Typst fails.
     """
     require_paper(paper)
     typst = _typst()
@@ -89,7 +89,7 @@ def typeset(
     view
         Values of the template, which are passed as JSON.
     others
-        Further inputs of the template, by name.
+        Further inputs of the template, keyed by name.
     standards
         Names of the PDF standards to meet, such as ``ua-1``.
     """
@@ -138,7 +138,7 @@ def source_of_pdf() -> bytes:
 
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
-    """Return the inputs of the template by name, for a document whose characters all have glyphs.
+    """Return the template's inputs, keyed by name, for a document whose characters all have glyphs.
 
     `paper` is ``a4`` or ``letter``.
     """

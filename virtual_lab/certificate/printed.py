@@ -83,7 +83,7 @@ VERDICTS = {
 
 
 def printed_values(document: CertificateDocument) -> dict[str, Any]:
-    """Return everything that a certificate prints, by name.
+    """Return everything that a certificate prints, keyed by name.
 
     The type of a value depends on its kind:
 
@@ -271,7 +271,7 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 
 
 def printed_result(document: CertificateDocument) -> dict[str, object]:
-    """Return verdict, result, limit and number of hits in printed units, by name.
+    """Return verdict, result, limit and number of hits in printed units, keyed by name.
 
     The values are texts, except for the bools `stated`, `decides` and `uncertain`. Without a
     result, for example of an INVALID test, `stated` is False, and the dictionary has neither
@@ -524,11 +524,11 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 
 
 def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the budget as rows of texts.
+    """Return the budget as rows of strings.
 
-    Each component with at least 1 % of the variance has a row; a last row sums up the others. A row
-    holds a description, u of the input, type, contribution to u in the printed unit of the metric,
-    and share [%]. The list is empty without a result, without a budget, or if u is 0.
+    Each component with at least 1 % of the variance has a row, and a last row combines the others.
+    A row holds a description, u of the input, type, contribution to u in the printed unit of the
+    metric, and share [%]. The list is empty without a result, without a budget, or if u is 0.
     """
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si

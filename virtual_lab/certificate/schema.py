@@ -39,7 +39,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def document_classes(kind: Any) -> dict[str, type]:
-    """Return the dataclasses that occur in a type, and in their fields, by name.
+    """Return the dataclasses that occur in a type, and in their fields, keyed by name.
 
     The result is empty for a type without one.
     """

@@ -33,7 +33,7 @@ def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
 
 
 def shot_units(columns: Mapping[str, ArrayLike]) -> dict[str, str]:
-    """Return the units of the columns of `shots_as_columns`, by name.
+    """Return the units of the columns of `shots_as_columns`, keyed by name.
 
     The unit is "1" for pure numbers, and empty for texts, truth values and whole numbers.
     """

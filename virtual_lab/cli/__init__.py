@@ -71,7 +71,7 @@ def _leave(code: int, message: str) -> None:
 @click.command("completion")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
-    """Print the completion script for a SHELL. The start-up file of the shell must source it."""
+    """Print the completion script for a SHELL. Source it from the shell's startup file."""
     from click.shell_completion import get_completion_class
 
     script = get_completion_class(shell)

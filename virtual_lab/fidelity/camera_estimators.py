@@ -65,8 +65,8 @@ class Picture:
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     """Return an estimator that applies `place` to one picture at a time.
 
-    `place` returns a position [px from the corner of the region] or None. If it is None, or more
-    than a radius from the start, the result is NaN with a flag.
+    `place` returns a position [px from the corner of the region] or None. If it is None, or farther
+    from the initial position of the ball than the ball's radius, the result is NaN with a flag.
     """
 
     def estimator(inputs: EstimatorInput) -> Located:

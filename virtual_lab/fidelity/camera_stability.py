@@ -92,9 +92,9 @@ def picture_cells(
     Parameters
     ----------
     progress
-        Function that is called with a text, the name of the axis.
+        Function that is called with a message, the name of the axis.
     axes
-        For each map, by name: the field of `Case` that varies, and its values.
+        For each map, keyed by name: the field of `Case` that varies, and its values.
     balls
         Cases keyed by ball name, in which this field is changed.
     """

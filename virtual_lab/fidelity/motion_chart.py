@@ -88,7 +88,7 @@ def motion_chart(
     Parameters
     ----------
     progress
-        Function that is called with a text that names the present task.
+        Function that is called with a message that names the current task.
     steps, losses
         Steps for the hits, and for the energy loss of a rotating bat [s].
     batch

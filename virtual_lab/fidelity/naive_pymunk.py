@@ -96,7 +96,7 @@ def rod_scene(
     Parameters
     ----------
     start
-        State variables [SI] that are not zero, by name.
+        State variables [SI] that are not zero, keyed by name.
     speed
         Speed of the ball [m/s].
     step

@@ -332,7 +332,7 @@ def column_meaning(name: str) -> ColumnMeaning | None:
 
 
 def units_of(columns: Iterable[str]) -> dict[str, str]:
-    """Return the units of the columns that are in the dictionary, by name."""
+    """Return the units of the columns that are in the dictionary, keyed by name."""
     known = {name: column_meaning(name) for name in columns}
     return {name: each.unit for name, each in known.items() if each}
 

@@ -232,7 +232,7 @@ def parse_table(
 
 
 def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of a CSV file of numbers by name; an empty cell is NaN.
+    """Return the columns of a CSV file of numbers keyed by name; an empty cell is NaN.
 
     If the file has a fault or contains cells that are not numbers, it is read by `parse_table`,
     which loads pandas, with the same results and errors.

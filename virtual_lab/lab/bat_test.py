@@ -36,7 +36,7 @@ class BlockTest:
 
     laboratories: Laboratory
     certified: Certifications
-    measurands: Mapping[str, Array]  # ``metric`` and the quantities by name, (laboratory,)
+    measurands: Mapping[str, Array]  # ``metric`` and the quantities keyed by name, (laboratory,)
     bench: Mapping[str, Array]  # true properties of the bats
     wall: Mapping[str, Array]  # true values of the hits on the wall, (hit,)
     shots: Mapping[str, Array]  # true values of the shots at the bat, (shot,)

@@ -22,7 +22,7 @@ CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above a
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
     """Return the test of a bat by a procedure in one laboratory, with its certification and truth.
 
-    Raises `InputError` as `certify_block` does.
+    Raises `InputError` in the same cases as `certify_block`.
     """
     return certify_block(setup, progress).of(0)
 

@@ -217,7 +217,7 @@ def constant_name(stage: Stage, name: str) -> str:
 
 
 def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
-    """Return the constants of a lot that are known before its balls are measured, by name [SI].
+    """Return the constants of a lot known before its balls are measured, keyed by name [SI].
 
     They are ``ball.radius`` and ``ball.restitution_slope``, the slope of e0 over speed [s/m].
     """

@@ -34,13 +34,13 @@ def measurands(
     weights: Array,
     control: float = 1.0,
 ) -> dict[str, Array]:
-    """Return the true ``metric`` and the true quantities of the tests by name, (laboratory,) [SI].
+    """Return the true ``metric`` and other true quantities, keyed by name, (laboratory,) [SI].
 
     The other quantities refer to the impact position on the certificate, so they are averaged with
     the `weights` of its hits, (shot,). For a scan, the result also holds the metric at the maximum
-    of the continuous curve, and the width of this curve [m] if the procedure requires one.
-    `control` is the true ratio of e of the control bat to its known e. Values are NaN for a test
-    without a result.
+    of the continuous curve. If the procedure states a `width_drop`, it also holds the width of the
+    curve of the metric [m] at this drop below that maximum. `control` is the true ratio of e of the
+    control bat to its known e. Values are NaN for a test without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories

@@ -38,8 +38,9 @@ def wall_plan(
     """Return the plan to fire every ball at the wall at each of the procedure's speeds, (shot,).
 
     Each speed [m/s] is fired `rules.wall_hits` times per ball. The shots are sorted by laboratory
-    and ball, and all positions are 0. `detail` states whether the instruments write every reading
-    or sums. `laboratories` is the shape of the block: (n,), or () for one laboratory.
+    and ball, and all positions are 0. `detail` states whether the instruments record every reading
+    or only summary values. `laboratories` is the shape of the block: (n,), or () for one
+    laboratory.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)

@@ -4,8 +4,9 @@
 
 The common parts (procedure, surrogate of the nominal bat's collision) are made once. The
 laboratories have the numbers 0, 1, … of one seed, as in ``certify --seed S --number n``. If the
-instruments write sums, laboratories are simulated side by side in blocks. A laboratory then takes a
-fraction of a millisecond for a nominal bat, and a twentieth of a second for an individual bat.
+instruments record only summary values, laboratories are simulated side by side in blocks. A
+laboratory then takes a fraction of a millisecond for a nominal bat, and a twentieth of a second for
+an individual bat.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from virtual_lab.simulation.stations.rig import find_rig, knows_blocks
 from virtual_lab.uncertainty.scatter import HitVariance
 
 Taken = TypeVar("Taken")
-BLOCK = 1024  # number of laboratories per block; more are a few per cent faster but need memory
+BLOCK = 1024  # number of laboratories per block; more are a few percent faster but need memory
 SCANS = 768  # number of laboratories per block for scans, which need more shots
 INDIVIDUALS = 32  # the same for individual bats, whose modes and splines need memory
 
@@ -53,9 +54,10 @@ class RoundRobin:
     def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
         """Return the round robin of a bat by a procedure.
 
-        With `summed` the instruments write sums, and all laboratories test the nominal bat with a
-        surrogate of its collision. With `individual`, or without `summed`, each laboratory has an
-        individual bat, whose modes must be computed. Raises `InputError` as `TestSetup.of` does.
+        With `summed` the instruments record only summary values, and all laboratories test the
+        nominal bat with a surrogate of its collision. With `individual`, or without `summed`, each
+        laboratory has an individual bat, whose modes must be computed. Raises `InputError` in the
+        same cases as `TestSetup.of`.
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
@@ -74,7 +76,7 @@ class RoundRobin:
         return cls(setup=replace(setup, collision=collision))
 
     def laboratory(self, seed: int, number: int = 0) -> Laboratory:
-        """Return the laboratory `number` of a seed. Raises `InputError` as `Laboratory.open`."""
+        """Return the laboratory `number` of a seed. Raises `InputError` like `Laboratory.open`."""
         return Laboratory.open(replace(self.setup, seed=seed, number=number))
 
     @property
@@ -96,8 +98,8 @@ class RoundRobin:
     def blocks(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BlockTest]:
         """Yield the tests of `laboratories` laboratories of a seed, in blocks.
 
-        If laboratories cannot be simulated side by side, each block has one. Raises `InputError` as
-        `certify_block` does.
+        If laboratories cannot be simulated side by side, each block has one. Raises `InputError` in
+        the same cases as `certify_block`.
         """
         numbers, setup = np.arange(first, first + laboratories), replace(self.setup, seed=seed)
         if not self.in_blocks:
@@ -128,8 +130,8 @@ class RoundRobin:
     ) -> Iterator[Taken]:
         """Yield the result of `take`, a module-level function, for each block in turn.
 
-        `processes` processes of this computer share the blocks. Raises `InputError` as `blocks`
-        does.
+        `processes` processes of this computer share the blocks. Raises `InputError` in the same
+        cases as `blocks`.
         """
         if processes < 1:
             raise InputError("", "workers", processes, "allowed: at least 1")

@@ -92,11 +92,11 @@ class TestSetup:
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
 
-        The parameters are those of `virtual_lab.certify`, except that `collision` is called `rung`
-        here. Bat or procedure may also be an entry that was already read. `detail` states whether
-        instruments write every reading or sums. Instruments of the `particulars` are added to those
-        of the rigs' data sheets, and replace instruments with the same name. Other fields of the
-        setup are set by `dataclasses.replace`.
+        The parameters are the same as for `virtual_lab.certify`, except that `collision` is called
+        `rung` here. Bat or procedure may also be an entry that was already read. `detail` states
+        whether instruments record every reading or only summary values. Instruments of the
+        `particulars` are added to those of the rigs' data sheets, and replace instruments with the
+        same name. Other fields of the setup are set by `dataclasses.replace`.
 
         Raises
         ------

@@ -31,7 +31,7 @@ class TrueCurve:
 
     @property
     def quantities(self) -> dict[str, Array]:
-        """The other quantities of a certificate, by name."""
+        """The other quantities of a certificate, keyed by name."""
         return {
             "bat_performance_factor": self.restitution / self.ball_restitution,
             "collision_efficiency": self.collision_efficiency,

@@ -31,7 +31,7 @@ class PageFigure(Figure):
         self.look = dict(look or {})
 
     def savefig(self, fname: Any, **options: Any) -> None:
-        """Write the figure into a file, as `matplotlib.figure.Figure.savefig`."""
+        """Write the figure into a file, like `matplotlib.figure.Figure.savefig`."""
         with style.context(self.look, after_reset=True):
             super().savefig(fname, **options)
 

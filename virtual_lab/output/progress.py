@@ -22,7 +22,7 @@ BAR, LINE = f"{{desc}} |{{bar}}| {COUNTED}", f"{{desc}}: {COUNTED}"  # formats o
 
 
 class Progress(Protocol):
-    """Callback for the present task and, if items are counted, the number done and the total."""
+    """Callback for the current task and, if items are counted, the number done and the total."""
 
     def __call__(self, text: str, done: int = 0, total: int = 0) -> None: ...
 
@@ -61,7 +61,7 @@ def show_progress(stream: TextIO | None = None) -> Iterator[Progress]:
 
 
 class _Status:
-    """The last message, and the start time of the present task."""
+    """The last message, and the start time of the current task."""
 
     def __init__(self) -> None:
         self.begun = self.since = time.monotonic()
@@ -73,7 +73,7 @@ class _Status:
         self.text, self.done, self.total = text, done, total
 
     def line(self, counted: str, width: int | None = None, *, plain: bool = False) -> str:
-        """Return the line of the present task.
+        """Return the line of the current task.
 
         `counted` is the format of tqdm for a task that is counted; any other shows its duration.
         A bar is as wide as `width` leaves room, and drawn in ASCII if `plain`.

@@ -96,7 +96,7 @@ class SessionBlock:
         )
 
     def known_to(self, laboratory: int) -> Mapping[str, Estimate]:
-        """Return the calibration constants of one laboratory by name."""
+        """Return the calibration constants of one laboratory keyed by name."""
         return _OfOne(self.calibration, laboratory)
 
 
@@ -106,7 +106,7 @@ def _stack(estimates: Mapping[str, Estimate]) -> dict[str, Estimates]:
 
 @dataclass(frozen=True, slots=True)
 class _OfOne(Mapping[str, Estimate]):
-    """The estimates of one laboratory, by name. Each is made when it is requested."""
+    """The estimates of one laboratory, keyed by name. Each is made when it is requested."""
 
     block: Mapping[str, Estimates]
     laboratory: int

@@ -300,7 +300,7 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
 
 @cache
 def record_types() -> Mapping[str, type[Record]]:
-    """Return the classes of all kinds of record by name: ours, and those of installed packages.
+    """Return the classes of all kinds of record, keyed by name: ours and those of other packages.
 
     A package adds a kind by an entry point in the group ``virtual_lab.records``. It cannot replace
     one of our kinds.

@@ -279,10 +279,11 @@ def read_particulars(
 def particulars_of(
     document: Mapping[str, Any], where: str, *, folder: Path | None = None
 ) -> Particulars:
-    """Return the particulars in a parsed document. Raises `InputError` as `read_particulars`.
+    """Return the particulars in a parsed document: laboratory, customer, bat and the like.
 
     `where` is the name of the document for error messages. With `folder`, the logo is the name of a
-    file in it. Otherwise the document contains the picture itself.
+    file in it. Otherwise the document contains the picture itself. Raises `InputError` in the same
+    cases as `read_particulars`.
     """
     table = document.get("laboratory")
     if folder is not None and isinstance(table, Mapping) and isinstance(table.get("logo"), str):

@@ -16,7 +16,7 @@ from virtual_lab.units import Array
 if TYPE_CHECKING:
     import pandas as pd
 
-    Table = pd.DataFrame | Mapping[str, NDArray[Any]]  # columns by name, of one length
+    Table = pd.DataFrame | Mapping[str, NDArray[Any]]  # columns keyed by name, of one length
 
 LARGEST = 1e18  # largest value that a recorder shows, so that products stay finite
 PAIRS = {"way": "in and back", "edge": "broke and cleared"}  # axes of length two
@@ -141,7 +141,7 @@ class Record:
         return pd.DataFrame(self.table_columns())
 
     def table_columns(self) -> dict[str, NDArray[Any]]:
-        """Return the columns of the record's file by name, (row,): indices, then values."""
+        """Return the columns of the record's file keyed by name, (row,): indices, then values."""
         sizes = self.sizes()
         index = np.indices(tuple(sizes.values())).reshape(len(sizes), -1)
         data: dict[str, Any] = dict(zip(sizes, index, strict=True))
@@ -162,7 +162,7 @@ class Record:
         return type(self)(**chosen)
 
     def join_attached(self, parts: list[Any]) -> dict[str, Any]:
-        """Return the joined arrays beside the tables of several rounds, by name."""
+        """Return the joined arrays beside the tables of several rounds, keyed by name."""
         return {}
 
     def orders(self) -> tuple[Order, ...]:

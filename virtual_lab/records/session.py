@@ -190,7 +190,7 @@ class ChannelEntry(Spec):
     sha256: str
     """SHA-256 of the file; in a simulated session, of the JSON text of its origin and the file."""
     attached: Mapping[str, str] = field(default_factory=dict)
-    """SHA-256 of each array beside the file, by name; the same JSON text precedes it."""
+    """SHA-256 of each array beside the file, keyed by name; the same JSON text precedes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,7 +250,7 @@ class SessionForm(Spec):
 
 
 def load_session(folder: Path) -> Session:
-    """Return the session in a folder, after a check of all files against their digests.
+    """Return the session in a folder, after checking all files against their digests.
 
     Raises `InputError`, which names file and key, for a missing, damaged, changed or unlisted file,
     and for a value that is not allowed.

@@ -41,7 +41,7 @@ def distort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
 def undistort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
     """Return the points in the plane z = 1 whose distorted positions are `points`, (…, 2).
 
-    The method is fixed-point iteration, exact to 1e-10 for a distortion of a few per cent.
+    The method is fixed-point iteration, exact to 1e-10 for a distortion of a few percent.
 
     Parameters
     ----------

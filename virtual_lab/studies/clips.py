@@ -111,10 +111,10 @@ def clip_coverage(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of clips done, and the total. By default the
-        progress is shown on stderr.
+        Function that is called with a message, the number of clips done, and the total. By default
+        the progress is shown on stderr.
 
     Raises
     ------

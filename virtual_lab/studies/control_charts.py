@@ -118,9 +118,9 @@ def ewma(x: Array) -> Array:
 def cusum(x: Array) -> tuple[Array, Array]:
     """Return the cumulative sums of the deviations above and below the centre, both ≥ 0.
 
-    `x` are deviations in standard deviations, (…, day), and each sum has their shape. Each day adds
-    its deviation to the sum of its side, minus 0.5 to both sums. A sum restarts at 0 when it would
-    become negative.
+    `x` are deviations in standard deviations, (…, day), and each sum has their shape. The sums are
+    S = max(0, S + x - 0.5) and S = max(0, S - x - 0.5), where S is the sum of the day before, and 0
+    before the first day.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down

@@ -185,8 +185,8 @@ def coverage(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     summed
-        Let the instruments record sums instead of every gate edge and encoder count, and let every
-        laboratory test the nominal bat. This is much faster.
+        Let the instruments record summary values instead of every gate edge and encoder count, and
+        let every laboratory test the nominal bat. This is much faster.
     individual
         With ``summed``, let every laboratory test an individual bat instead of the nominal one.
     earlier_tests
@@ -196,9 +196,9 @@ def coverage(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of laboratories done, and the total. By
+        Function that is called with a message, the number of laboratories done, and the total. By
         default the progress is shown on stderr.
 
     Raises
@@ -224,7 +224,7 @@ def each_laboratory(
     """Yield the result of `take` for each block of laboratories, in the order of the laboratories.
 
     `take` must be a module-level function, because processes pickle it. After each block,
-    `progress` is called with a text, the number of laboratories done, and the total. Raises
+    `progress` is called with a message, the number of laboratories done, and the total. Raises
     `InputError` for fewer than two laboratories or `workers` below 1.
     """
     if laboratories < 2:
@@ -339,7 +339,7 @@ def sample(tested: BlockTest) -> Sample:
     """Return the results of a block for this study, arrays (laboratory,) in SI units.
 
     The results are numbers of shots, impact position [m from the tip], scatter, and for each
-    quantity by name its value, standard uncertainty, degrees of freedom and true value.
+    quantity (keyed by name) its value, standard uncertainty, degrees of freedom and true value.
     Laboratories with an INVALID test are included; the mask `sound` is False for them.
     """
     certified, reduced = tested.certified, tested.certified.reduced

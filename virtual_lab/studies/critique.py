@@ -4,8 +4,8 @@ The ranking in the field is by the peak v_f of the nominal bats in the standard 
 evaluated in an error-free laboratory with nominal bats, and in laboratories with random bats, balls
 and errors. Within such a laboratory all bats share rigs and calibrations, whose errors cancel in a
 difference. Individual bat, balls, bench readings and hits differ between tests. The scatter between
-individual bats is one cause of wrong rankings. Instruments write sums, which gives the same
-results.
+individual bats is one cause of wrong rankings. Instruments record only summary values, which gives
+the same results.
 """
 
 from __future__ import annotations
@@ -262,10 +262,10 @@ def critique(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the procedure, the number of bats done, and
-        the total. By default the progress is shown on stderr.
+        Function that is called with a message that names the procedure, the number of bats done,
+        and the total. By default the progress is shown on stderr.
 
     Raises
     ------
@@ -322,8 +322,8 @@ def misranking(field: float, differences: Array) -> Ranking:
 
     The ranking is ``no result`` if fewer than two differences are finite, and ``tie``, without a
     probability, if the bats differ by less than 0.1 mph in the field. Otherwise it depends on the
-    probability of the opposite order: ``opposite order`` from 95 % up, ``same order`` up to 5 %,
-    and ``by chance`` in between.
+    probability of the opposite order: ``opposite order`` at 95 % or above, ``same order`` at 5 % or
+    below, and ``by chance`` in between.
 
     Parameters
     ----------

@@ -53,8 +53,8 @@ SLANT = 55  # angle of the procedures' names [°]
 def draw_critique(pairs: pd.DataFrame) -> PageFigure:
     """Draw one panel per exponent n: one row per pair of bats, one column per procedure.
 
-    The number in a cell is the probability, in per cent, that a laboratory ranks the two bats in
-    the opposite order to the field.
+    n is the exponent of the swing law. The number in a cell is the probability, in percent, that a
+    laboratory ranks the two bats in the order opposite to their performance in the field.
 
     Parameters
     ----------

@@ -208,26 +208,30 @@ def daily(
     hits
         Number of hits each morning.
     drift
-        Daily loss of rebound speed at the wall, as a share of the speed from a rigid wall, such as
-        0.0005.
+        Daily loss of rebound speed at the wall, as a fraction of the rebound speed from a rigid
+        wall, such as 0.0005.
     step
-        Sudden loss of rebound speed at the wall, as the same share.
+        Sudden loss of rebound speed at the wall, as the same fraction.
     faults
         Fault of the impact rig.
+
+        Or a list of faults.
     since
         First day of drift, step and faults, counted from 1. By default the first day after the
         baseline.
     rules
         Western Electric rule to apply, 1 to 4.
+
+        Or a list of rules.
     seed
         Seed of the laboratory. The hits of different days have different random errors.
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the present task. By default the progress is
-        shown on stderr.
+        Function that is called with a message that names the current task. By default the progress
+        is shown on stderr.
 
     Raises
     ------

@@ -141,16 +141,16 @@ def effects(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     summed
-        Let the instruments record sums instead of every gate edge and encoder count, and let every
-        laboratory test the nominal bat. This is much faster.
+        Let the instruments record summary values instead of every gate edge and encoder count, and
+        let every laboratory test the nominal bat. This is much faster.
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of laboratories done, and the total. By
+        Function that is called with a message, the number of laboratories done, and the total. By
         default the progress is shown on stderr.
 
     Raises
@@ -235,7 +235,7 @@ def _case(tested: BatTest) -> _Case:
 
 
 def _constant_errors(tested: BatTest) -> dict[str, float]:
-    """Return the error of each constant, certified minus true value [SI], by name."""
+    """Return the error of each constant, certified minus true value [SI], keyed by name."""
     session, lot = tested.certification.session, tested.sealed.balls.spec
     true = dict(tested.sealed.constants)
     true |= {"ball.radius": lot.radius, "ball.restitution_slope": lot.restitution.slope}
@@ -245,7 +245,7 @@ def _constant_errors(tested: BatTest) -> dict[str, float]:
 
 
 def _reading_errors(tested: BatTest, true: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of the mean bench readings caused by scatter [SI], by name."""
+    """Return the errors of the mean bench readings caused by scatter [SI], keyed by name."""
     constants = bench_constants(tested.certification.block)
     readings = {name: float(each.value[0]) for name, each in constants.items()}
     bat, body = tested.sealed.bat_properties, tested.sealed.bat.body
@@ -270,7 +270,7 @@ def _reading_errors(tested: BatTest, true: Mapping[str, float]) -> dict[str, flo
 
 
 def _ball_errors(tested: BatTest, constants: Mapping[str, float]) -> dict[str, float]:
-    """Return the errors of e0 of each ball and of its slope caused by scatter, by name."""
+    """Return the errors of e0 of each ball and of its slope caused by scatter, keyed by name."""
     readings, lot = observe_balls(tested.certification.block), tested.sealed.balls
     names = restitution_names(readings.mass.shape[-1])
     x = {name: np.array(value) for name, value in constants.items()}
@@ -319,7 +319,7 @@ def _stated_effect(name: str, cases: list[_Case]) -> float:
 def _regress(
     error: Array, regressors: Mapping[str, Array]
 ) -> tuple[dict[str, float], dict[str, float], float]:
-    """Return coefficients and their standard errors, by name, and the sd of the residuals."""
+    """Return coefficients and their standard errors, keyed by name, and the sd of the residuals."""
     design = np.column_stack([np.ones(error.size), *regressors.values()])
     inverse = np.linalg.pinv(design)
     coefficients = inverse @ error

@@ -185,9 +185,9 @@ def faults(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text that names the procedure and the fault, the number of
+        Function that is called with a message that names the procedure and the fault, the number of
         laboratories done, and the total. By default the progress is shown on stderr.
 
     Returns

@@ -108,8 +108,8 @@ def operating(
     """Show the probability that a bat passes, as a function of its true metric.
 
     Each laboratory makes three tests of a bat. The table has the probability for one test and for
-    the best of three. The instruments record sums instead of every gate edge and encoder count, and
-    all laboratories test the nominal bat.
+    the best of three. The instruments record summary values instead of every gate edge and encoder
+    count, and all laboratories test the nominal bat.
 
     Parameters
     ----------
@@ -128,10 +128,10 @@ def operating(
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of tests done, and the total. By default the
-        progress is shown on stderr.
+        Function that is called with a message, the number of tests done, and the total. By default
+        the progress is shown on stderr.
 
     Raises
     ------

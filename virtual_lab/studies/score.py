@@ -57,7 +57,7 @@ class QuantityScore:
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
 ) -> dict[str, QuantityScore]:
-    """Return the scores of the metric and the other quantities, by name, in SI units.
+    """Return the scores of the metric and the other quantities, keyed by name, in SI units.
 
     For a scan the metric is compared twice: with the result of the procedure on the exact curve,
     and with the maximum of this curve. The metric "as found" is the metric before a correction for

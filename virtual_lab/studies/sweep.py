@@ -56,14 +56,14 @@ def sweep_tests(
         Whether each laboratory tests an individual bat. Otherwise all test the nominal bat.
         Without `summed` the bats are always individuals.
     summed
-        Whether the instruments write sums. Otherwise they write every reading.
+        Whether the instruments record only summary values. Otherwise they write every reading.
     keep
         Function to call with each test. Its result is ignored. It must be picklable if
         `workers` is above 1.
     workers
         Number of processes.
     progress
-        Function that is called with a text, the number of tests done, and the total.
+        Function that is called with a message, the number of tests done, and the total.
 
     Raises
     ------

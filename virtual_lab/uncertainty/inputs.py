@@ -98,7 +98,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """All sources of a model by name, and the map from sources to the arguments of the model."""
+    """All sources of a model keyed by name, and the map from sources to the model's arguments."""
 
     sources: Mapping[str, InputSource]
     joints: tuple[Joint, ...]
@@ -272,7 +272,7 @@ def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) 
 def _group_observations(
     name: str, entry: Input
 ) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
-    """Return the values of an input by groups, and its sources by name.
+    """Return the values of an input by groups, and its sources keyed by name.
 
     The values are a tuple: number of each observation, names of the sources, and index of the
     source of each observation.

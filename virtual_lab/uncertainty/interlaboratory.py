@@ -176,7 +176,7 @@ def cochran_limit(groups: int, dof: int, level: float) -> float:
 def grubbs_limit(groups: int, level: float) -> float:
     """Return the critical value of Grubbs's test for the most extreme of `groups` means.
 
-    The statistic is the largest absolute deviation from the mean of all, in standard deviations of
+    The statistic is the largest absolute deviation from the overall mean, in standard deviations of
     the means. It exceeds the limit by chance with a probability of `level`. The limit is NaN for
     fewer than three groups.
     """

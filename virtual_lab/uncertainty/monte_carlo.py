@@ -51,7 +51,7 @@ class Drawing:
 
 
 def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
-    """Return block number `block` of the draws of every source, by name, each (65 536,).
+    """Return block number `block` of the draws of every source, keyed by name, each (65 536,).
 
     The draws are values of the source, in its unit. The same seed, source and block always give the
     same draws.

@@ -81,7 +81,7 @@ def propagate_inputs(
     seed
         Seed of the draws.
     progress
-        Function that is called with a text, the number of draws made, and the number of all
+        Function that is called with a message, the number of draws made, and the number of all
         draws. By default ``vl.propagate`` shows the progress of long runs on stderr.
 
     Raises

@@ -1,4 +1,4 @@
-"""Actions at the bench by name, each with its arguments."""
+"""Actions at the bench keyed by name, each with its arguments."""
 
 from __future__ import annotations
 

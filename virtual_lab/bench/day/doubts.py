@@ -1,4 +1,4 @@
-"""The faults of the catalog that a trainee can name, by name and by title."""
+"""The faults of the catalog that a trainee can name, keyed by name and by title."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LONGEST_TEXT = 300  # largest number of characters of a trainee's own words
 
 @cache
 def fault_sheets() -> Mapping[str, FaultSheet]:
-    """Return the data sheets of all faults in the catalog, by name."""
+    """Return the data sheets of all faults in the catalog, keyed by name."""
     return MappingProxyType(
         {name: catalog.load("faults", name, FaultSheet).spec for name in catalog.names("faults")}
     )

@@ -88,6 +88,6 @@ def load_scenario(name: str) -> Entry[Scenario]:
 
 @cache
 def scenarios_to_choose() -> Mapping[str, Scenario]:
-    """Return the shipped scenarios by name, without the exams, which only a trainer begins."""
+    """Return the shipped scenarios, keyed by name, without the exams, which a trainer begins."""
     scenarios = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
     return {name: each for name, each in scenarios.items() if each.feedback != "never"}

@@ -81,7 +81,7 @@ class Consequences(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActionTable(Spec):
-    """All actions by name, and the sizes of their effects."""
+    """All actions keyed by name, and the sizes of their effects."""
 
     title: Title
     actions: Mapping[str, ActionSheet]

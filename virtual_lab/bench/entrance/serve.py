@@ -41,7 +41,7 @@ def serve(
     Parameters
     ----------
     folders
-        Folder of each trainee, by name.
+        Folder of each trainee, keyed by name.
     scenario, seed
         Scenario and seed of new days; with a seed all trainees have the same day. Without a
         scenario the days, which must be handed in, are replayed.

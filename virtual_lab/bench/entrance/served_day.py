@@ -246,7 +246,7 @@ class ServedDay:
 
     @property
     def scenarios_offered(self) -> Mapping[str, Scenario]:
-        """Scenarios that can be begun instead of this day, by name; none after the first entry."""
+        """Other scenarios that can be begun, keyed by name; none after the first entry."""
         return {} if self.is_fixed or self.desk.day.events else scenarios_to_choose()
 
     def begin(self, name: str) -> ServedDay:

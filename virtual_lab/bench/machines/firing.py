@@ -233,5 +233,5 @@ def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
 
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
-    """Return a station whose instrument `part` has the true constants `true` [SI], by name."""
+    """Return a station in which `part` has the true constants `true` [SI], keyed by name."""
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))

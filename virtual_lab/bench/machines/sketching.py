@@ -145,8 +145,9 @@ def has_camera(laboratory: Laboratory) -> bool:
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
     """Return camera frames of a shot as one PNG, drawn from its sketch.
 
-    The frames depend only on the sketch, the impact position that was set, and data sheets. The
-    result is empty if the ball missed the bat or the rig has no camera.
+    The sketch is the motion as the trainee may see it, without its true numbers. The frames depend
+    only on the sketch, the impact position that was set, and data sheets. The result is empty if
+    the ball missed the bat or the rig has no camera.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):

@@ -96,20 +96,21 @@ def day_page(
     true_motion: Motion | None = None,
     scenarios_offered: Mapping[str, Scenario] = MappingProxyType({}),
 ) -> str:
-    """Return the HTML page of the bench for the present state of a day.
+    """Return the HTML page of the bench for the current state of a day.
 
     Parameters
     ----------
     desk, briefing
         The desk of the day, and the part of the scenario that the trainee may know.
     refusal
-        The refused action to report at the top of the page.
+        The rejected action to report at the top of the page.
     shot
         Number of the shot to draw, from 1; by default the last shot.
     true_motion
-        The true motion of this shot, after the hand-in; by default the page draws its sketch.
+        The true motion of this shot, which the trainee may see after handing in the day for
+        scoring. By default the page draws the sketch of the shot.
     scenarios_offered
-        Scenarios that the trainee may begin instead, by name.
+        Scenarios that the trainee may begin instead, keyed by name.
     """
     day, table = desk.day, action_table()
     hits = _hits(desk, briefing)

@@ -152,7 +152,7 @@ def _quantity(datum: catalog.Datum) -> str:
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
     """Return one row of texts per listed fault: title, rate [%], and remedy.
 
-    `listed` are the probabilities of the faults, 0 to 1, by name.
+    `listed` are the probabilities of the faults, 0 to 1, keyed by name.
     """
     sheets, rows = action_table().actions, []
     for name, rate in listed.items():
@@ -163,7 +163,10 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
 
 
 def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the template variables of the pages of rules and instruments, by name."""
+    """Return the template variables of the papers on the laboratory's wall, keyed by variable name.
+
+    The papers are the rules, the sheets of the instruments, the prices and the possible faults.
+    """
     return {
         "rules": desk.rules.spec,
         "rows": rules_of(desk),

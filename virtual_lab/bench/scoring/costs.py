@@ -127,7 +127,7 @@ def _scatter(day: Desk, corrected: Desk) -> float:
 def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
     """Play a day with the given actions up to its reduction; return the desk.
 
-    The shots in `by_windows`, numbered from 0, are accepted or rejected by the acceptance windows
+    The shots in `by_windows`, counted from 0, are accepted or rejected by the acceptance windows
     instead of by the trainee. Raises `InputError` if an action is impossible.
     """
     result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")

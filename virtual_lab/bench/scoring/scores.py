@@ -154,9 +154,11 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
 
 
 def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
-    """Return the shots, from 0, that were rejected for an anomaly in their records.
+    """Return the numbers of the shots, from 0, that were rightly rejected.
 
-    `judged` are the deviations of the day with their judgements; only a justified rejection counts.
+    `judged` are the deviations of the day from the procedure, each with its judgment. A rejection
+    is right if it was judged as justified, because the records of the shot show an anomaly, and the
+    trainee did not accept the shot later.
     """
     just = {each.entry for each in judged if each.judged == JUSTIFIED}
     shots = {

@@ -86,7 +86,7 @@ class TraineeDay(Protocol):
 
     @property
     def scenarios_offered(self) -> Mapping[str, Scenario]:
-        """Scenarios that the trainee may begin instead of this day, by name."""
+        """Scenarios that the trainee may begin instead of this day, keyed by name."""
         ...
 
     def begin(self, name: str) -> TraineeDay:
@@ -246,7 +246,7 @@ def _with_lock(
 
 
 async def _form_fields(request: Request) -> dict[str, str]:
-    """Return the fields of a form by name; empty if there are more than 50."""
+    """Return the fields of a form keyed by name; empty if there are more than 50."""
     body = (await request.body()).decode("utf-8", errors="replace")
     try:
         return dict(parse_qsl(body, max_num_fields=50))

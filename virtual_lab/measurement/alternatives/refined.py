@@ -61,7 +61,7 @@ def too_wide(linear: Budget) -> Component | None:
 def model_of(
     reduced: Reduction, readings: ImpactReadings, outcome: HitWeights, linear: Budget
 ) -> tuple[Callable[..., Array], dict[InputName, Any]]:
-    """Return the metric of one test as a function of its inputs, and the inputs by name.
+    """Return the metric of one test as a function of its inputs, and the inputs keyed by name.
 
     The function takes one array (k,) per input, as keyword arguments, and returns the metric, (k,),
     in its SI unit. The inputs are the constants of the reduction. The other components of `linear`

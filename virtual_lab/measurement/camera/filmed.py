@@ -43,8 +43,8 @@ def reduce_film(
     Parameters
     ----------
     x
-        Calibration constants by name, numbers or columns (k, 1). With columns, the results have
-        shape (k, shot).
+        Calibration constants keyed by name, numbers or columns (k, 1). With columns, the results
+        have shape (k, shot).
     stage
         First part of the constants' names, always ``impact``, the stage with the camera.
     sightings

@@ -52,10 +52,10 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 
 
 def edges(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised where more than a tenth of the shots do not fit a single flight.
+    """Yield one flag, raised for laboratories in which over 10 % of the shots fit no single flight.
 
-    The edges of such a shot at the boards deviate from one flight by more than the procedure
-    allows. The flag is yielded even if it is raised nowhere.
+    The edges of such a shot at the light boards deviate from one straight flight by more than the
+    procedure allows. The flag is yielded even if it is raised for no laboratory.
     """
     count = evidence.per_laboratory(evidence.off_flight)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))

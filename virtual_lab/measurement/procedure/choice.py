@@ -49,7 +49,7 @@ def shortfalls(
     from the scatter of the hits at each position. A negative difference is replaced by 0, and the
     shortfalls of the two adjacent positions are added. The shortfall is 0 if no position was
     chosen, if the hits do not scatter, or if the result is not a mean at one position. The
-    parameters are those of `outcomes_of`.
+    parameters are the same as for `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:

@@ -88,7 +88,7 @@ def outcomes_of(
     Parameters
     ----------
     procedure
-        Test procedure, of which the number of valid hits and the scan are used.
+        Test procedure. Only its number of valid hits and its scan are used.
     laboratories
         Number of laboratories.
     owner, place, valid, metric

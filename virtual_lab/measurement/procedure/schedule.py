@@ -33,7 +33,7 @@ def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
 def to_set(places: Array, *, exact: bool) -> Array:
     """Return positions as an operator can set them [m]: whole half millimetres.
 
-    With `exact` they are returned unchanged. The shape is that of `places`.
+    With `exact` they are returned unchanged. The result has the shape of `places`.
     """
     return places if exact else np.round(places / SETTING_STEP) * SETTING_STEP
 

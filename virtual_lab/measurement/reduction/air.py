@@ -44,11 +44,11 @@ def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateRe
 
 
 def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Array, Array]]:
-    """Return corrected readings by name, each as a pair of values and standard uncertainties.
+    """Return corrected climate readings, keyed by name: pairs of values and standard uncertainties.
 
-    The names are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. The
-    values are (laboratory, reading); their u is common to the readings, (laboratory, 1). Raises
-    `KeyError` for a calibration constant of the logger that is missing.
+    The keys are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. The
+    values are (laboratory, reading). The u is (laboratory, 1), because all readings of a laboratory
+    share it. Raises `KeyError` if a calibration constant of the logger is missing.
     """
     values = {}
     for name in ALLOWED:

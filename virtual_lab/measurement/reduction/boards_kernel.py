@@ -18,9 +18,11 @@ FAST = {"reassoc", "contract", "nsz"}
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
     """Fill in the passages, the u of their heights, and the misfit of the edges.
 
-    The results of a board are NaN if the ball broke fewer than four of its beams, or if the fitted
-    height is too far from the broken beams (by the number of beams or more). The misfit is NaN if
-    no board has a result.
+    A line is fitted to the middle times of the broken beams and a parabola to their squared
+    durations, both against the position of the beam. The results of a board are NaN if the ball
+    broke fewer than four of its beams, or if the fitted height is off from the mean of the broken
+    beams by as many beam spacings as the board has beams, or more. The misfit is NaN if no board
+    has a result.
 
     Parameters
     ----------
@@ -30,7 +32,7 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
         Time [s] and height [beams above the lowest] of the passages, and u of the height [beams],
         (shot, direction, board).
     misfit
-        Rms deviation of the edges from parabola and line, (shot, direction) [s].
+        Rms deviation of the edges from the fitted lines and parabolas, (shot, direction) [s].
     """
     shots, directions, boards, beams, _ = edges.shape
     places, middles, squares = np.empty((3, beams))

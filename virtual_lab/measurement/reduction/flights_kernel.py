@@ -70,7 +70,8 @@ def fit_heights(
     in its direction; the height needs the incoming direction. A row is one set of constants;
     `batch` (row,) is the index of its passages on the first axis of `heights`, (batch, direction,
     gate, shot) [m]. `speeds` come from `fit_speeds`, `zeros` are the zero heights of the gates,
-    (row, gate) [m], and `gravity` is (row,) [m/s²]. The other arguments are those of `fit_speeds`.
+    (row, gate) [m], and `gravity` is (row,) [m/s²]. The other arguments are the same as for
+    `fit_speeds`.
     """
     gates, shots = heights.shape[2:]
     # three arrays, because numba would compile again for views of one array

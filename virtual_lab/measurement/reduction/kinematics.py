@@ -318,7 +318,7 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     Parameters
     ----------
     settings
-        Those of `reduce_shot`.
+        The settings, as for `reduce_shot`.
     sets
         Constants in the order of `reduce_shot`, each (block, set, 1).
     balls

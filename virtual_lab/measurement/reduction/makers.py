@@ -29,11 +29,11 @@ OURS: Mapping[type[Record], Maker] = dict.fromkeys(
 
 @cache
 def makers() -> Mapping[type[Record], Maker]:
-    """Return, by type of record, the function that makes flight readings from such a record.
+    """Return, keyed by type of record, the function that makes flight readings from such a record.
 
-    The function takes the record, the calibration constants by name, and the stage. Another package
-    adds a function by an entry point in the group ``virtual_lab.flights``; its name is that of the
-    record in the group ``virtual_lab.records``.
+    The function takes the record, the calibration constants keyed by name, and the stage of the
+    test (``balls`` or ``impact``). Another package adds a function by an entry point in the group
+    ``virtual_lab.flights``. Its name is that of the record in the group ``virtual_lab.records``.
     """
     others = entry_points(group="virtual_lab.flights")
     return {**{record_types()[point.name]: point.load() for point in others}, **OURS}

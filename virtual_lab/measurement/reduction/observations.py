@@ -251,7 +251,7 @@ def along_of(session: Session) -> float:
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
-    """Return the type A uncertainties of each ball's mean e0 and of the slope of e0, by name.
+    """Return the type A uncertainties of each ball's mean e0 and of the slope of e0, keyed by name.
 
     Each is a constant with the value 0, (laboratory,), to be added to a mean or to the slope. Its u
     follows from the scatter within each ball and speed, pooled over all wall hits of a laboratory.

@@ -1,4 +1,4 @@
-"""Rotation of the bat at contact, from encoder counts or from the recorder's sums."""
+"""Rotation of the bat at contact, from encoder counts or from the recorder's summary values."""
 
 from __future__ import annotations
 

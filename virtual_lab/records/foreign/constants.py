@@ -15,7 +15,7 @@ KEYS = ("value", "unit", "u", "dof", "source")
 
 
 def read_constants(entries: Mapping[str, Any], where: str) -> dict[str, Estimate]:
-    """Return the constants of another laboratory's form by name, in SI.
+    """Return the constants of another laboratory's form keyed by name, in SI.
 
     An entry has the keys value, unit and u, and possibly dof (inf if missing) and source. Raises
     `InputError`, which names the file `where` and the key, for the first entry that cannot be used

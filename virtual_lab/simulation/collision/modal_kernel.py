@@ -300,8 +300,8 @@ def collide(
 ) -> tuple[Array, Array, Counts]:
     """Return final states, sums and counts of n collisions with N flexible modes.
 
-    The scenes are integrated one by one. The results are those of `collide_lanes`, except that the
-    counts, (n, 3), are contacts, reloads and a `Failure`.
+    The scenes are integrated one by one. The results are the same as for `collide_lanes`, except
+    that the counts, (n, 3), are contacts, reloads and a `Failure`.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ class ReferenceModel:
     def of(
         cls, body: BatBody, support: Support, bending_modes: int = 100, law: LawOfBall = PowerLaw.of
     ) -> Self:
-        """Return the model of a bat and a force law. Raises `InputError` as `ModalModel` does."""
+        """Return the model of a bat and a force law. Raises `InputError` like `ModalModel`."""
         modes = modes_of(body, support, bending_modes)
         return cls(modes=modes, law=law, held=support_words(support))
 

@@ -40,13 +40,13 @@ SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
     """Return a hook for `Fault.record` that enters each reading multiplied by `factor`.
 
-    The hook returns the changed array by name, ``readings``, with the shape of the record's array.
+    The hook returns the changed array, ``readings``, with the shape of the record's array.
     """
     return lambda record, _: {"readings": record.readings * factor}
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Return the balance readings as measured from the knob, by name: ``readings`` [m].
+    """Return the balance readings as measured from the knob, keyed by name: ``readings`` [m].
 
     The laboratory enters them as if they were measured from the tip. The record itself is not
     changed.
@@ -109,10 +109,10 @@ def crack(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Return the edge times of balls that are out of round by 1.5 mm, by name: ``times`` [s].
+    """Return the edge times of balls that are out of round by 1.5 mm, keyed by name: ``times`` [s].
 
     Front and back radius differ in each passage. A beam that barely hits a round ball can miss such
-    a ball; its edges are NaN. The shape is that of the record.
+    a ball; its edges are NaN. The result has the shape of the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -128,7 +128,7 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 
 
 def swap(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times with those of shots 1 and 4 exchanged, by name: ``times`` [s].
+    """Return the gate times with those of shots 1 and 4 exchanged, keyed by name: ``times`` [s].
 
     Shots are counted from 0. The times are unchanged if the two shots are not in one round.
     """
@@ -170,10 +170,10 @@ def scraps_of_beams(station: Station) -> Station:
 
 
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
-    """Return gate times with the first gate broken 30 mm ahead of many balls, as ``times`` [s].
+    """Return gate times in which fragments break the first gate before the ball, as ``times`` [s].
 
-    Fragments of the sabot fly ahead of the ball and break the beam of this gate, in about 60 % of
-    the shots. For light boards the result is empty, because their instrument simulates the
+    In about 60 % of the shots, fragments of the sabot fly 30 mm ahead of the ball and break the
+    beam of this gate. For light boards the result is empty, because their instrument simulates the
     fragments.
     """
     if isinstance(record, BoardRecord):
@@ -232,9 +232,9 @@ def loose(record: Any, written: FaultContext) -> Arrays:
 
 
 def still_swinging(record: Any, written: FaultContext) -> Arrays:
-    """Return the counts for a bat that still swings at 0.3 rad/s when the ball is fired.
+    """Return the encoder counts for a bat that still swings at 0.3 rad/s when the ball is fired.
 
-    The direction is random from shot to shot. The result has the name ``counts``, (shot, sample).
+    The direction is random from shot to shot. The result has the key ``counts``, (shot, sample).
     """
     direction = np.where(written.some(0.5), 1.0, -1.0)
     rotation = counts_per_turn(written) / tau * 0.3 * record.times

@@ -14,10 +14,10 @@ NO_SIZE = {"records-swapped"}  # faults that are there or not
 
 
 def sized(fault: Fault, size: float) -> Fault:
-    """Return a fault whose changes of numbers are multiplied by `size`.
+    """Return a copy of a fault with its numeric changes scaled by `size`.
 
-    Changes of whole numbers and texts keep their full size, and so do readings that the fault adds
-    or removes. A fault in `NO_SIZE` is returned unchanged.
+    Changes of integers and strings keep their full size, and so do readings that the fault adds or
+    removes. A fault in `NO_SIZE` is returned unchanged.
     """
     if fault.name in NO_SIZE:
         return fault

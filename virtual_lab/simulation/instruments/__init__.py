@@ -66,7 +66,7 @@ class InstrumentFactory:
 
 
 def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the constants that a laboratory knows of some instruments, by ``instrument.constant``.
+    """Return the known constants of the given instruments, keyed by ``instrument.constant``.
 
     Each is an `Estimate` in SI, or `Estimates` (laboratory,) for a block.
     """
@@ -78,7 +78,7 @@ def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 
 
 def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the true constants of some instruments in SI, by ``instrument.constant``.
+    """Return the true constants of the given instruments in SI, keyed by ``instrument.constant``.
 
     Each is a number, or an array (laboratory,) for a block.
     """

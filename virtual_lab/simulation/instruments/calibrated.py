@@ -68,11 +68,11 @@ class CalibratedSpec(Spec):
     def numbers_in(
         self, records: Sequence[Record], known: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the numbers of the sheet that the instrument's raw records show [SI], by name."""
+        """Return the sheet's numbers that the raw records show [SI], keyed by name."""
         return {}
 
     def certificate(self) -> dict[str, Estimate]:
-        """Return the constants with their σ and degrees of freedom, by name."""
+        """Return the constants with their σ and degrees of freedom, keyed by name."""
         names = [part.name[:-2] for part in fields(cast("Any", self)) if part.name.endswith("_u")]
         return {
             name: stated_constant(
@@ -97,11 +97,12 @@ def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
 def drawn(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
-    """Return the constants on the certificate of an instrument, and its true constants, by name.
+    """Return an instrument's constants on its certificate, and the true ones, keyed by name.
 
-    `sheet` holds value, σ and degrees of freedom of each constant, and `name` is the name of the
-    random numbers. All values are in the units of `sheet`. For a block, the constants on the
-    certificate are `Estimates` and the true constants are arrays, both (laboratory,).
+    `sheet` holds value, σ and degrees of freedom of each constant. `name` is the name of the
+    instrument, which is the key of its random stream. All values are in the units of `sheet`. For a
+    block, the constants on the certificate are `Estimates` and the true constants are arrays, both
+    (laboratory,).
     """
     numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
     laboratories = numbers.shape[1:]

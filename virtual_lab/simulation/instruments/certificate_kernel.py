@@ -24,7 +24,7 @@ DEGREE = 11
 
 @lru_cache(64)
 def pieces_of(dof: float) -> Array:
-    """Return coefficients of polynomials that give ∛(χ²/ν) from a standard normal number.
+    """Return coefficients of polynomials that give ∛(χ²/ν) from a standard normal variate.
 
     The shape is (interval, power), with the lowest power first. Each polynomial covers an interval
     of width `PIECE`, mapped to -1 to 1; the intervals extend from -`REACH` to `REACH`. `dof` is ν,

@@ -123,7 +123,8 @@ def barrel_radius(profile: Profile) -> Array:
 def radius_cubics(profile: Profile) -> tuple[Array, Array]:
     """Return the stations [m], (k + 1,), and the cubics of the outer radius from each, (4, k).
 
-    The coefficients start with the highest power. The cubics are those of `outer_diameter`.
+    The coefficients start with the highest power of the distance from the station [m]. The cubics
+    are those of `outer_diameter`, halved.
     """
     cubic = _interpolant(profile.z, profile.outer_diameter)
     return cubic.knots, cubic.coefficients / 2

@@ -69,7 +69,7 @@ def ringing(
     rotation of the section per unit of each modal coordinate, (shot, mode). `displacement` and
     `velocity` are the modal coordinates and rates at release, (shot, mode); `angular_frequency` is
     undamped [rad/s], (mode,); `damping_ratio` is a share of critical damping. `ticks` and `release`
-    are those of `coasting`.
+    are the same as for `coasting`.
     """
     decay = damping_ratio * angular_frequency
     damped = angular_frequency * np.sqrt(1 - damping_ratio**2)

@@ -24,7 +24,7 @@ from virtual_lab.simulation.physics.truth import TrueOutcome, TrueRecoil
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.units import Array
 
-CONTACT_TIME = 0.7e-3  # typical duration of a contact, used if the instruments write sums [s]
+CONTACT_TIME = 0.7e-3  # typical duration of a contact, used for records of summary values [s]
 
 
 class Blows(NamedTuple):
@@ -76,12 +76,12 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 def blows_of(
     specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
 ) -> Blows:
-    """Return the collisions of the scenes, (shot,), with a bat whose pivot is `at` from its knob.
+    """Return the collisions of the scenes, (shot,), with a bat that is pivoted `at` from the knob.
 
-    Distances are in metres. If the instruments write sums (`detail`), only e_A is computed; the
-    contact time is a typical one, and there is no vibration. A shift of the pivot by a fraction of
-    a millimetre does not change e_A, so in this case the pivot of all laboratories is at `surveyed`
-    from the knob.
+    `at` is a distance [m]. If the instruments record only summary values (`detail`), only e_A is
+    computed; the contact time is a typical one, and there is no vibration. A shift of the pivot by
+    a fraction of a millimetre does not change e_A, so in this case the bats of all laboratories are
+    pivoted at the distance `surveyed` from the knob [m].
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:

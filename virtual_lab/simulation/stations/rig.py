@@ -123,7 +123,7 @@ class ShotPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigOutput:
-    """Raw records by channel, and true values by name, arrays with a leading shot axis."""
+    """Raw records by channel, and true values keyed by name, arrays with a leading shot axis."""
 
     records: Mapping[str, Record]
     truth: Mapping[str, Array] = field(default_factory=dict)
@@ -204,8 +204,9 @@ class Rig(Protocol):
     """A machine before it is commissioned in a laboratory.
 
     A rig that sets ``blocks = True`` can be commissioned in a block of laboratories at once, if
-    their instruments write sums. Its station then has arrays of constants and carries out the shots
-    of all laboratories together. Any other rig is simulated in one laboratory after another.
+    their instruments record only summary values. Its station then has arrays of constants and
+    carries out the shots of all laboratories together. Any other rig is simulated in one laboratory
+    after another.
     """
 
     @property
@@ -239,7 +240,7 @@ class MotionRig(Rig, Protocol):
 
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
-    """Return every rig installed on this computer by name, in alphabetical order.
+    """Return every rig installed on this computer keyed by name, in alphabetical order.
 
     All packages with rigs are loaded.
     """

@@ -73,7 +73,7 @@ MARKERS = {1.0: "o", 1.5: "s", 2.0: "^"}  # markers of the peaks by exponent
 class LawTable(Rows[LawRow]):
     """Results of a bat by force law of the ball, one row per law."""
 
-    curves: Sequence[Mapping[str, Array]]  # curves along the bat by name, one mapping per law
+    curves: Sequence[Mapping[str, Array]]  # curves along the bat keyed by name, one mapping per law
 
     def draw(self) -> PageFigure:
         """Draw e and v_f along the barrel for each law, with a marker at each peak."""
@@ -109,7 +109,7 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     progress
-        Function that is called with a text that names the law and its exponent. By default the
+        Function that is called with a message that names the law and its exponent. By default the
         progress is shown on stderr.
 
     Raises

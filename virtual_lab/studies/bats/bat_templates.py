@@ -123,7 +123,7 @@ class BatMeasurements(Spec):
 
     @property
     def goals(self) -> dict[str, Goal]:
-        """Measured quantities to fit, by name [SI]. The length is not fitted, it is used as is."""
+        """Measured quantities to fit, keyed by name [SI]. The length is not fitted."""
         return {
             name.format(i): goal
             for field, name in GOALS.items()

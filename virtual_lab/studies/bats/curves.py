@@ -39,7 +39,7 @@ def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
 
 
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
-    """Plot e, r and e_A into `above`, and e_A, v_bat and v_f into `below`, as `draw_profile`.
+    """Plot e, r and e_A in `above`, and e_A, v_bat and v_f in `below`, like `draw_profile`.
 
     `table` has the columns of `draw_profile`. Only positions 1 to 12 in from the tip are plotted.
     """
@@ -90,10 +90,10 @@ def draw_comparison(curves: pd.DataFrame) -> PageFigure:
 
 
 def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
-    """Plot BPF, e_A and v_f [mph] into three panels, from top to bottom, as `draw_comparison`.
+    """Plot BPF, e_A and v_f [mph] in three panels, from top to bottom, like `draw_comparison`.
 
-    `curves` has the columns of `draw_comparison`. Only positions 1 to 12 in from the tip are
-    plotted.
+    `curves` has the same columns as for `draw_comparison`. Only positions 1 to 12 in from the tip
+    are plotted.
     """
     from pandas import isna
 

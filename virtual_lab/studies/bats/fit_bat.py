@@ -193,9 +193,9 @@ def fit_bat(
     seed
         Seed of the random parameters and of the variation of the measurements.
     progress
-        Function that is called with a text, the number of bats fitted, and the total. Before the
-        collisions are computed, it is called with a text only. By default the progress is shown on
-        stderr.
+        Function that is called with a message, the number of bats fitted, and the total. Before the
+        collisions are computed, it is called with a message only. By default the progress is shown
+        on stderr.
 
     Raises
     ------

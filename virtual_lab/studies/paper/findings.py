@@ -88,7 +88,7 @@ def paper(*, progress: Progress = quiet) -> Findings:
     Parameters
     ----------
     progress
-        Function that is called with a text, the number of claims done, and the total. By default
+        Function that is called with a message, the number of claims done, and the total. By default
         the progress is shown on stderr.
     """
     rows: list[Row] = []

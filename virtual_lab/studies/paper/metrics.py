@@ -200,10 +200,11 @@ def sum_of_shares() -> float:
 
 
 def inverse_mass(support_name: str) -> float:
-    """Return the largest relative deviation of r by Eq. (8) or (9) from r by finite elements.
+    """Return the largest relative deviation of r by the paper's equation from the finite-element r.
 
-    r by finite elements follows from the rigid modes of each of the four bats, at 0.5 to 20 in from
-    the tip. `support_name` is free or pivoted.
+    The equation is Eq. (8) for a free bat and Eq. (9) for a pivoted one; `support_name` is ``free``
+    or ``pivoted``. The finite-element r follows from the rigid modes of each of the four bats, at
+    0.5 to 20 in from the tip.
     """
     z, gaps = np.linspace(0.5, 20, 40), []
     for bat in BATS:

@@ -131,7 +131,7 @@ def at_limit(place: float) -> float:
 def besr_at_limit(place: float) -> float:
     """Return the BESR of a bat with v_f = 97 mph in the NCAA rig, hit at `place` [in from the tip].
 
-    The pitch has 70 mph; the bat has the length of R161.
+    The pitch speed is 70 mph; the bat has the length of R161.
     """
     e_A = collision_efficiency(PITCH, ncaa_bat_speed(place, beam(WOOD).length), 97.0)
     return float(besr(e_A))

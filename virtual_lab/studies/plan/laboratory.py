@@ -125,7 +125,7 @@ class PlannedLaboratory:
 
 
 def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
-    """Return the instruments of rigs with half of each standard uncertainty, by name.
+    """Return the instruments of rigs with half of each standard uncertainty, keyed by name.
 
     A survey of the rig itself, such as that of its pivot, has the name of its table in the rig's
     sheet.

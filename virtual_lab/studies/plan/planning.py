@@ -148,10 +148,10 @@ def plan(
         Instruments and rigs of the present laboratory with changed values, in place of those of
         the catalog.
 
-        Sheets: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
+        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a text, the number of plans done, and the total. By default the
-        progress is shown on stderr.
+        Function that is called with a message, the number of plans done, and the total. By default
+        the progress is shown on stderr.
 
     Raises
     ------

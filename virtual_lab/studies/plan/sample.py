@@ -63,7 +63,7 @@ class SampledTests(AlignedArrays):
     def of(cls, laboratories: RoundRobin, tests: int, seed: int, workers: int = 1) -> SampledTests:
         """Return the tests of the first `tests` laboratories of a seed.
 
-        Raises `InputError` as `RoundRobin.each_block`.
+        Raises `InputError` in the same cases as `RoundRobin.each_block`.
         """
         return cls.concatenate(list(laboratories.each_block(sample_of, tests, seed, workers)))
 

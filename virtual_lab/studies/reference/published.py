@@ -73,8 +73,8 @@ def published_value(quantity: str) -> float:
 def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Callable[[], float]:
     """Return a function without arguments that computes our result for a row.
 
-    `finders` are functions by name. Raises `KeyError` for an unknown name, and `ValueError` for a
-    row without one.
+    `finders` are functions keyed by name. Raises `KeyError` for an unknown name, and `ValueError`
+    for a row without one.
     """
     name, *arguments = row.find.split()
     return partial(finders[name], *map(_argument, arguments))

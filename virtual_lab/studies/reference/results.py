@@ -144,7 +144,7 @@ def diameter(bat: str) -> float:
 
 
 def barrel_length(bat: str) -> float:
-    """Return the distance from the tip to the last section of greatest diameter of a bat [in]."""
+    """Return the distance from the tip at which a bat begins to taper toward the handle [in]."""
     profile = body(bat).profile
     widest = max(profile.outer_diameter)
     stations = zip(profile.z, profile.outer_diameter, strict=True)
@@ -308,7 +308,7 @@ def soft_ball(bat: str, speed: float) -> float:
 
 
 def hoop_trend(bat: str, speed: float) -> float:
-    """Return the rank correlation of the greatest BBCOR and the hoop frequency, from -1 to 1.
+    """Return the rank correlation between peak BBCOR and hoop frequency, from -1 to 1.
 
     The frequency is varied from 1000 to 3000 Hz at constant modal mass. `speed` is the relative
     speed [mph]. The bat must have a hoop mode.

@@ -41,7 +41,7 @@ class PlayedDays:
     """Tests on days of a twin, with the stated values that they should find."""
 
     certified: Certifications
-    measurands: Mapping[str, Array]  # results of an error-free test by name, (day,)
+    measurands: Mapping[str, Array]  # results of an error-free test keyed by name, (day,)
 
     @property
     def sound(self) -> Mask:
@@ -127,7 +127,7 @@ class TwinDays:
         return PlayedDays(certified=certified, measurands=true)
 
     def blocks(self, days: int, first: int = 0) -> Iterator[PlayedDays]:
-        """Yield the tests of `days` days whose instruments write sums, in blocks.
+        """Yield the tests of `days` days whose instruments record only summary values, in blocks.
 
         The numbers of the days begin with `first`.
         """

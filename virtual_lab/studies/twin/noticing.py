@@ -69,7 +69,7 @@ def noticed_faults(
     folder
         Folder of the faults played so far; it is made if there is none.
     progress
-        Function that is called with a text, the number of faults done, and the total.
+        Function that is called with a message, the number of faults done, and the total.
     days
         Number of days per fault and size.
 

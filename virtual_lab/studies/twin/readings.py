@@ -24,7 +24,7 @@ from virtual_lab.units import Array
 
 LEVEL = 0.02  # adjusted tail probability below which a reading is pointed at
 ROUND = 25  # number of days after which the study looks whether more of them can matter
-FIRST = 2**20  # number of the first full day, above those whose instruments write sums
+FIRST = 2**20  # number of the first day with full records, above those with summary values
 TWO_SIDED = {"chords"}
 TWIN_READINGS = {
     "hits": "largest deviation of a hit from the others at its position, in their scatter",
@@ -115,7 +115,7 @@ def unlike_readings(
     days
         Largest number of days to compare, each with every edge and count.
     progress
-        Function that is called with a text, the number of days done, and the total.
+        Function that is called with a message, the number of days done, and the total.
     """
     block = certification.block
     ours = readings_of(evaluate(block, *reduce_block(block)))
@@ -162,7 +162,7 @@ def holm(tails: Array) -> Array:
 
 
 def readings_of(certified: Certifications) -> dict[str, float]:
-    """Return the `TWIN_READINGS` of a block of one test, by name.
+    """Return the `TWIN_READINGS` of a block of one test, keyed by name.
 
     A reading that the records do not hold is left out. A deviation is NaN if no group has two
     values, or if all are equal.

@@ -69,7 +69,7 @@ class Twin(StudyResult):
 
     bat: str
     procedure: str
-    days: int  # number of days whose instruments write sums
+    days: int  # number of days whose instruments record only summary values
     invalid: int  # number of these days without a valid result
     rows: list[TwinQuantity]
     full_days: int = 0  # number of days with every edge and count that gave a result
@@ -108,7 +108,7 @@ class Twin(StudyResult):
 
     @property
     def parts(self) -> dict[str, Sequence[Any]]:
-        """Rows of the further tables by name, () if they were not requested."""
+        """Rows of the further tables keyed by name, () if they were not requested."""
         return {
             "readings": self.readings,
             "improvements": self.improvements,
@@ -186,7 +186,7 @@ def twin(
         Result folder of ``certify``, its folder ``records``, or the folder of another laboratory
         with its ``laboratory.toml``.
     days
-        Number of days whose instruments write sums; at least 100.
+        Number of days whose instruments record only summary values; at least 100.
     full_days
         Largest number of days whose instruments record every gate edge and encoder count, to
         compare the readings; 0 or at least 250, so that an unusual reading can be significant.
@@ -199,7 +199,7 @@ def twin(
     seed
         Seed of the days.
     progress
-        Function that is called with a text, the number of days or faults done, and the total. By
+        Function that is called with a message, the number of days or faults done, and the total. By
         default the progress is shown on stderr.
 
     Raises

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-# parts of MP4, MOV and 3GP files, by name
+# parts of MP4, MOV and 3GP files, keyed by name
 BOXES = b"ftyp moov mdat moof mfra free skip wide pnot styp sidx uuid meta udta".split()
 EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"  # parts of MKV and WebM files
 ENDS = {b"GIF8": b";", b"\x89PNG": b"IEND\xaeB`\x82"}  # last bytes of a file, by its first

@@ -175,7 +175,7 @@ class Still:
 
 
 def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
-    """Return the largest difference of two pictures over the channels, (row, column) [DN]."""
+    """Return the absolute difference between two images, largest channel, (row, column) [DN]."""
     return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
 
 

@@ -60,7 +60,7 @@ def watch(
     tripod
         Whether the camera is known to stand still.
     progress
-        Function that is called with a text that names the frame.
+        Function that is called with a message that names the frame.
     """
     depth = max(8, int(clip.full_scale).bit_length())
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0

@@ -95,8 +95,8 @@ def follow(
 ) -> FollowedClip:
     """Follow the ball through a clip.
 
-    Raises `InputError` if the ball would fall absurdly fast at the stated frame rate, or if the
-    requested scale cannot be measured in any flight.
+    Raises `InputError` if the stated frame rate implies an impossibly large g, or if the requested
+    scale cannot be measured in any flight.
     """
     progress("looking for the ball")
     watched = watch(
@@ -120,8 +120,8 @@ def follow_blobs(
     """Follow the ball through a clip whose moving objects are already known (`watched`).
 
     `flights` are flights of the ball that were corrected by hand; by default they are searched for.
-    A clip without a flight gives a result without flights, and a warning. Raises `InputError`
-    as `follow` does.
+    A clip without a flight gives a result without flights, and a warning. Raises `InputError` in
+    the same cases as `follow`.
     """
     same = repeats(watched)
     if flights is not None:

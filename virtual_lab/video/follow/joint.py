@@ -168,7 +168,7 @@ def fit_flights(
     tilt
         Tilt of the perspective, (2,) [1/px]; None: it is fitted.
     floor
-        Contacts with a common floor, which is level to `slant_u`.
+        Contacts with a common floor, which is assumed to be level within `slant_u`.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]

@@ -13,7 +13,7 @@ of the camera off level, and off square to the flight, on the air, and on the lo
 is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 
 * A camera that looks up or down by θ has a perspective tan θ/f, with the focal length f. It bends a
-  flight like a change of g by the share 2 tan θ/f (v²/a + y), some per cent at 5°. The perspective
+  flight like a change of g by the share 2 tan θ/f (v²/a + y), some percent at 5°. The perspective
   is therefore a parameter of the fit, with this u as prior knowledge (`follow.joint`).
 * Lengths along the tilt, and so g, look shorter by the factor cos θ. A horizontal length is then
   measured too long by the share 1/cos θ - 1, which is 0.1 % at 2.5°. This whole share is u.
@@ -109,9 +109,10 @@ def rulers_of(
     step: float,
     where: str,
 ) -> list[Ruler]:
-    """Return the available rulers, the one to use first; empty if there is none.
+    """Return the available rulers, with the preferred one first; empty if there is none.
 
-    A stated scale is first, otherwise the requested ruler, otherwise the ruler with the smallest u.
+    The preferred ruler is a stated scale, otherwise the requested ruler, otherwise the ruler with
+    the smallest u.
 
     Parameters
     ----------

@@ -41,11 +41,11 @@ class FlightsFound:
 
 
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
-    """Return the flights, with frame times that are time stamps or a count without repeats.
+    """Return the flights. Frame times are time stamps, or a count of the frames without repeats.
 
     `same`, (frame,), is the mask of the repeats. With fewer than two repeats the time stamps are
-    used, and with more than 40 % repeats (most frames are stored twice) the count. Otherwise the
-    interpretation with more support is used.
+    used. With more than 40 % repeats, where most frames are stored twice, the count is used.
+    Otherwise the times are used that give the flights with the larger support, see `_support`.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
@@ -135,11 +135,12 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 
 
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Return the duration of a time step [s], longer than a frame if repeats take no time.
+    """Return the mean time between two different pictures [s].
 
-    The share of repeats is counted in the frames of the flights, because pictures without motion
-    are equal anyway. Without flights all frames are used. With fewer than two frames the result is
-    1 / rate.
+    This is the frame period 1 / rate if every frame counts as a time step. It is longer if repeated
+    frames are padding that takes no time step of its own. The share of repeats is counted in the
+    frames of the flights, because frames without motion are identical anyway. Without flights all
+    frames are used. With fewer than two frames the result is 1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

@@ -104,8 +104,8 @@ class Sensor(CalibratedInstrument[SensorSpec]):
     ) -> Pixels:
         """Return the mean grey values of `count` whole frames of one scene, (row, column).
 
-        `electrons` and `exposure` are those of `expose`. The noise of the mean is drawn once. It is
-        much smaller than one grey value, so rounding is treated as additional variance.
+        `electrons` and `exposure` are the same as for `expose`. The noise of the mean is drawn
+        once. It is much smaller than one grey value, so rounding is treated as additional variance.
         """
         spec = self.spec
         gathered = electrons * self.response + np.float32(spec.dark_current * exposure)
