@@ -62,8 +62,8 @@ def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
     assert result.consumer_given_accepted == pytest.approx(np.mean(~good[accepted]), abs=2e-3)
     assert result.producer_given_conforming == pytest.approx(np.mean(~accepted[good]), abs=2e-3)
     text = str(result)
-    assert "customer's risk, P(accepted and not conforming): joint" in text
-    assert "maker's risk, P(rejected | conforming): conditional" in text
+    assert "consumer's risk, P(accepted and not conforming): joint" in text
+    assert "producer's risk, P(rejected | conforming): conditional" in text
     assert text.startswith("prior: ")
 
 

@@ -80,10 +80,10 @@ class Risks:
 
     def __repr__(self) -> str:
         rows = (
-            (self.consumer, f"customer's risk, {CONSUMER}"),
-            (self.producer, f"maker's risk, {PRODUCER}"),
-            (self.consumer_given_accepted, f"customer's risk, {CONSUMER_GIVEN}"),
-            (self.producer_given_conforming, f"maker's risk, {PRODUCER_GIVEN}"),
+            (self.consumer, f"consumer's risk, {CONSUMER}"),
+            (self.producer, f"producer's risk, {PRODUCER}"),
+            (self.consumer_given_accepted, f"consumer's risk, {CONSUMER_GIVEN}"),
+            (self.producer_given_conforming, f"producer's risk, {PRODUCER_GIVEN}"),
         )
         lines = [f"{value:.6f}  {words}" for value, words in rows]
         return "\n".join([f"prior: {self.prior}; accepted within {self.acceptance}", *lines])
@@ -100,8 +100,8 @@ def conformity(
     """Return the probability that the true value of one item conforms (JCGM 106, 7).
 
     The distribution is normal, or Student's t with finite `dof`. If the item is accepted, the
-    specific risk of the customer is one minus this probability. If it is rejected, the specific
-    risk of the maker is this probability.
+    specific consumer's risk is one minus this probability. If it is rejected, the specific
+    producer's risk is this probability.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def global_risk(
     guard: Certain = 0.0,
     dof: Certain = inf,
 ) -> Risks:
-    """Return the risks of maker and customer for all items of a process (JCGM 106, 9).
+    """Return the consumer's and the producer's risks for all items of a process (JCGM 106, 9).
 
     The risks are probabilities. An item is accepted if its measured value is within the acceptance
     limits.
@@ -180,7 +180,7 @@ def guard_band(
         only items that certainly conform are accepted, r = 0 is simple acceptance, and with r = -1
         only items that certainly do not conform are rejected.
     target
-        Largest customer's risk, in place of r: with a `prior` the joint risk of all items, without
+        Largest consumer's risk, in place of r: with a `prior` the joint risk of all items, without
         one the specific risk of an item at the acceptance limit.
     prior
         As for `risk`.
@@ -220,7 +220,7 @@ def guard_band(
 def _risk_with(
     limits: Tolerance, u: float, dof: float, prior: InputSource | None, w: float
 ) -> float:
-    """Return the customer's risk with the guard band `w`.
+    """Return the consumer's risk with the guard band `w`.
 
     With a prior this is the joint risk of all items, without one the specific risk of the worst
     accepted item.

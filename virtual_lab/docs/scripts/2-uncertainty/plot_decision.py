@@ -2,8 +2,8 @@
 Probability that a bat conforms
 ===============================
 
-Probability that the true value is below a limit of 0.500, over the measured one, for three u. A
-guard band of 1.64 u keeps the risk of the customer below 5 %.
+Probability that the true value is below a limit of 0.500, plotted against the measured value, for
+three u. A guard band of 1.64 u keeps the consumer's risk below 5 %.
 """
 
 import matplotlib.pyplot as plt
