@@ -65,7 +65,7 @@ def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]
     vl.show(folder / "certificate.json")
     vl.template(rules, folder)
     vl.track(folder / "clip.mp4", ball=vl.ball("baseball-2003"), tripod=True).save(folder)
-    vl.track(frames, ball="73mm", fps=240, frames="1:20").flights["speed_out_mps"]
+    vl.track(frames, ball="73mm", fps=240, frames="1:20").flights["speed_out_m_per_s"]
     vl.calibrate([folder, "more.png"], board="chessboard:14x9:40mm").save("camera.toml")
     vl.board(folder, board="chessboard:14x9:40mm", camera=vl.instrument("camera-overhead"))
     vl.rehearse("plain-day", operator="expert", seed=3)

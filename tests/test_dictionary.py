@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
+import inspect
 import pkgutil
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -32,6 +34,10 @@ from virtual_lab.studies.bats.text import Peaks
 from virtual_lab.studies.critique import BatRank, Pair
 from virtual_lab.studies.paper.claim import Row
 from virtual_lab.studies.paper.findings import CLAIMS
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.video.show import track_text
+from virtual_lab.video.show.course import WRITTEN
+from virtual_lab.video.show.track_text import in_columns
 
 
 def modules() -> Iterator[Any]:
@@ -146,3 +152,22 @@ def test_the_tables_that_are_computed_are_in_the_dictionary() -> None:
     known(vl.procedure("astm-f1881").numbers)
     known(vl.shelf("bats").table)
     known(frame([Row(claim=CLAIMS[0], result=1.0).document]))
+
+
+def test_the_tables_of_a_clip_are_in_the_dictionary() -> None:
+    """The columns are those that the writers name; a clip itself takes seconds."""
+    assert [name for name in WRITTEN if column_meaning(name) is None] == []
+    flight = {"speed_in_m_per_s": Estimate(value=40.0, u=0.1), "contact_kind": "floor"}
+    assert list(in_columns(flight)) == ["speed_in_m_per_s", "speed_in_u_m_per_s", "contact_kind"]
+    source = ast.parse(inspect.getsource(track_text))
+    keys = {
+        key.value
+        for function in source.body
+        if isinstance(function, ast.FunctionDef) and function.name.endswith("_rows")
+        for each in ast.walk(function)
+        if isinstance(each, ast.Dict)
+        for key in each.keys
+        if isinstance(key, ast.Constant)
+    }
+    assert {"speed_in_m_per_s", "time_s"} <= keys
+    assert [key for key in keys if column_meaning(str(key)) is None] == []

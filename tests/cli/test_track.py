@@ -51,14 +51,14 @@ def test_track_writes_all_files_and_results(folder: Path) -> None:
     document = json.loads(done.stdout)
     assert document.pop("folder") == str(out)
     assert document == json.loads((out / "result.json").read_text())
-    speed, true = document["speed_in_mps"], np.hypot(*FILM.velocity_in) * 5.0
+    speed, true = document["speed_in_m_per_s"], np.hypot(*FILM.velocity_in) * 5.0
     assert speed.keys() == {"value", "u"}
     assert abs(speed["value"] - true) < 2 * speed["u"] < 0.02 * true
-    assert document["speed_out_mps"].keys() == document["restitution"].keys() == {"value", "u"}
+    assert document["speed_out_m_per_s"].keys() == document["restitution"].keys() == {"value", "u"}
     assert document["flags"] == []
     assert document["warnings"] == []
     assert document["counts"] == {"frames": 44, "with_ball": 44, "lost": 0}
-    assert [each["places"] for each in document["flights"]] == [19, 25]
+    assert [each["positions"] for each in document["flights"]] == [19, 25]
     assert sorted(path.name for path in out.iterdir()) == [
         "result.json", "settings.toml", "sheet.png", "speeds.csv", "track.csv", "track.png",
         "track.webp",
@@ -68,14 +68,14 @@ def test_track_writes_all_files_and_results(folder: Path) -> None:
     x, _ = FILM.places()
     np.testing.assert_allclose([float(row["x_px"]) for row in rows], x, atol=0.05)
     assert {row["flight"] for row in rows} == {"1", "2"}
-    fast = [np.hypot(float(row["right_mps"]), float(row["up_mps"])) for row in rows]
+    fast = [np.hypot(float(row["right_m_per_s"]), float(row["up_m_per_s"])) for row in rows]
     assert fast[0] == pytest.approx(true, rel=0.01)
     flights = list(csv.DictReader((out / "speeds.csv").read_text().splitlines()))
-    assert float(flights[0]["speed_out_mps"]) == pytest.approx(speed["value"], rel=1e-5)
+    assert float(flights[0]["speed_out_m_per_s"]) == pytest.approx(speed["value"], rel=1e-5)
     assert float(flights[0]["restitution"]) == pytest.approx(
         document["restitution"]["value"], rel=1e-5
     )
-    assert flights[1]["contact_after"] == ""
+    assert flights[1]["contact_kind"] == ""
     for name, least in (("track.png", 600), ("sheet.png", 1200)):
         picture = cv2.imread(str(out / name))
         assert picture is not None
@@ -101,8 +101,8 @@ def test_options_replace_the_calibration_file(folder: Path, tmp_path: Path) -> N
         {"metres_per_pixel": 2e-3, "relative_u": u, "from": "given"}
     )
     pixels = np.hypot(*FILM.velocity_in)
-    assert document["speed_in_mps"]["value"] == pytest.approx(pixels * 2e-3 * 2500, rel=2e-3)
-    assert document["speed_in_mps"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
+    assert document["speed_in_m_per_s"]["value"] == pytest.approx(pixels * 2e-3 * 2500, rel=2e-3)
+    assert document["speed_in_m_per_s"]["u"] == pytest.approx(u * pixels * 5, rel=0.05)
     assert document["exposure_s"] == pytest.approx(2e-5)
     assert (tmp_path / "sheet.png").exists()
     assert not (tmp_path / "track.webp").exists()  # film, which was not requested
@@ -114,7 +114,7 @@ def test_the_balls_u_is_in_the_speeds_of_a_hit(folder: Path) -> None:
         document = track.document
         assert document["scale"]["relative_u"] == pytest.approx(share, rel=0.1)
         assert ("0.28 mm was assumed" in track.text) == (ball == "28mm")
-        assert document["speed_in_mps"]["u"] > share * document["speed_in_mps"]["value"]
+        assert document["speed_in_m_per_s"]["u"] > share * document["speed_in_m_per_s"]["value"]
 
 
 def test_a_track_shows_its_picture(folder: Path, tmp_path: Path) -> None:
@@ -223,13 +223,13 @@ def test_a_phones_clip_gives_flights_contacts_and_flags(
     _, out, document = thrown
     assert document["motion"] == "flights"
     assert [set(each) for each in document["contacts"]] == [
-        {"time_s", "frame", "kind", "restitution"}
+        {"time_s", "frame", "contact_kind", "restitution"}
     ]
     first = document["flights"][0]
     assert set(first) == {
-        "flight", "first_frame", "last_frame", "places",
-        "speed_in_mps", "speed_out_mps", "angle_in_deg", "angle_out_deg", "acceleration_mps2",
-        "contact_after", "contact_s", "restitution",
+        "flight", "first_frame", "last_frame", "positions",
+        "speed_in_m_per_s", "speed_out_m_per_s", "angle_in_deg", "angle_out_deg",
+        "acceleration_m_per_s2", "contact_kind", "contact_time_s", "restitution",
     }  # fmt: skip
     assert first["first_frame"] >= 16
     restitution = document["contacts"][0]["restitution"]
@@ -268,8 +268,8 @@ def test_a_corrected_track_changes_the_result(thrown: tuple[Path, Path, dict[str
     assert "READOUT_UNKNOWN" not in same["flags"]
     rows.loc[rows["flight"] == 2, "y_px"] *= 1.1
     moved = again()
-    assert moved["flights"][1]["acceleration_mps2"]["value"] == pytest.approx(
-        1.1 * same["flights"][1]["acceleration_mps2"]["value"], rel=0.04
+    assert moved["flights"][1]["acceleration_m_per_s2"]["value"] == pytest.approx(
+        1.1 * same["flights"][1]["acceleration_m_per_s2"]["value"], rel=0.04
     )
 
 
@@ -314,10 +314,10 @@ def test_python_returns_tables(folder: Path) -> None:
     track = vl.track(folder / "clip.mp4", ball="2.8 cm", global_shutter=True)
     assert track.motion == "flights"
     assert len(track.flights) == 2
-    speed = track.flights["speed_out_mps"].iloc[0]
+    speed = track.flights["speed_out_m_per_s"].iloc[0]
     true = np.hypot(*FILM.velocity_in) * 5.0
-    assert abs(speed - true) < 3 * track.flights["speed_out_mps_u"].iloc[0]
-    assert list(track.contacts["kind"]) == ["struck"]
+    assert abs(speed - true) < 3 * track.flights["speed_out_u_m_per_s"].iloc[0]
+    assert list(track.contacts["contact_kind"]) == ["struck"]
     assert len(track.places) >= 40
     assert "flights" in repr(track)
     assert "the frame rate is the file's own" in track.text

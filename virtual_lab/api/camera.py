@@ -27,6 +27,7 @@ from virtual_lab.api.clip_statements import (
     scale_keys,
 )
 from virtual_lab.errors import InputError
+from virtual_lab.files.dictionary import with_units
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import preformatted
 from virtual_lab.parameters import (
@@ -291,7 +292,7 @@ def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
 
     from virtual_lab.video.show.track_text import in_columns
 
-    return pd.DataFrame([in_columns(row) for row in rows])
+    return with_units(pd.DataFrame([in_columns(row) for row in rows]))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -27,6 +27,7 @@ UNITS = {
     "u_counts_per_s": ColumnUnit("{count}/s", printed="counts/s"),
     "counts_per_s": ColumnUnit("{count}/s", printed="counts/s"),
     "rad_per_s": ColumnUnit("rad/s"),
+    "m_per_s2": ColumnUnit("m/s2", printed="m/s²"),
     "m_per_s": ColumnUnit("m/s"),
     "counts_per_s_before": ColumnUnit("{count}/s", printed="counts/s"),
     "counts_at_contact": ColumnUnit("{count}", printed="counts"),
@@ -62,3 +63,11 @@ def unit_of(name: str) -> ColumnUnit:
     parts = name.split("_")
     endings = ("_".join(parts[at:]) for at in range(len(parts)))
     return next((UNITS[ending] for ending in endings if ending in UNITS), PURE)
+
+
+def name_of_u(name: str) -> str:
+    """Return the name of the column of the u of a column: ``speed_u_mph`` for ``speed_mph``."""
+    parts = name.split("_")
+    ends = (at for at in range(1, len(parts)) if "_".join(parts[at:]) in UNITS)
+    at = next(ends, len(parts))
+    return "_".join([*parts[:at], "u", *parts[at:]])

@@ -254,7 +254,7 @@ def test_a_ball_that_leaves_faster_than_it_came_has_no_restitution(tmp_path: Pat
     assert abs(result.speed_out.value - np.hypot(11.2, 1.7) * UNIT) < 4 * result.speed_out.u
     assert "restitution not stated" in track_text(result.clip)
     assert "flight 2" in track_text(result.clip)
-    assert result.document["speed_out_mps"] == {
+    assert result.document["speed_out_m_per_s"] == {
         "value": result.speed_out.value,
         "u": result.speed_out.u,
     }

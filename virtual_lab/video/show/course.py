@@ -18,8 +18,8 @@ WRITTEN = {  # columns of track.csv
     **dict.fromkeys(("time_s", "x_px", "y_px", "x_u_px", "y_u_px", "radius_px"), float),
     **dict.fromkeys(("x_m", "y_m", "chi_square"), float),
     "flight": "U8",  # number of the flight, "" outside flights
-    "flags": "U64",
-    **dict.fromkeys(("drift_x_px", "drift_y_px", "right_mps", "up_mps"), float),
+    "flag_names": "U64",
+    **dict.fromkeys(("drift_x_px", "drift_y_px", "right_m_per_s", "up_m_per_s"), float),
 }
 # deviation of a position from its flight, and distance from its middle to the end of its blur
 DRAWN = dict.fromkeys(("along_px", "across_px", "reach_px"), float)
@@ -48,7 +48,9 @@ def course_of(track: FollowedClip) -> Places:
             "chi_square": at.chi_square,
             "x_m": sharp.plane.places[:, 0],
             "y_m": sharp.plane.places[:, 1],
-            "flags": ["|".join(str(e.name) for e in PlaceFlag(int(each))) for each in at.flags],
+            "flag_names": [
+                " ".join(str(e.name) for e in PlaceFlag(int(each))) for each in at.flags
+            ],
         }
     elif ways:
         blobs = track.watched.blobs[np.concatenate([way.blobs for way in ways])]
@@ -84,13 +86,13 @@ def course_of(track: FollowedClip) -> Places:
             places["flight"][rows] = str(k + 1)
             places["along_px"][rows] = track.fit.residuals[k] @ [right, down]
             places["across_px"][rows] = track.fit.residuals[k] @ [-down, right]
-            places["right_mps"][rows], places["up_mps"][rows] = speeds.T * [[1], [-1]]
+            places["right_m_per_s"][rows], places["up_m_per_s"][rows] = speeds.T * [[1], [-1]]
     return places
 
 
 def course_rows(places: Places) -> list[dict[str, Any]]:
     """Return the rows of track.csv, one per position that is known or flagged."""
-    rows = places[np.isfinite(places["x_px"]) | (places["flags"] != "")]
+    rows = places[np.isfinite(places["x_px"]) | (places["flag_names"] != "")]
     return [dict(zip(WRITTEN, row, strict=True)) for row in rows[[*WRITTEN]].tolist()]
 
 

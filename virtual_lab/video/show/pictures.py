@@ -182,7 +182,7 @@ class Pictures:
             some, (right, up) = self.places[used], metres[:, used]
             t, noise = some["time_s"], (some["x_u_px"] + some["y_u_px"]) / 2
             place.plot(t, right, "--", t, up, "-", color=colour)
-            speed.plot(t, np.hypot(some["right_mps"], some["up_mps"]), color=colour)
+            speed.plot(t, np.hypot(some["right_m_per_s"], some["up_m_per_s"]), color=colour)
             for axes, off in ((along, some["along_px"]), (across, some["across_px"])):
                 axes.errorbar(t, off, noise, fmt=".", color=colour, markersize=4, linewidth=0.6)
         speed.set_ylim(bottom=0.0)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from virtual_lab.files.column_units import name_of_u
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
@@ -34,14 +35,14 @@ def flight_rows(track: FollowedClip) -> list[Row]:
             "flight": k + 1,
             "first_frame": flight.first_frame,
             "last_frame": flight.last_frame,
-            "places": flight.places,
-            "speed_in_mps": flight.speed_in,
-            "speed_out_mps": flight.speed_out,
+            "positions": flight.places,
+            "speed_in_m_per_s": flight.speed_in,
+            "speed_out_m_per_s": flight.speed_out,
             "angle_in_deg": _degrees(flight.angle_in),
             "angle_out_deg": _degrees(flight.angle_out),
-            "acceleration_mps2": flight.acceleration,
-            "contact_after": met.kind if met else None,
-            "contact_s": met.time if met else None,
+            "acceleration_m_per_s2": flight.acceleration,
+            "contact_kind": met.kind if met else None,
+            "contact_time_s": met.time if met else None,
             "restitution": met.restitution if met else None,
         }
         for k, flight in enumerate(track.flights)
@@ -56,7 +57,12 @@ def contact_rows(track: FollowedClip) -> list[Row]:
     estimate, or None if it is not stated.
     """
     return [
-        {"time_s": e.time.value, "frame": e.frame, "kind": e.kind, "restitution": e.restitution}
+        {
+            "time_s": e.time.value,
+            "frame": e.frame,
+            "contact_kind": e.kind,
+            "restitution": e.restitution,
+        }
         for e in track.contacts
     ]
 
@@ -66,7 +72,7 @@ def in_columns(row: Mapping[str, Any]) -> Row:
     cells: Row = {}
     for name, each in row.items():
         estimate = isinstance(each, Estimate)
-        cells |= {name: each.value, f"{name}_u": each.u} if estimate else {name: each}
+        cells |= {name: each.value, name_of_u(name): each.u} if estimate else {name: each}
     return cells
 
 
@@ -99,9 +105,9 @@ def track_document(track: FollowedClip) -> Row:
     """Return the result as a dictionary for JSON.
 
     The values of ``contact``, ``restitution`` and ``restitution_of`` are None unless the clip has
-    exactly one contact. ``speed_in_mps`` and ``angle_in_deg`` are those at the end of the incoming
-    flight, ``speed_out_mps`` and ``angle_out_deg`` those at the start of the outgoing flight. These
-    flights are:
+    exactly one contact. ``speed_in_m_per_s`` and ``angle_in_deg`` are those at the end of the
+    incoming flight, ``speed_out_m_per_s`` and ``angle_out_deg`` those at the start of the outgoing
+    flight. These flights are:
 
     * with exactly one contact, the flights before and after it;
     * otherwise, with a single flight, this flight and None;
@@ -119,8 +125,8 @@ def track_document(track: FollowedClip) -> Row:
         "flights": flight_rows(track),
         "contacts": contact_rows(track),
         "gravity_mps2": track.gravity,
-        "speed_in_mps": before and before.speed_out,
-        "speed_out_mps": after and after.speed_in,
+        "speed_in_m_per_s": before and before.speed_out,
+        "speed_out_m_per_s": after and after.speed_in,
         "restitution": one and one.restitution,
         "restitution_of": RATIOS.get(one.kind, "speeds") if one and one.restitution else None,
         "angle_in_deg": before and _degrees(before.angle_out),
@@ -200,15 +206,15 @@ def track_text(track: FollowedClip) -> str:
     ]
     contacts = {each.before: each for each in track.contacts}
     for k, row in enumerate(flight_rows(track)):
-        speeds = [row["speed_in_mps"], row["speed_out_mps"]]
+        speeds = [row["speed_in_m_per_s"], row["speed_out_m_per_s"]]
         if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit, with a calibration
             speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
             f"  flight {k + 1}: frames {row['first_frame']} to {row['last_frame']}, "
-            f"{row['places']} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
+            f"{row['positions']} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
         )
-        pull = row["acceleration_mps2"]
+        pull = row["acceleration_m_per_s2"]
         if pull and pull.u < pull.value:  # otherwise the flight bends too little
             words += f", acceleration {_format(pull)} m/s²"
         lines.append(words)
