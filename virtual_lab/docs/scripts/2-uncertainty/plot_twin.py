@@ -14,10 +14,10 @@ import pandas as pd
 import virtual_lab as vl
 
 folder = Path(vl.__file__).parents[1] / "tests" / "studies"
-table = pd.read_csv(next(folder.glob("twin-*.csv"))).query("reading == 'metric'")
+table = pd.read_csv(next(folder.glob("twin-*.csv"))).query("fault.isna()")
 figure, axes = plt.subplots()
 for (procedure, rows), marker in zip(table.groupby("procedure"), "os", strict=True):
     axes.plot(range(1, len(rows) + 1), rows["ratio"], marker, label=procedure)
 axes.axhline(1, color="black", linestyle="--", linewidth=1)
-axes.set(xlabel="laboratory", ylabel="stated u / standard deviation", ylim=(0, 1.8))
+axes.set(xlabel="laboratory", ylabel="stated u / standard deviation", ylim=(0, 2))
 axes.legend(loc="lower right")
