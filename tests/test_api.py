@@ -524,7 +524,7 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
     "vl.daily(drift='1')": "drift = '1'; allowed: a number",
     "vl.calibrate('x.png', board=3)": "charuco:14x9",
     "vl.procedure('bbcor').with_(['valid_hits'])": "keys and values",
-    "vl.procedure('bbcor').with_(name='')": "allowed: a text",
+    "vl.procedure('bbcor').with_(name='')": "allowed: a string",
 }
 
 
@@ -630,7 +630,7 @@ def test_a_sheet_refuses_a_value_that_toml_cannot_hold() -> None:
     from virtual_lab.sheets import toml_text
 
     for value in (None, {1, 2}, [None]):
-        with pytest.raises(vl.InputError, match="cannot be written in a sheet; allowed: texts"):
+        with pytest.raises(vl.InputError, match="cannot be written in a sheet; allowed: strings"):
             toml_text({"key": value})
 
 

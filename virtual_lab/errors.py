@@ -13,7 +13,7 @@ DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the in
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the text is one line that says how to correct it."""
+    """Input that cannot be used; the message is one line that says how to correct it."""
 
     def __init__(self, where: str, key: str, value: object, allowed: str) -> None:
         self.where, self.key, self.value, self.allowed = where, key, value, allowed
@@ -31,7 +31,7 @@ class InputError(ValueError):
 
 
 class IncompleteError(Exception):
-    """A result was saved without some of its files; the text is one line."""
+    """A result was saved without some of its files; the message is one line."""
 
     def __init__(self, where: str, missing: list[str]) -> None:
         self.missing = missing
@@ -58,7 +58,7 @@ def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
 def nearest(name: object, names: Iterable[str]) -> str:
     """Return ``did you mean r161? `` with up to two names similar to a mistyped one.
 
-    The case of letters is ignored. The text is empty if no name is similar.
+    The case of letters is ignored. The result is an empty string if no name is similar.
     """
     folded = {each.lower(): each for each in names}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
@@ -77,7 +77,7 @@ def of_extra(module: str, name: str, who: str) -> Any:
 
 
 def with_extra(name: str) -> str:
-    """Return a text for error messages that states how to install an extra.
+    """Return the part of an error message that states how to install an extra.
 
     It names the clone and the command, because the package is not on a public index. `name` is not
     checked.

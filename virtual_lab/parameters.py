@@ -39,14 +39,14 @@ class ParameterRule:
 
 
 def read_word(value: Any) -> str:
-    """Return a text unchanged; raise `TypeError` for anything else."""
+    """Return a string unchanged; raise `TypeError` for anything else."""
     if not isinstance(value, str):
         raise TypeError(value)
     return value
 
 
 def read_name(value: Any) -> str:
-    """Return a name or path as a text; raise `TypeError` for anything else."""
+    """Return a name or path as a string; raise `TypeError` for anything else."""
     return read_word(fspath(value))
 
 
@@ -58,7 +58,7 @@ def read_path(value: Any) -> Path:
 def read_number(value: Any) -> float:
     """Return a number of any type as a float, NaN included.
 
-    Raises `TypeError` for a text or a truth value.
+    Raises `TypeError` for a string or a boolean.
     """
     if isinstance(value, bool | str):
         raise TypeError(value)
@@ -107,7 +107,7 @@ def whole(
 
 
 def between(least: float, most: float, words: str) -> ParameterRule:
-    """Return the rule of a number from `least` to `most`, both included; NaN is refused.
+    """Return the rule of a number from `least` to `most`, both included; NaN is rejected.
 
     `words` is the sentence on the allowed values.
     """
@@ -161,7 +161,7 @@ def several(one: ParameterRule, words: str = "") -> ParameterRule:
 
 
 def _is_list(value: Any) -> bool:
-    """Return whether a value is a sequence of items, and not a text, a mapping or a sheet."""
+    """Return whether a value is a sequence of items, and not a string, a mapping or a sheet."""
     return isinstance(value, Iterable) and not isinstance(value, str | bytes | Path | Mapping | Set)
 
 
@@ -169,7 +169,7 @@ WHOLE = whole()
 NUMBER = ParameterRule(read=read_number, allowed="a number", parse=float, metavar="NUMBER")
 CERTAIN_NUMBER = ParameterRule(read=_certain, allowed="a number", parse=float, metavar="NUMBER")
 FLAG = ParameterRule(read=_yes_or_no, allowed="True or False", flag=True)
-TEXT = ParameterRule(read=read_word, allowed="a text")
+TEXT = ParameterRule(read=read_word, allowed="a string")
 FILE = ParameterRule(read=read_path, allowed="a path", metavar="FILE")
 FOLDER = ParameterRule(read=read_path, allowed="the path of a folder", metavar="FOLDER")
 ANYTHING = ParameterRule(read=lambda value: value, allowed="")

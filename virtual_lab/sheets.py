@@ -41,7 +41,7 @@ NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its 
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
 LONGEST_TITLE = 200
 LONGEST_NAME = 100
-UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # characters that some system refuses in file names
+UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # characters that some system rejects in file names
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,9 +112,9 @@ class Sheet:
         Parameters
         ----------
         changes, named
-            New values by key; a key within a table has a dot, ``{"windows.rebound_angle": 5}``.
-            A number, or a list of numbers, is in the unit of the sheet; a text ``"5 deg"`` may
-            have another unit of the same quantity. None removes an optional key.
+            New values by key; a key within a table has a dot, ``{"windows.rebound_angle": 5}``. A
+            number, or a list of numbers, is in the unit of the sheet; a string ``"5 deg"`` may have
+            another unit of the same quantity. None removes an optional key.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class Sheet:
         if "name" in every:
             name = every["name"]
             if not isinstance(name, str) or not name.strip():
-                raise InputError(self.name, "name", name, "allowed: a text")
+                raise InputError(self.name, "name", name, "allowed: a string")
             if name in catalog.names(self.kind):
                 allowed = "is the name of an entry of the catalog; allowed: another name"
                 raise InputError(self.name, "name", name, allowed)
@@ -321,7 +321,7 @@ def _instruments(value: Any) -> tuple[Sheet, ...]:
 
 
 def _instrument_in_file(text: str) -> Sheet:
-    """Return the sheet in FILE under the NAME of an instrument or rig, for a text ``NAME=FILE``."""
+    """Return the sheet in FILE under the NAME of an instrument or rig, from ``NAME=FILE``."""
     name, _, path = text.partition("=")
     if not path:
         raise InputError(
@@ -370,7 +370,7 @@ AnyCamera = Annotated[AnyEntry, entry_rule("instruments")]
 AnyRig = Annotated[AnyEntry, replace(entry_rule("rigs"), complete=_rigs_at_bats)]
 AnyInertia = Annotated[
     AnyEntry,
-    replace(entry_rule("bats", ", or a text: '17000 oz in^2'"), metavar="BAT|'NUMBER UNIT'"),
+    replace(entry_rule("bats", ", or a string: '17000 oz in^2'"), metavar="BAT|'NUMBER UNIT'"),
 ]
 Faults = Annotated[
     str | Sequence[str],
@@ -490,16 +490,16 @@ def _inline(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(_inline, value))}]"
     if isinstance(value, float):
-        return repr(value)  # also nan and inf, which the reader of the file refuses
+        return repr(value)  # also nan and inf, which the reader of the file rejects
     if isinstance(value, datetime.date):
         return value.isoformat()
     try:
         if value is None:
             raise TypeError
-        return json.dumps(value, ensure_ascii=False)  # JSON and TOML write texts and bools alike
+        return json.dumps(value, ensure_ascii=False)  # JSON and TOML write strings and bools alike
     except (TypeError, ValueError) as fault:  # ValueError: a number of thousands of digits
         allowed = (
-            "cannot be written in a sheet; allowed: texts, numbers, True, False, lists, tables"
+            "cannot be written in a sheet; allowed: strings, numbers, True, False, lists, tables"
         )
         raise InputError("", "value", value, allowed) from fault
 

@@ -94,7 +94,7 @@ def gates(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
 
 @contextmanager
 def encoder_that_sums() -> Iterator[None]:
-    """Make the encoder alone write sums, while all other records are in full."""
+    """Make the encoder alone record summary values, while all other records are in full."""
     names = ("fly", "timed", "play")
     plan_at = {"fly": 0, "timed": 1, "play": 0}
 

@@ -3,9 +3,9 @@
     python -m tests.studies.coverage PROCEDURE LABORATORIES HISTORY OUT.CSV
     python -m tests.studies.coverage picture OUT.PNG
 
-The bat is r161, or softball-34 for `asa`. Instruments write sums; HISTORY earlier tests per
-laboratory count. Results of blocks stay in a folder beside the table, from which an interrupted run
-continues. The picture shows the stored tables.
+The bat is r161, or softball-34 for `asa`. Instruments record only summary values; HISTORY earlier
+tests per laboratory count. Results of blocks stay in a folder beside the table, from which an
+interrupted run continues. The picture shows the stored tables.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TENTHS = {
     "coverage_by_u": "tenths by u, smallest first",
     "coverage_by_dof": "tenths by ν, fewest first",
 }
-FEWEST = 4_000  # laboratories, so that a tenth is known to a per cent
+FEWEST = 4_000  # laboratories, so that a tenth is known to a percent
 
 
 def rows_of(pattern: str) -> dict[str, dict[str, Any]]:

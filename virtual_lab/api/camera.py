@@ -197,7 +197,7 @@ def track(
         ``baseball``, the name of another ball in the catalog, the first letters of such a name if
         no other name begins with them, or a .toml file.
 
-        A `Sheet` of a ball is also allowed. A number without a unit is refused.
+        A `Sheet` of a ball is also allowed. A number without a unit is rejected.
     mass
         Mass of the ball in g, kg or oz, ``145g``, from which its drag is computed.
     fps

@@ -1,7 +1,7 @@
 """Types of the statements about a clip, `73mm±0.5mm`, `17:52`, `x,y@frame`, with their rules.
 
-The rule of a type refuses a text of another form. The function that reads the text converts it to
-SI units, and returns None for None: nothing is stated.
+The rule of a type rejects a string of another form. The function that reads the string converts it
+to SI units, and returns None for None: nothing is stated.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | No
 
 @_optional
 def read_seconds(text: str) -> float:
-    """Return a time of 0 to 1 s from a text such as ``8ms`` or ``1/120``, in seconds.
+    """Return a time of 0 to 1 s from a string such as ``8ms`` or ``1/120``, in seconds.
 
-    The result is None if `text` is None. Raises `ValueError` for a text of another form, a number
+    The result is None if `text` is None. Raises `ValueError` for a string of another form, a number
     without a unit, a time outside 0 to 1 s, and ``1/0``.
     """
     from virtual_lab.units import to_si
@@ -52,10 +52,10 @@ def read_seconds(text: str) -> float:
 
 @_optional
 def read_mass(text: str) -> float:
-    """Return a mass of 0.1 g to 10 kg from a text such as ``145g``, in kilograms.
+    """Return a mass of 0.1 g to 10 kg from a string such as ``145g``, in kilograms.
 
-    The result is None if `text` is None. Raises `ValueError` for a text of another form or another
-    mass, and `KeyError` for an unknown unit.
+    The result is None if `text` is None. Raises `ValueError` for a string of another form or
+    another mass, and `KeyError` for an unknown unit.
     """
     from virtual_lab.units import to_si
 
@@ -67,10 +67,10 @@ def read_mass(text: str) -> float:
 
 @_optional
 def read_frames(text: str) -> tuple[int, int]:
-    """Return the numbers of the first and last frame from a text such as ``17:52``.
+    """Return the numbers of the first and last frame from a string such as ``17:52``.
 
-    Frames are counted from 0. The result is None if `text` is None. Raises `ValueError` for a text
-    of another form, or if the first is not before the last.
+    Frames are counted from 0. The result is None if `text` is None. Raises `ValueError` for a
+    string of another form, or if the first is not before the last.
     """
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
@@ -81,8 +81,8 @@ def read_region(text: str) -> tuple[float, float, float, float]:
     """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
 
     x and y are the distances of its upper left corner from the upper left corner of the picture.
-    The result is None if `text` is None. Raises `ValueError` for a text of another form, and for a
-    part narrower or lower than 1 px.
+    The result is None if `text` is None. Raises `ValueError` for a string of another form, and for
+    a part narrower or lower than 1 px.
     """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
@@ -93,7 +93,7 @@ def read_position(text: str) -> tuple[float, float, int]:
     """Return x and y of a ball [px], and the number of its frame, from ``210,85@17``.
 
     x and y are counted from the upper left corner of the picture. The result is None if `text` is
-    None. Raises `ValueError` for a text of another form.
+    None. Raises `ValueError` for a string of another form.
     """
     position, frame = text.split("@")
     x, y = _numbers(position, 2)
@@ -103,9 +103,9 @@ def read_position(text: str) -> tuple[float, float, int]:
 def scale_keys(text: str | None) -> dict[str, float]:
     """Return the scale [m/px] and its u by calibration key, from two points and their distance.
 
-    The text is ``X,Y:X,Y=50cm``, with points in pixels. Each point has a u of 1 px. The result is
-    empty for None. Raises `ValueError` for a text of another form or points closer than 10 px, and
-    `InputError` for a length that is not allowed.
+    The string is ``X,Y:X,Y=50cm``, with points in pixels. Each point has a u of 1 px. The result is
+    empty for None. Raises `ValueError` for a string of another form or points closer than 10 px,
+    and `InputError` for a length that is not allowed.
     """
     if text is None:
         return {}
@@ -137,9 +137,9 @@ def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
 
 
 def _ball_spec(text: str) -> Any:
-    """Return the values of a ball's sheet, or None for a text that states a length.
+    """Return the values of a ball's sheet, or None for a string that states a length.
 
-    The text is the path of a file, or the first letters of exactly one name in the catalog.
+    The string is the path of a file, or the first letters of exactly one name in the catalog.
     """
     from virtual_lab.catalog import load, names, texts_in_place
     from virtual_lab.catalog.specs import BallSpec
@@ -175,7 +175,7 @@ def _within(value: float, least: float, most: float) -> float:
 
 
 def _text(convert: Callable[[str], object], allowed: str, metavar: str) -> ParameterRule:
-    """Return the rule of a text that `convert` can read. The value remains the text."""
+    """Return the rule of a string that `convert` can read. The value remains the string."""
 
     def read(value: Any) -> str:
         try:
@@ -188,7 +188,7 @@ def _text(convert: Callable[[str], object], allowed: str, metavar: str) -> Param
 
 
 def _ball(value: Any) -> str | Sheet:
-    """Return a ball in the form of an entry of the catalog, or a diameter as a text."""
+    """Return a ball in the form of an entry of the catalog, or a diameter as a string."""
     entry: str | Sheet = KIND.read(value)
     if isinstance(entry, str):
         ball_keys(entry)

@@ -24,7 +24,7 @@ CHANGED_LATER = "it was changed after it was made"
 
 
 class ChangedPartError(Exception):
-    """Error: the file of a part is changed or unreadable; the text is the reason."""
+    """Error: the file of a part is changed or unreadable; the message is the reason."""
 
 
 def with_digests(file: bytes) -> bytes:

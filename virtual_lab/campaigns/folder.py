@@ -111,7 +111,7 @@ class Campaign:
         return campaign
 
     def sheets_today(self) -> dict[str, str]:
-        """Return the present catalog texts of the sheets of this campaign, by ``kind/name``.
+        """Return the current catalog texts of the sheets of this campaign, by ``kind/name``.
 
         Raises `InputError` if a sheet is missing.
         """
@@ -152,7 +152,7 @@ class Campaign:
     def share(self, text: str | None) -> range:
         """Return the numbers of the blocks of a share, such as ``3/40``; None stands for all.
 
-        Raises `InputError` if the text is not a share.
+        Raises `InputError` if the string is not a share.
         """
         digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text or "1/1")
         number, many = map(int, digits.groups()) if digits else (0, 0)

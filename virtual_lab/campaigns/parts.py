@@ -146,7 +146,7 @@ def _kind(value: Value) -> Any:
     """Return the text of a value, or for a number whether it is 0, which determines the columns."""
     if isinstance(value, tuple):
         return tuple(map(_kind, value))
-    number = str(value).split(" ", maxsplit=1)[0]  # number in a text such as "0.1 mm"
+    number = str(value).split(" ", maxsplit=1)[0]  # number in a string such as "0.1 mm"
     try:
         return float(number) == 0
     except ValueError:

@@ -23,7 +23,7 @@ from virtual_lab.streams import LABORATORIES, LARGEST_SEED
 from virtual_lab.units import name_with_unit
 
 MOST_CASES, MOST_REPEATS = 10_000, 1_000
-# new value of a key: numbers in the unit of the sheet, or a text, which may contain a unit
+# new value of a key: numbers in the unit of the sheet, or a string, which may contain a unit
 Value: TypeAlias = "Real | str | tuple[Real, ...]"
 Values: TypeAlias = "tuple[Real, ...] | tuple[str, ...] | tuple[tuple[Real, ...], ...]"
 
@@ -87,8 +87,8 @@ class StudyCase:
     def apply_changes(self) -> tuple[dict[Key, str], dict[str, tuple[Value, str]]]:
         """Return the texts of the changed sheets, and value and unit of each changed key.
 
-        Values and units are keyed by column name: the key, and its unit unless that is 1. A
-        number is in the unit of the unchanged sheet; a text has the unit "".
+        Values and units are keyed by column name: the key, and its unit unless that is 1. A number
+        is in the unit of the unchanged sheet; a string has the unit "".
 
         Raises `InputError` if no rig of the procedure and no instrument of these rigs has the key.
         """

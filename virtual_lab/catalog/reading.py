@@ -174,7 +174,7 @@ def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
     """Return the entry in a TOML `text`, with numbers in SI; `where` names the file in messages.
 
-    Raises `InputError` for a text that is not TOML or does not fit `spec`. The same arguments
+    Raises `InputError` for a string that is not TOML or does not fit `spec`. The same arguments
     return the same object.
     """
     return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
@@ -182,7 +182,7 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
 
 @lru_cache(maxsize=64)
 def _read(text: str, where: str, spec: Hashable) -> Any:
-    """Return the entry in a text, cached because a test reads its rules after every round."""
+    """Return the entry in a TOML string, cached because a test reads its rules every round."""
     spec_read: Any = validate(_parse(text, where), where, cast("type", spec))
     return Entry(spec_read, text, _numbers(text, where))
 
@@ -211,7 +211,7 @@ def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat described by a TOML `text`; `where` names the file in error messages.
 
     Numbers are in SI. A text with the key ``base`` states only the changes of that bat of the
-    catalog; all other values are those of the base. In such a text `wall_factor` can be a plain
+    catalog; all other values are those of the base. In such a file `wall_factor` can be a plain
     number instead of a table; its source is then ``not stated``. Raises `InputError` for an invalid
     text and for an unknown base.
     """
@@ -283,8 +283,8 @@ def source(kind: str, name: str) -> tuple[str, str]:
     """Return the text of an entry, and the name of its file for error messages.
 
     The name is the file name for an entry of the catalog, and the path for a user's file. Within
-    `sheets_in_place`, a text that replaces the file is returned with the name of the entry. Raises
-    `InputError` if there is no such file.
+    `sheets_in_place`, a string that replaces the file is returned with the name of the entry.
+    Raises `InputError` if there is no such file.
     """
     in_place = _in_place.get()
     if in_place is not None:
@@ -322,7 +322,7 @@ def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
 
 
 def texts_in_place() -> Mapping[Key, str]:
-    """Return the texts that replace catalog files in the present context, by (kind, name).
+    """Return the texts that replace catalog files in the current context, by (kind, name).
 
     The mapping is empty outside `sheets_in_place`.
     """
@@ -333,7 +333,7 @@ def texts_in_place() -> Mapping[Key, str]:
 def require_own_names(key: str, names: Sequence[str]) -> None:
     """Raise `InputError` if two of `names` are equal, because tables could not distinguish them.
 
-    `key` is the name of the argument for the message.
+    `key` is the name of the argument, which the message states.
     """
     for name in names:
         if names.count(name) > 1:

@@ -32,7 +32,7 @@ LARGEST = 1e18  # largest value of any quantity [SI], so that products stay fini
 class Dimension:
     """Annotation of a field whose file entry is a quantity of this dimension, converted to SI.
 
-    A value that is not between `low` and `high` is refused, because usually its unit is wrong.
+    A value that is not between `low` and `high` is rejected, because usually its unit is wrong.
     """
 
     name: str
@@ -100,9 +100,9 @@ class Dimension:
 
 
 def is_line(text: str, most: int) -> bool:
-    """Return whether a text is one printable line of at most `most` characters.
+    """Return whether a string is one printable line of at most `most` characters.
 
-    An empty text is such a line. The joiners U+200C and U+200D, needed in Persian, in Indian
+    An empty string is such a line. The joiners U+200C and U+200D, needed in Persian, in Indian
     scripts and in emoji, are allowed and count as characters.
     """
     return len(text) <= most and text.translate(JOINERS).isprintable()
@@ -115,7 +115,7 @@ class Words:
     most: int
 
     def read(self, raw: object) -> object:
-        """Return the file entry. Raises `ValueError` for a text that is not one printable line."""
+        """Return the file entry. Raises `ValueError` if it is not one printable line."""
         if isinstance(raw, str) and not is_line(raw, self.most):
             raise ValueError(f"must be one line of up to {self.most} printable characters")
         return raw

@@ -70,7 +70,7 @@ def at(document: Any, *keys: str) -> Any:
 
 
 def same_text(path: Path) -> str:
-    """Return the text of a file with Unix line ends; bytes that are no UTF-8 become U+FFFD.
+    """Return the text of a file with Unix line ends; bytes that are not UTF-8 become U+FFFD.
 
     Raises `InputError` if the file cannot be read.
     """
@@ -175,11 +175,11 @@ def _same(stated: Any, expected: Any) -> bool:
 
 
 def _value(value: Any) -> str:
-    """Return a value of JSON to be printed: a text in quotes, a number to twelve digits."""
+    """Return a value of JSON to be printed: a string in quotes, a number to twelve digits."""
     return cut_short(f"{value:.12g}" if isinstance(value, float) else json.dumps(value))
 
 
 def cut_short(text: str) -> str:
-    """Return a text, shortened to its beginning and a digest if it has more than 60 characters."""
+    """Return a string; beyond 60 characters, only its beginning and a digest."""
     cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
     return text if len(text) <= 60 else cut

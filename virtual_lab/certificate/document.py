@@ -175,7 +175,7 @@ class RecoilStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlRatio(Spec):
-    """Measured e of a control bat with these balls over its known e."""
+    """Ratio of the measured e of a control bat with these balls to its known e."""
 
     value: Real
     """Ratio of the measured e of the control bat to its known e."""
@@ -394,7 +394,7 @@ class RingStated(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trace(Spec):
-    """A record over the time after contact, with the fitted curve."""
+    """A record against the time after contact, with the fitted curve."""
 
     time_ms: Numbers
     """Time after contact."""

@@ -17,7 +17,7 @@ FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad 
 
 
 def kind_of(session: Session) -> dict[str, str]:
-    """Return the properties that must be equal in tests whose scatter is pooled.
+    """Return the properties that tests must share if their scatter is pooled.
 
     The keys are ``bat``, ``procedure`` (text of its sheet), ``rig`` (of the impact stage) and
     ``laboratory`` (its name).

@@ -76,7 +76,7 @@ def typeset(
     others: dict[str, str],
     standards: list[str],
 ) -> bytes:
-    """Return the PDF file of a template, set by Typst.
+    """Return the bytes of the PDF that Typst makes from a template.
 
     Characters without a glyph are printed as code points. Raises `InputError` if Typst fails.
 
@@ -115,7 +115,7 @@ def typeset(
 
 
 def _lacking(refusal: str, printable: str) -> set[str]:
-    """Return the characters of a text without a glyph, from Typst's error message.
+    """Return the characters of a string without a glyph, from Typst's error message.
 
     If the message names a base character with combining marks, only the marks are returned, because
     the font may have the base character. If the message names only an ASCII character, which every
@@ -192,7 +192,7 @@ def _day(document: CertificateDocument) -> list[int]:
 
 
 def _spell_out(value: Any, unprintable: set[str]) -> Any:
-    """Return `value` with each unprintable character in its texts replaced by its code point."""
+    """Return `value` with each unprintable character in its strings replaced by its code point."""
     if isinstance(value, str):
         return "".join(f"[U+{ord(each):04X}]" if each in unprintable else each for each in value)
     if isinstance(value, dict):

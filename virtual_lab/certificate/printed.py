@@ -87,9 +87,9 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
 
     The type of a value depends on its kind:
 
-    * A number is a text in printed units, rounded to its uncertainty; a dash or "" if missing.
-    * A table is a list of rows, or a dictionary with ``heads`` and ``rows``; its cells are texts.
-    * A group of values, such as ``conditions``, is a dictionary of texts.
+    * A number is a string in printed units, rounded to its uncertainty; a dash or "" if missing.
+    * A table is a list of rows, or a dictionary with ``heads`` and ``rows``; its cells are strings.
+    * A group of values, such as ``conditions``, is a dictionary of strings.
     * A condition that the template tests, such as ``swung``, is a bool.
     * The number of shots in ``rebound`` is an int; 0 if the check was not made.
     * A part that the certificate does not have is None, "" or an empty list.
@@ -166,7 +166,7 @@ def _about_flags(document: CertificateDocument) -> str:
 
 
 def _conditions(document: CertificateDocument) -> dict[str, str]:
-    """Return speeds and impact position of the hits as texts; "" for a missing value."""
+    """Return speeds and impact position of the hits as strings; "" for a missing value."""
     speed, place = document.v_rel_mph, document.impact_position_in
     return {
         "relative": _number(speed, 2, ""),
@@ -273,7 +273,7 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 def printed_result(document: CertificateDocument) -> dict[str, object]:
     """Return verdict, result, limit and number of hits in printed units, keyed by name.
 
-    The values are texts, except for the bools `stated`, `decides` and `uncertain`. Without a
+    The values are strings, except for the bools `stated`, `decides` and `uncertain`. Without a
     result, for example of an INVALID test, `stated` is False, and the dictionary has neither
     `uncertain` nor the keys of value and uncertainty.
     """

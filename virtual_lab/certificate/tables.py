@@ -35,7 +35,7 @@ def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
 def shot_units(columns: Mapping[str, ArrayLike]) -> dict[str, str]:
     """Return the units of the columns of `shots_as_columns`, keyed by name.
 
-    The unit is "1" for pure numbers, and empty for texts, truth values and whole numbers.
+    The unit is "1" for pure numbers, and empty for strings, booleans and integers.
     """
     kinds = {name: np.asarray(values).dtype.kind for name, values in columns.items()}
     return {name: unit_of(name).text if kind == "f" else "" for name, kind in kinds.items()}

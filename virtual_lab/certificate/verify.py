@@ -274,7 +274,7 @@ def _document(
         try:
             # Page and PDF show the last digits of the stated document, which may differ from ours.
             return document_of(dict(stated), CERTIFICATE)
-        except InputError as fault:  # versions or commit are not texts
+        except InputError as fault:  # versions or commit are not strings
             yield _report_fault(CERTIFICATE, fault)
             return None
     if not elsewhere:

@@ -359,7 +359,7 @@ def settings_in(
             raise InputError(str(path), key, None, allowed + ", ".join(parameters))
         rule = parameters[key].rule
         try:
-            if key != LABORATORY:  # a text NAME=FILE in a file, a sheet in Python
+            if key != LABORATORY:  # a string NAME=FILE in a file, a sheet in Python
                 rule.read(value)
         except (TypeError, ValueError, OverflowError) as fault:
             raise InputError(str(path), key, value, advice(rule, value)) from fault

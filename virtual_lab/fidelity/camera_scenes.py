@@ -1,8 +1,8 @@
 """Cases of pictures for the comparison of methods to locate a ball, with their true values.
 
 A case is a ball of one size, blur and light. Its centres are spread evenly over one pixel. Position
-in the frame and noise differ between pictures. The signal-to-noise ratio is the contrast over the
-noise of a pixel halfway up the edge; a fifth of this variance is dark noise.
+in the frame and noise differ between pictures. The signal-to-noise ratio is that of the contrast to
+the noise of a pixel halfway up the edge; a fifth of this variance is dark noise.
 """
 
 from __future__ import annotations

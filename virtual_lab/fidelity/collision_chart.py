@@ -106,7 +106,7 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
     For scenes on the barrel, 2 to 12 in from the tip, the row holds the largest and the rms error
     of e_A, and the processor time per shot [µs]. For the same number of scenes along the whole bat
     it holds two shares (0 to 1): scenes in which the error of e_A exceeds its standard uncertainty
-    on a certificate, and scenes that the model refuses.
+    on a certificate, and scenes that the model rejects.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
@@ -221,7 +221,7 @@ def _cache_exact(efficiency: Efficiency) -> Callable[[Ends, int], Array]:
 
 
 def _answers(efficiency: Efficiency, scenes: Scenes) -> Array:
-    """Return e_A of each scene, shape (scene,); NaN if the model refuses it."""
+    """Return e_A of each scene, shape (scene,); NaN if the model rejects it."""
     efficiencies = np.full(len(scenes), np.nan)
     for i in range(len(scenes)):
         try:

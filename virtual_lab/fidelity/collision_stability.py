@@ -3,8 +3,8 @@
 A cell consists of a few collisions with a wooden and a hollow bat, integrated in a single pass
 without repeats. The reference of e_A has the same modes and is integrated one collision at a time.
 The step is stated as a factor on the default steps of modes and ball. One more line of each map
-shows the default integration, which repeats doubtful collisions. Steps that the program refuses are
-computed too, to test the refusal. A column without a reference result stays empty.
+shows the default integration, which repeats doubtful collisions. Steps that the program rejects are
+computed too, to test the rejection. A column without a reference result stays empty.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
 
 
 def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
-    """Yield the name of each stepper, the stepper, and whether the program refuses it."""
+    """Yield the name of each stepper, the stepper, and whether the program rejects it."""
     scheme = FINE.splitting
     boundless = Boundless(order=scheme.order, kicks=scheme.kicks, drifts=scheme.drifts)
     for factor in FACTORS:
@@ -234,7 +234,7 @@ def _model(bat: str, support: str, count: int) -> ModalModel:
 
 
 def _exact(column: Column) -> ColumnOutcome | None:
-    """Return the reference results of a column; None if the model refuses it."""
+    """Return the reference results of a column; None if the model rejects it."""
     try:
         return _outcome(column, OneByOne())
     except InputError:

@@ -142,7 +142,7 @@ def _accuracy(name: Start, steps: Sequence[float], batch: int) -> Iterator[Row]:
 
 
 def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -> Row:
-    """Return the row of the pymunk model with a step: the results of `work`, or a refusal."""
+    """Return the row of the pymunk model with a step: the results of `work`, or a rejection."""
     setting = f"{step:.0e} s"
     try:
         return _row(Carrier.RUNG, scene, setting, **work())

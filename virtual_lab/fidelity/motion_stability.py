@@ -4,7 +4,8 @@ A cell consists of a few shots whose contact times are spread evenly over a step
 with one radius, at rest, and hit 6 in from its tip. In the map of slop (allowed overlap) the bat is
 swung and the ball comes at an angle. In the map of iterations the impact is 20 in from the tip. The
 error is that of the velocity of the ball after the contact, relative to the speed of approach. The
-reference is the closed form. Settings that the model refuses are computed too, to test the refusal.
+reference is the closed form. Settings that the model rejects are computed too, to test the
+rejection.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
     the state (good, inaccurate or unstable), the number of shots, and ``worst_error``: the largest
     error of the ball's velocity relative to the speed of approach, or None if it is not finite.
 
-    ``refused`` states whether our model refuses the settings of a cell. Such cells are computed
+    ``refused`` states whether our model rejects the settings of a cell. Such cells are computed
     too. In the maps of plain pymunk it is always False.
     """
     rows = []

@@ -16,7 +16,7 @@ from virtual_lab.files.column_units import PURE, unit_of
 if TYPE_CHECKING:
     import pandas as pd
 
-WORDS = ""  # unit of texts, truth values and whole numbers that count or number things
+WORDS = ""  # unit of strings, booleans and integers that count or number things
 PER_ROW = "of the row"  # that in the column `unit`; without this column, that of the quantity
 
 
@@ -128,10 +128,10 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "detected": _M("share of laboratories that detect the fault"),
     "detected_by": _M("flags and verdicts that detect it, with their numbers", WORDS),
     "collision_efficiency_predicted": _M("predicted mean error of e_A"),
-    "collision_efficiency_z": _M("mean error of e_A minus prediction, over its u"),
+    "collision_efficiency_z": _M("mean error of e_A minus prediction, divided by its u"),
     "metric_bias": _M("mean error of the metric", PER_ROW),
     "metric_predicted": _M("predicted mean error of the metric", PER_ROW),
-    "metric_z": _M("mean error of the metric minus prediction, over its u"),
+    "metric_z": _M("mean error of the metric minus prediction, divided by its u"),
     "as_predicted": _M("whether the outcome is the predicted one", WORDS),
     # probability of PASS
     "best_of": _M("number of tests of which one must pass", WORDS),
@@ -189,7 +189,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "bias_percent": _M("mean of the relative error"),
     # a laboratory beside its twin
     "error_sd": _M("standard deviation of the errors on the twin's days", PER_ROW),
-    "u_ratio": _M("stated u over the standard deviation of the errors"),
+    "u_ratio": _M("ratio of the stated u to the standard deviation of the errors"),
     "finding": _M("finding on u, or on the reading", WORDS),
     "change": _M("change of the laboratory", WORDS),
     "gain": _M("share by which the planned u is below the stated one"),
@@ -200,13 +200,13 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "tail_probability": _M("share of days as extreme as the records"),
     "adjusted_probability": _M("tail probability adjusted for the number of readings, by Holm"),
     "meaning": _M("meaning of the reading", WORDS),
-    "noticed_from": _M("smallest size, over that of the fault, noticed on 9 of 10 days"),
+    "noticed_from": _M("smallest size, relative to the full fault, noticed on 9 of 10 days"),
     "metric_shift": _M("median change of the metric by the full fault, over u"),
     # check standards from day to day
     "day": _M("number of the day, from 1", WORDS),
     "ball_restitution_sd": _M("standard deviation of the e0 of the hits of the day"),
     "ball_restitution_dof": _M("degrees of freedom of this standard deviation"),
-    "true_wall_ratio": _M("rebound speed over that from a rigid wall, true value"),
+    "true_wall_ratio": _M("true ratio of the rebound speed to that from a rigid wall"),
     "standardised": _M("deviation from the baseline, in its standard deviations"),
     "moving_range": _M("difference from the day before, in the same unit"),
     "ewma": _M("exponentially weighted moving average, in the same unit"),
@@ -364,7 +364,7 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 def with_units(table: pd.DataFrame) -> pd.DataFrame:
     """Return the table with the units of its columns in ``attrs["units"]``.
 
-    The unit is empty for texts and counts, and "1" for pure numbers. Where all rows have the same
+    The unit is empty for strings and counts, and "1" for pure numbers. Where all rows have the same
     `unit`, columns in this unit get it; otherwise their unit is ``of the row``.
     """
     units = units_of(map(str, table.columns))

@@ -115,7 +115,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object from its pairs, and refuse a key that appears twice."""
+    """Return a JSON object from its pairs, and reject a key that appears twice."""
     document = dict(pairs)
     if len(document) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -241,7 +241,7 @@ def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
 
     head = _head(data, where, ",")
     body = EMPTY_CELL.sub(b"nan", data.partition(b"\n")[2])
-    with suppress(ValueError):  # texts, or rows of different lengths
+    with suppress(ValueError):  # strings, or rows of different lengths
         if body.strip():
             values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
             return dict(zip(head, values.T, strict=True))

@@ -19,7 +19,7 @@ def quote(cell: object) -> str:
     """Return a table cell as text, in a form that no spreadsheet interprets as a formula.
 
     A text that begins with ``= + - @``, a tab or a line end gets an apostrophe in front. Numbers,
-    and texts that state a number, such as ``-1.5``, are not changed.
+    and strings that state a number, such as ``-1.5``, are not changed.
     """
     text = str(cell)
     if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
@@ -51,7 +51,7 @@ def csv_text(columns: pd.DataFrame | Mapping[str, ArrayLike]) -> str:
 
 
 def _cells(values: ArrayLike) -> list[object]:
-    """Return the values of a column, texts quoted, missing values as None."""
+    """Return the values of a column, strings quoted, missing values as None."""
     cells: list[object] = np.asarray(values).tolist()
     return [
         quote(cell) if isinstance(cell, str) else None if cell != cell else cell  # noqa: PLR0124

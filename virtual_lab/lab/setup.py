@@ -187,7 +187,7 @@ def _doubtful(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, 
 
 
 def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
-    """Return the rules with the conversion to a standard ball that a text ``METHOD:E0`` states.
+    """Return the rules with the conversion to a standard ball that a string ``METHOD:E0`` states.
 
     Raises `InputError` for rules that already have a correction, and for another form of the text.
     """

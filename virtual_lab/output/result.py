@@ -35,7 +35,7 @@ def frame(rows: Sequence[Any]) -> pd.DataFrame:
 
 
 def preformatted(text: str) -> str:
-    """Return a text as HTML for a notebook, with its line breaks and spaces."""
+    """Return a string as HTML for a notebook, with its line breaks and spaces."""
     return f"<pre>{escape(text)}</pre>"
 
 

@@ -27,14 +27,14 @@ def digits(u: float) -> str:
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
 
-    Both are printed with as many decimals as give `u` two significant digits. `word` is printed
+    Both have as many decimals as `u` needs for two significant digits. `word` is printed
     instead of ``u``. For a u of 0 the value has six decimals and the text ends in ``(u 0)``.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
-    """Return a text about a value outside its limits, with enough decimals to show the difference.
+    """Return a message about a value outside its limits, with enough decimals to tell them apart.
 
     Parameters
     ----------

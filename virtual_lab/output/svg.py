@@ -46,7 +46,7 @@ def description_of(figure: str) -> str:
 
 
 def symbol_markup(text: str) -> str:
-    """Return a text escaped for SVG; the index of its first symbol, such as ``e_A``, is lowered."""
+    """Return a string escaped for SVG, with the index of its first symbol (``e_A``) lowered."""
     match = re.search(r"\b([A-Za-z])_(\w)\b", text)
     if match is None:
         return escape(text)

@@ -36,12 +36,15 @@ def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g")
 
 
 def inline() -> Any:
-    """Return a field for an inner dataclass whose fields become columns without a prefix."""
+    """Return a dataclass field whose value is a dataclass itself.
+
+    Its fields become columns of the outer table, without a prefix.
+    """
     return field(metadata={INLINE: True})
 
 
 def columns_of(row: Any) -> dict[str, Column]:
-    """Return the printed columns of a row, a dataclass, by key.
+    """Return the printed columns of a row, which is a dataclass, keyed by field name.
 
     A field of an inner dataclass has the key ``outer_inner`` and the title "outer: title". Fields
     that are not printed are left out.
@@ -130,7 +133,7 @@ def table_text(
 
 
 def number(value: float | None, form: str = ".6f") -> str:
-    """Return a number as text in the format `form`; None gives an empty text."""
+    """Return a number as text in the format `form`; None gives an empty string."""
     return "" if value is None else f"{value:{form}}"
 
 

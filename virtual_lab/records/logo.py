@@ -39,9 +39,10 @@ LOADING = re.compile(r"url\(\s*['\"]?(?!['\"#\s])|@|\\|expression|script|data:|/
 
 
 def logo_of(name: str, folder: Path, where: str) -> str:
-    """Return the picture in a file of a folder as a ``data:`` address, without unsafe parts.
+    """Return a logo as a ``data:`` URL, from a PNG or SVG file in a folder.
 
-    `where` is the name of the file that names the picture, for error messages.
+    Scripts, links and references to other files are removed from an SVG. `name` is the name of the
+    file, and `where` the name of the document that states it, for error messages.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class Simulated(Spec):
     seed_commitment: str
     """SHA-256 of salt and seed."""
     unverified_numbers: Mapping[str, str]
-    """Number of unverified values of each data sheet, as a text."""
+    """Number of unverified values of each data sheet, as a string."""
     rungs: Mapping[str, RungTaken]
     """Models of the simulation, by its part; empty: the test is not finished."""
 

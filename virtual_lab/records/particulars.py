@@ -28,7 +28,7 @@ class Calendar:
     """Annotation of a field whose file entry is a day, as a date or as text; empty: not stated."""
 
     def read(self, raw: object) -> object:
-        """Return the day as text. Raises `ValueError` for a text that is not a day."""
+        """Return the day as text. Raises `ValueError` for a string that is not a day."""
         if isinstance(raw, datetime.date):
             return raw.isoformat()
         if isinstance(raw, str) and raw:
@@ -161,7 +161,7 @@ class InstrumentIdentity(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Particulars(Spec):
-    """Statements of a report beside its results. Empty text and None: not stated."""
+    """Statements of a report beside its results. An empty string and None mean: not stated."""
 
     laboratory: TestingLaboratory = TestingLaboratory()
     """The laboratory."""
@@ -270,7 +270,7 @@ def read_particulars(
     for key, value in changes.items():
         table, name = key.split(".")
         stated = document.get(table, {})
-        if value and isinstance(stated, Mapping):  # anything else is refused below
+        if value and isinstance(stated, Mapping):  # anything else is rejected below
             document = {**document, table: {**stated, name: value}}
     particulars = particulars_of(document, where, folder=folder)
     return replace(particulars, replaces=replaces or particulars.replaces)

@@ -4,7 +4,7 @@ On disk a session is a folder: ``session.json`` (tested bat, rigs, calibration c
 ``procedure.toml`` (the procedure as used), and for each stage a folder with one CSV file per
 channel. It contains neither truth nor seed, and suffices for the complete reduction.
 ``session.json`` states the origin of the records and the SHA-256 of every other file. A folder with
-a changed or additional file is refused. The digest of a simulated channel covers the value of the
+a changed or additional file is rejected. The digest of a simulated channel covers the value of the
 key ``simulation`` and the file, so a changed origin cannot present simulated records as those of
 another laboratory.
 """

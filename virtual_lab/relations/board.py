@@ -51,7 +51,7 @@ class Board:
 
 
 def board_of(text: str) -> Board:
-    """Return the board described by a text like ``charuco:14x9:40mm:30mm``.
+    """Return the board described by a string like ``charuco:14x9:40mm:30mm``.
 
     The parts after the kind are the numbers of squares in a row and in a column, the side of a
     square, and the side of a marker. One more part can name the dictionary, by default

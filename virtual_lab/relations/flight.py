@@ -20,7 +20,7 @@ SERIES = tuple(1 / factorial(n + 1) for n in reversed(range(8)))
 def drag_rate(
     air_density: ArrayLike, drag_coefficient: ArrayLike, radius: ArrayLike, mass: ArrayLike
 ) -> Array:
-    """Return the drag rate κ = ρ C_d π R² / (2 m) [1/m], in the common shape of the arguments.
+    """Return the drag rate κ = ρ C_d π R² / (2 m) [1/m], in the broadcast shape of the arguments.
 
     The arguments are the density of the air [kg/m³], the drag coefficient, and the radius [m] and
     mass [kg] of the ball.

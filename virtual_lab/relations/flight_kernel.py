@@ -20,10 +20,10 @@ FAST = {"nsz"}
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
-    """Fill `out` with the time of flight [s] over a distance that begins or ends at a given point.
+    """Fill `out` with the time of flight [s] over a distance, from the speed at one of its ends.
 
-    All arrays are (shot,). `way` is the distance [m], always positive, and `pace` is 1/speed at the
-    point [s/m]. `drag` is κ [1/m] if the distance begins at the point, and -κ if it ends there.
+    All arrays are (shot,). `way` is the distance [m], always positive, and `pace` is 1/speed at
+    that end [s/m]. `drag` is κ [1/m] if the ball starts at that end, and -κ if it arrives there.
     """
     long = 0
     for i in range(out.size):

@@ -32,7 +32,7 @@ def inertia_from_period(period: ArrayLike, moment: ArrayLike, gravity: ArrayLike
 
 
 def amplitude_factor(amplitude: ArrayLike) -> Array:
-    """Return the period over that of small swings, 1 + θ²/16 + 11 θ⁴/3072, dimensionless.
+    """Return the ratio of the period to that of small swings, 1 + θ²/16 + 11 θ⁴/3072.
 
     `amplitude` is θ [rad], and the result has its shape. The error is 1e-7 at 20°.
     """

@@ -53,7 +53,7 @@ LABORATORIES = 2**32  # largest number of laboratories in one study
 
 
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
-    """Return the value of each shot's laboratory, (shot, ...), from values (laboratory, ...).
+    """Return the value of the laboratory of each shot, (shot, ...), from values (laboratory, ...).
 
     `owner` is the index of the laboratory of each shot, (shot,). If `owner` is `...`, there is a
     single laboratory, and its values are returned unchanged; a number remains a number.

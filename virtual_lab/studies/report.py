@@ -292,7 +292,7 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
     """Compare the certificates in result folders.
 
     The certificates must differ in only one way: several bats, several procedures, several
-    laboratories, or repeats of one test. Copies of one test are refused. The numbers are copied
+    laboratories, or repeats of one test. Copies of one test are rejected. The numbers are copied
     from the certificates and not recomputed; `verify` does this.
 
     Parameters

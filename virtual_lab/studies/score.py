@@ -191,7 +191,7 @@ def _score_files(
     certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
-        json.dumps([asdict(row) for row in rows], allow_nan=False)  # refuses NaN and infinity
+        json.dumps([asdict(row) for row in rows], allow_nan=False)  # rejects NaN and infinity
         return {**certificate["simulation"]}, rows, tuple(map(str, truth.get("faults", ())))
     except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
         raise InputError(

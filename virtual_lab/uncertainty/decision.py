@@ -189,7 +189,7 @@ def guard_band(
     ------
     InputError
         Both or neither of `r` and `target`, a target that no guard band reaches, a guard band that
-        leaves nothing between the limits, or an argument that `risk` refuses.
+        leaves nothing between the limits, or an argument that `risk` rejects.
     """
     from scipy.optimize import brentq
 

@@ -124,7 +124,7 @@ class Scatter(AlignedArrays):
 
 
 def larger_today(today: Estimate, earlier: Estimate) -> bool:
-    """Return whether hits scatter more in one test than in earlier ones, beyond chance.
+    """Return whether hits scatter significantly more in today's test than in earlier ones.
 
     The value of each estimate is the variance of a hit, with its u and degrees of freedom. The test
     is a one-sided F test with a significance of 1 %; the result is False if either estimate

@@ -1,8 +1,8 @@
 """The golden table: ``python -m tests.lab.golden.make``, some minutes.
 
 One row per test: two bats by each procedure in the laboratories of seed 1, with instruments that
-write sums and a nominal bat, and in full with individual bats; each fault and each operator of
-the bench once. Floats are stored to the last bit.
+record only summary values and a nominal bat, and in full with individual bats; each fault and each
+operator of the bench once. Floats are stored to the last bit.
 
 ``--summed`` and ``--full`` ask for fewer laboratories, ``--check`` compares with the table instead
 of writing it.

@@ -232,7 +232,7 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
     slowing = 0.75 * 0.45 * density / 0.073  # drag constant of a sphere [1/m]
     levelled = again(result, level_u=np.radians(0.5), drag=(slowing, 0.0), gravity_u=0.0)
     assert levelled.scale is not None
-    # tolerance of the ball's size in the picture, which is known to some per cent
+    # tolerance of the ball's size in the picture, which is known to a few percent
     least = np.hypot(1 / np.cos(np.radians(0.5)) - 1, 1.5 * density / 3**0.5)
     assert levelled.scale.rest_u == pytest.approx(least, rel=0.05)
     tilted = again(result, level_u=np.radians(5), drag=(slowing, 0.0), gravity_u=0.0)

@@ -37,7 +37,7 @@ class Argument(Spec):
     def read(self, raw: object, action: str, length: str = "mm") -> Value:
         """Return the value of a typed or sent argument, in the unit of the argument.
 
-        An empty text gives the default. A length without a unit is in the unit `length`, and a
+        An empty string gives the default. A length without a unit is in the unit `length`, and a
         decimal comma is accepted. Raises `InputError` if the value is missing or not allowed.
         """
         if raw is None or (isinstance(raw, str) and not raw.strip()):

@@ -1,4 +1,4 @@
-"""State of a day: `decide` returns the price of an action or refuses it, `evolve` applies an event.
+"""State of a day: `decide` returns the price of an action or rejects it, `evolve` applies an event.
 
 The state contains only information that a page may show, not the truth. The events contain the
 readings of the instruments, so the log alone defines the day.
@@ -107,13 +107,13 @@ class Day:
 def decide(day: Day, action: Action) -> float:
     """Return the price of an action [s of laboratory time], without any effect on the day.
 
-    An action is refused only if it is impossible now or would change reduced results. Any other
+    An action is rejected only if it is impossible now or would change reduced results. Any other
     action is allowed, with its consequences.
 
     Raises
     ------
     InputError
-        The action is refused; the message states the reason.
+        The action is rejected; the message states the reason.
     """
     name, arguments = action.name, action.arguments
     if day.handed_in and name != DISPUTE:

@@ -194,7 +194,7 @@ class Desk:
 
     @cached_property
     def reasons(self) -> tuple[str, ...]:
-        """For each hit, the reason why the rules reject it; an empty text if they accept it."""
+        """For each hit, the reason why the rules reject it; an empty string if they accept it."""
         return self.by_rules.judgement(self.readings).reasons if self.day.fired else ()
 
     @property
@@ -231,7 +231,7 @@ class Desk:
 
     @cached_property
     def missing(self) -> str:
-        """Reason why the hits cannot be reduced; an empty text if they can."""
+        """Reason why the hits cannot be reduced; an empty string if they can."""
         if not self.day.events:
             return "nothing has been measured yet"
         try:

@@ -1,7 +1,7 @@
 """The log of a day: a database table that only grows, written before an action is answered.
 
 Row 0 holds the start of the day, and each further row holds one event, numbered from 1. An existing
-number is refused, so a button that is pressed twice makes one entry.
+number is rejected, so a button that is pressed twice makes one entry.
 """
 
 from __future__ import annotations

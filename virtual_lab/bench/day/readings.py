@@ -47,7 +47,7 @@ class CheckRow:
     high: float
     unit: str
     entry: int  # entry of the notebook
-    words: tuple[object, ...] = ()  # texts for the placeholders of `what`
+    words: tuple[object, ...] = ()  # strings for the placeholders of `what`
 
     @property
     def within(self) -> bool:
@@ -106,7 +106,7 @@ class PrintedRow(NamedTuple):
 
 
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
-    """Yield one row per suspected fault: the first reading that is beyond the limit for this fault.
+    """Yield one row per suspected fault: the first reading beyond its limits that indicates it.
 
     Nothing is yielded if all readings are within their limits. A fault is left out if one of the
     faults in its list ``unless`` is suspected too, because that fault explains the same readings.
@@ -121,9 +121,9 @@ def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
 
 
 def rows_of(desk: Desk) -> Iterator[CheckRow]:
-    """Yield one row per reading that has a limit, whether or not the reading is within it.
+    """Yield one row per reading that has limits, whether or not the reading is within them.
 
-    Nothing is yielded before the first such reading of the day.
+    Nothing is yielded if no such reading has been taken yet.
     """
     for look in LOOKS:
         yield from look(desk)

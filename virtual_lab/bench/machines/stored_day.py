@@ -209,8 +209,7 @@ class StoredDay:
 def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
     """Carry out an action and return its event, with the time it takes [s] and any remarks.
 
-    `day` does not change, and no file is written.
-    Raises `InputError` if the action is refused.
+    `day` does not change, and no file is written. Raises `InputError` if the action is rejected.
     """
     price = decide(day, action)
     event = replace(apparatus.play(day, action), seconds=price)
@@ -221,7 +220,7 @@ def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
 def play_actions(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
     """Return the day after a series of actions on a new day, without a log.
 
-    Raises `InputError` if an action is refused.
+    Raises `InputError` if an action is rejected.
     """
     return run_operator(apparatus, lambda _: iter(actions))
 
@@ -248,7 +247,7 @@ def run_operator(
     Raises
     ------
     InputError
-        An action is refused.
+        An action is rejected.
     """
     laboratory = apparatus.laboratory
     untouched = Day(morning=laboratory.session, balls=laboratory.rules.spec.balls, listed=listed)

@@ -42,7 +42,7 @@ PARTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """A refused action, and the reason."""
+    """A rejected action, and the reason."""
 
     sentence: str
     action: str = ""

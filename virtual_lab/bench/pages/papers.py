@@ -88,7 +88,7 @@ def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
 
 
 def prices(day: Day) -> list[tuple[str, str, str]]:
-    """Return one row of texts per action: title, time [min], and effect of its omission.
+    """Return one row of strings per action: title, time [min], and effect of its omission.
 
     Repairs and actions whose instrument the rig does not have are left out.
     """
@@ -150,7 +150,7 @@ def _quantity(datum: catalog.Datum) -> str:
 
 
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
-    """Return one row of texts per listed fault: title, rate [%], and remedy.
+    """Return one row of strings per listed fault: title, rate [%], and remedy.
 
     `listed` are the probabilities of the faults, 0 to 1, keyed by name.
     """

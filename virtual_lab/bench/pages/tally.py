@@ -31,7 +31,10 @@ class PrintedColumn(NamedTuple):
 
 
 def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
-    """Return a column of numbers, each in the format `form`; NaN and infinity are "not seen"."""
+    """Return a column of numbers, each in the format `form`.
+
+    NaN and infinity are printed as "not seen".
+    """
     number = (format(each, form) if np.isfinite(each) else "not seen" for each in values)
     return PrintedColumn(title, list(number))
 
@@ -112,7 +115,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
 def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
     """Return three columns of `tally`, each with one value per shot.
 
-    The first two are texts that name the gates that missed the incoming ball and the rebound. The
+    The first two are strings that name the gates that missed the incoming ball and the rebound. The
     third is the ratio of the times for which the incoming ball blocked the first and the last gate.
     """
     if not isinstance(record, GateRecord | BoardRecord):
@@ -135,8 +138,8 @@ def run_chart(desk: Desk, units: Units) -> str:
     """Return an SVG chart of the speed and e_A of each shot.
 
     The chart shows the acceptance window of the speed and, except for a scan along the barrel, the
-    mean of e_A ± 3 standard deviations. The text is empty if there are fewer than two shots, or if
-    the shots cannot be reduced yet.
+    mean of e_A ± 3 standard deviations. The string is empty if there are fewer than two shots, or
+    if the shots cannot be reduced yet.
     """
     if len(desk.day.fired) < 2 or desk.missing:
         return ""

@@ -71,7 +71,7 @@ class TimeLine:
     def between(self) -> str:
         """Time and shots from the first visible sign of the fault until it was named, in words.
 
-        The text is empty if the fault never became visible or was never named.
+        The string is empty if the fault never became visible or was never named.
         """
         if self.seen is None or self.named is None:
             return ""

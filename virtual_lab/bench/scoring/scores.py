@@ -212,7 +212,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the shots, from 0, that were fired before the last repair of one of the `faults`."""
+    """Return the shots, counted from 0, before the last repair of any of the `faults`."""
     fired = before = 0
     for event in day.events:
         fired += event.action == "fire"

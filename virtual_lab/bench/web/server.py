@@ -433,7 +433,7 @@ class Door:
             await refused(scope, receive, send_with_headers)
 
     def _refuse_request(self, request: Request) -> Response | None:
-        """Return the refusal of a wrong host or origin, or of too long a request; else None."""
+        """Return the rejection of a wrong host or origin, or of too long a request; else None."""
         if request.headers.get("host", "") not in self.hosts:
             return _sentence_page(403, "This address is not served here.")
         if request.method == "POST":
@@ -472,7 +472,7 @@ class Door:
         return answer
 
     def _refuse_session(self, request: Request) -> Response | None:
-        """Return the refusal of a request without a cookie, or of too many; else None."""
+        """Return the rejection of a request without a cookie, or of too many; else None."""
         session = _find_key(self.seats, request.cookies.get(self.cookie, ""))
         if session is None:
             request.scope["seat"] = Seat(day=None)
@@ -495,7 +495,7 @@ class Door:
         return _sentence_page(403, sentence, title=self.hall.title, by_code=True)
 
     def _refuse_by_exam(self, request: Request) -> Response | None:
-        """Return the refusal of a trainee while the exam is not in progress; else None."""
+        """Return the rejection of a trainee while the exam is not in progress; else None."""
         trainer = request.scope["seat"].day is None
         free = trainer or request.url.path in OPEN_TO_ALL
         if free or self.hall is None or self.hall.is_open:

@@ -48,7 +48,7 @@ LINK = re.compile(r"\]\(([^)#:]*)(#[^)]*)?\)")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a table in Markdown. Cells are converted to texts of one line."""
+    """Return a table in Markdown. Cells are converted to strings of one line."""
     lines = [head, ["---"] * len(head), *rows]
     cells = ([" ".join(str(cell).split()).replace("|", "\\|") for cell in line] for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"

@@ -361,10 +361,10 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def store(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised where the humidity of the balls' store is outside the limits.
+    """Yield one flag, raised for laboratories with too dry or too humid a store of the balls.
 
     The mean relative humidity of each laboratory is compared with the limits of the procedure.
-    Nothing is yielded if the procedure states no conditioning, or without a record of the store.
+    Nothing is yielded if the procedure states no conditioning, or if the store has no record.
     The flag never rules out a verdict, because the result either refers to these balls or is
     normalized by their e0.
     """

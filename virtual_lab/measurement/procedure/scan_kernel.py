@@ -179,7 +179,7 @@ def next_hits_of_block(
     number: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill in the number of next shots of each laboratory of a block, and their positions [m].
+    """Fill in how many shots each laboratory of a block fires next, and at which positions [m].
 
     `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
     (laboratory, attempts); elements beyond the number are not overwritten. `starts`, (laboratory +
@@ -263,11 +263,12 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill in mean and mean square of the shortfall of the position that each scan chose.
+    """Fill in mean and mean square of the shortfall of each scan, see `choice.shortfalls`.
 
-    `mean` [unit of the metric] and `square` [its square] are (laboratory,), see
-    `choice.shortfalls`. Both are 0 without a complete position or without scatter. `starts`,
-    (laboratory + 1,), are the limits of each laboratory's shots.
+    The shortfall is the amount by which a position next to the chosen one is truly better. `mean`
+    [unit of the metric] and `square` [its square] are (laboratory,). Both are 0 without a complete
+    position or without scatter. `starts`, (laboratory + 1,), are the limits of each laboratory's
+    shots.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

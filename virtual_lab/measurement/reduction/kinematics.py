@@ -318,7 +318,7 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     Parameters
     ----------
     settings
-        The settings, as for `reduce_shot`.
+        Settings of `reduce_shot`.
     sets
         Constants in the order of `reduce_shot`, each (block, set, 1).
     balls

@@ -298,7 +298,10 @@ def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
 
 
 def restitution_names(balls: int) -> list[str]:
-    """Return the constants' names for the error of each ball's e0, ``balls.restitution_0``, …."""
+    """Return the names of the constants for the error of each ball's e0.
+
+    They are ``balls.restitution_0``, ``balls.restitution_1``, ….
+    """
     return [f"balls.restitution_{ball}" for ball in range(balls)]
 
 

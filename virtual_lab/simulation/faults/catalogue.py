@@ -95,9 +95,10 @@ def worn_out(specimen: Specimen) -> Specimen:
 
 
 def crack(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen with a cracked bat, whose stiffness is 10 % and f1 5 % lower.
+    """Return a copy of the specimen with a cracked bat.
 
-    The bat cracks between the bench and the first hit.
+    Its stiffness is 10 % lower, and the frequency of its first bending mode (f1) 5 % lower. The bat
+    cracks after the bench measurements, before the first hit.
     """
     bat, share = specimen.bat, 0.9
     material = replace(
@@ -109,10 +110,11 @@ def crack(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Return the edge times of balls that are out of round by 1.5 mm, keyed by name: ``times`` [s].
+    """Return the edge times of balls that are out of round by 1.5 mm, with the key ``times`` [s].
 
-    Front and back radius differ in each passage. A beam that barely hits a round ball can miss such
-    a ball; its edges are NaN. The result has the shape of the record.
+    The radii at the front and the back of the ball differ, and change from passage to passage. A
+    beam that barely hits a round ball can miss such a ball; its edges are NaN. The result has the
+    shape of the array in the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -141,9 +143,9 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 
 
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times without every second incoming ball at the gate nearest the bat.
+    """Return gate times in which the gate nearest the bat misses every second incoming ball.
 
-    The result has the name ``times`` [s]. The edges of shots 1, 3, 5, …, counted from 0, are NaN.
+    The result has the key ``times`` [s]. The edges of shots 1, 3, 5, …, counted from 0, are NaN.
     """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan

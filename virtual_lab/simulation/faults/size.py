@@ -47,7 +47,7 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 def blend(before: Any, after: Any, size: float) -> Any:
     """Return `before` with its change to `after` multiplied by `size`, number by number.
 
-    Whole numbers, texts and the keys of a mapping are those of `after`, and so are numbers that are
+    Integers, strings and the keys of a mapping are those of `after`, and so are numbers that are
     not finite in `before` or in `after`.
     """
     if before is after:

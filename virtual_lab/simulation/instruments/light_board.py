@@ -45,7 +45,7 @@ class LightBoardSpec(GateSheet):
     distances: Annotated[tuple[float, ...], MinLen(3), Dimension("length")]
     beams: Annotated[int, Gt(3), Dimension("number")]
     pitch: Annotated[float, Gt(0), Dimension("length")]
-    lowest: Annotated[float, Dimension("length")]  # height of the lowest beam over the line of fire
+    lowest: Annotated[float, Dimension("length")]  # height of the lowest beam above line of fire
     height_u: Length  # standard uncertainty of the height of each board
     trip_spread: Length  # standard deviation of the depth at which a beam trips, between beams
     sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of shots with fragments
@@ -114,7 +114,7 @@ class LightBoards(BallGates[LightBoardSpec]):
 
     @property
     def heights(self) -> Array:
-        """True heights of the boards' zeros over the line of fire [m], shaped as `distances`."""
+        """True heights of the boards' zeros above the line of fire [m], shaped as `distances`."""
         return self.of_gates("height")
 
     def edges(self, batch: WatchedBatch) -> BoardRecord:

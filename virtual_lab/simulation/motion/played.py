@@ -69,8 +69,8 @@ class Pieces(NamedTuple):
 class PlayedShots:
     """The motion of n shots as pieces of free motion.
 
-    `refused` holds the reason why a shot could not be simulated, or an empty string. A refused shot
-    has no pieces.
+    `refused` holds the reason why a shot could not be simulated, or an empty string. A rejected
+    shot has no pieces.
     """
 
     refused: NDArray[np.str_]
@@ -82,7 +82,7 @@ class PlayedShots:
         return self.pieces.part(rows[np.unique(self.pieces.shot[rows], return_index=True)[1]])
 
     def at(self, scene: ShotScene, times: ArrayLike) -> ShotState:
-        """Return the states at `times` (s,) [s] as arrays (n, s), NaN for refused shots.
+        """Return the states at `times` (s,) [s] as arrays (n, s), NaN for rejected shots.
 
         At the time of a contact it is the state after the contact.
         """

@@ -180,7 +180,7 @@ class _Shot:
         arbiter.process_collision = self.ahead is not None and self.ahead.shape in arbiter.shapes
 
     def play(self) -> list[Pieces]:
-        """Return the pieces of the shot up to the end of the record; empty if it is refused."""
+        """Return the pieces of the shot up to the end of the record; empty if it is rejected."""
         pieces = [Pieces.of(ONE, np.zeros(1), Target.START, self.state)]
         while self.now < self.end and not self.refused:
             step = min(self._longest(), self.end - self.now)

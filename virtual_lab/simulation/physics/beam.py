@@ -57,8 +57,8 @@ Support = Free | Pinned | Clamped
 def support_place(support: Support, length: float) -> float | None:
     """Return the position of the support, from the barrel tip [m], or None for a free bat.
 
-    `length` is that of the bat [m]. Raises `InputError` for a position beyond the bat or a pivot
-    without a positive stiffness.
+    `length` is the length of the bat [m]. Raises `InputError` for a position beyond the bat, or a
+    pivot without a positive stiffness.
     """
     if isinstance(support, Free):
         return None

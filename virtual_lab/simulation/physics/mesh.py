@@ -45,7 +45,10 @@ class ReferenceElement:
 
 @lru_cache
 def reference_element(order: int) -> ReferenceElement:
-    """Return the element of polynomial degree `order` on [-1, 1], with order + 1 nodes."""
+    """Return the element on [-1, 1] with polynomials of degree `order`.
+
+    It has order + 1 Legendre-Gauss-Lobatto nodes.
+    """
     last = np.zeros(order + 1)
     last[-1] = 1.0
     inner = np.sort(legendre.legroots(legendre.legder(last)).real)

@@ -272,7 +272,7 @@ def _common_constants(passage: Passage, shots: NDArray[np.int_]) -> dict[str, An
 
 
 def _all_met(played: PlayedShots) -> NDArray[np.int_]:
-    """Return the indices of all shots. Raises `InputError` if one was refused or hit nothing."""
+    """Return the indices of all shots. Raises `InputError` if one was rejected or hit nothing."""
     contacts = np.bincount(played.pieces.shot, minlength=len(played.refused)) - 1
     for shot in np.flatnonzero(contacts < 1)[:1]:
         why = str(played.refused[shot]) or "the ball misses"
@@ -283,7 +283,7 @@ def _all_met(played: PlayedShots) -> NDArray[np.int_]:
 def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
     """Return the shots that hit other objects than the bat, or the bat twice.
 
-    A refused shot stays in closed form. It is a hit on the edge of the tip, which the collision
+    A rejected shot stays in closed form. It is a hit on the edge of the tip, which the collision
     model can compute but a scene cannot.
     """
     mask = ~np.isin(played.pieces.struck, (Target.START, Target.BAT))

@@ -274,9 +274,9 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 
 
 def remark_on(quantity: str, *values: float) -> str:
-    """Return a remark on a peak position at an end of the range, otherwise an empty text.
+    """Return a remark if a peak position is at an end of the range, otherwise an empty string.
 
-    `values` are the values of the `quantity` for several bats; for the peak position they are in
+    `values` are the values of the `quantity` for several bats. For the peak position they are in
     inches from the tip, and the range is 2 to 10 in. Other quantities have no remark.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]

@@ -92,7 +92,7 @@ def profile_text(
     curve: Sequence[Mapping[Hashable, float]],
     published: PublishedBat | None,
 ) -> str:
-    """Return the properties of a bat and its curves along the barrel as a text of two tables.
+    """Return the properties of a bat and its curves along the barrel as text with two tables.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def comparison_text(
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:
-    """Return a text on the spread of each peak value and its position [in] over the force laws.
+    """Return a sentence on the spread of each peak value and its position [in] over the force laws.
 
     The spread is the largest minus the smallest value.
     """

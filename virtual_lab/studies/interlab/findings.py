@@ -254,7 +254,7 @@ def _precision(values: Array) -> NestedStudy:
     """Return the analysis of exercises, (exercise, laboratory, lot, repeat).
 
     Only laboratories whose tests are all valid are used, so there may be fewer exercises. A lot
-    that the procedure refuses makes a test INVALID. Raises `InputError` if fewer than two
+    that the procedure rejects makes a test INVALID. Raises `InputError` if fewer than two
     laboratories remain.
     """
     laboratories = values.reshape(-1, *values.shape[2:])

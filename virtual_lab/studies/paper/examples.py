@@ -118,7 +118,7 @@ def percent(curve: str, first: str, second: str) -> float:
 
 
 def farther(curve: str) -> float:
-    """Return the peak position of a curve on EA70 minus that on R161, both from the tip [in].
+    """Return how much farther from the tip a curve peaks on EA70 than on R161 [in].
 
     `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0.
     """
@@ -135,7 +135,7 @@ def slower_there(curve: str) -> float:
 
 
 def mass_share(light: str, heavy: str) -> float:
-    """Return the effective mass of the light bat over that of the heavy one, 6 in from the tip."""
+    """Return the ratio of the effective masses of light and heavy bat, 6 in from the tip."""
     return float(recoil(heavy, 6.0) / recoil(light, 6.0))
 
 

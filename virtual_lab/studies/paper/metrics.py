@@ -120,9 +120,9 @@ def drop(bat: str, curve: str, side: float) -> float:
 
 
 def node_gap() -> float:
-    """Return the largest distance of a peak of e_A from the closest barrel node [in].
+    """Return the distance between the peak of e_A and the closest barrel node [in].
 
-    "Largest" is over the four bats, with the peaks for swing exponent 0.
+    The result is the largest of the four bats, with the peaks for swing exponent 0.
     """
     return max(
         min(

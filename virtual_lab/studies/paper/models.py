@@ -90,9 +90,10 @@ def shell_turns() -> float:
 
 
 def same_speed() -> float:
-    """Return largest minus smallest angular speed of the measured swings, relative to their mean.
+    """Return the relative spread of the angular speeds of the measured swings, by the swing law.
 
-    The swing exponent is 0, so the result is 0.
+    It is the largest minus the smallest speed, divided by the mean. The exponent of the law is 0,
+    so the result is 0.
     """
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
@@ -153,7 +154,7 @@ def laws_apart() -> float:
 
 
 def without_inertia() -> float:
-    """Return the angular speed of a bat without inertia over that of the game.
+    """Return the ratio of the angular speed of a bat without inertia to that of the game.
 
     The swing has constant energy.
     """
@@ -202,7 +203,7 @@ def gain_with_bat_speed() -> float:
 
 
 def swing_axis() -> float:
-    """Return the distance of the swing's axis from the knob end [in]; the axis is on the bat."""
+    """Return the distance from the knob end to the axis of the swing, which is on the bat [in]."""
     return KNOB_OFFSET / INCH
 
 

@@ -112,9 +112,10 @@ def _ncaa(bat: str) -> float:
 
 
 def exponent_of_mass() -> float:
-    """Return the exponent of the bat's mass in the bat speed of procedure asa.
+    """Return the exponent of the bat's mass in the swing law of procedure asa.
 
-    The result is NaN if the procedure uses the moment of inertia or has no swing law.
+    The law gives the bat speed in the game. The result is NaN if the procedure uses the moment of
+    inertia or has no swing law.
     """
     field = rules("asa").game
     return field.exponent if field and field.scales_with == "mass" else np.nan

@@ -69,7 +69,7 @@ class LaboratoryPlans(Rows[PlanRow]):
     unit: str
 
     def draw(self) -> PageFigure:
-        """Draw minutes or price of each plan over its planned and its simulated u."""
+        """Plot minutes or price of each plan against its planned and its simulated u."""
         with page_figure(3.2) as figure:
             axes = figure.subplots()
             currency = self.rows[0].currency

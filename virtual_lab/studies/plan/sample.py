@@ -87,7 +87,7 @@ def median_of(values: Array) -> Median:
 
 
 def sample_of(tested: BlockTest) -> SampledTests:
-    """Return the tests of a block of laboratories."""
+    """Return what a plan needs of the tests of a block of laboratories, one test per laboratory."""
     certified, reduced = tested.certified, tested.certified.reduced
     metric, outcome, rules = certified.results["metric"], certified.outcome, certified.procedure
     parts, scatter, count = metric.components, metric.scatter, certified.invalid.size

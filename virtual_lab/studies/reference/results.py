@@ -78,7 +78,7 @@ def entries(kind: str, name: str, key: str) -> float:
 
 
 def half_width(name: str, key: str) -> float:
-    """Return the half width [in] of a rectangular distribution, from its standard uncertainty.
+    """Return the half width [in] of a rectangular distribution: √3 times its standard uncertainty.
 
     `name` is the instrument in the catalog and `key` the key of the standard uncertainty.
     """
@@ -134,7 +134,7 @@ def pivot_inertia(bat: str) -> float:
 
 
 def inertia_ratio(bat: str) -> float:
-    """Return the moment of inertia about the knob end over that about an axis 6 in from it."""
+    """Return the ratio of the moments of inertia about the knob end and an axis 6 in from it."""
     return beam(bat).inertia(beam(bat).length) / OZ_IN2 / pivot_inertia(bat)
 
 
@@ -215,20 +215,24 @@ def _restitution_peak(bat: BatBody, speed: float, ball: BallSpec | None = None) 
 
 
 def peak_restitution(bat: str, speed: float) -> float:
-    """Return the greatest BBCOR of a bat, 3 to 9 in from the tip, at a relative speed [mph].
+    """Return the peak BBCOR of a bat over impacts 3 to 9 in from the tip.
 
-    The bat is pivoted 6 in from the knob, and the ball is the nominal baseball.
+    `speed` is the relative speed of ball and bat [mph]. The bat is pivoted 6 in from the knob, and
+    the ball is the nominal baseball.
     """
     return _restitution_peak(body(bat), speed).value
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the greatest BBCOR [in from the tip], at a relative speed [mph]."""
+    """Return the position of the peak BBCOR [in from the tip], at a relative speed [mph]."""
     return _restitution_peak(body(bat), speed).place
 
 
 def restitution_change(bat: str, first: str, speed: float) -> float:
-    """Return the greatest BBCOR of `bat` minus that of `first`, at a relative speed [mph]."""
+    """Return the peak BBCOR of `bat` minus that of `first`.
+
+    `speed` is the relative speed of ball and bat [mph], as in `peak_restitution`.
+    """
     return peak_restitution(bat, speed) - peak_restitution(first, speed)
 
 
@@ -298,7 +302,7 @@ def barrel_travel(bat: str, speed: float) -> float:
 
 
 def soft_ball(bat: str, speed: float) -> float:
-    """Return the change of the greatest BBCOR if the ball has a tenth of the stiffness, same e0.
+    """Return the change of the peak BBCOR if the ball has a tenth of the stiffness, same e0.
 
     `speed` is the relative speed [mph]. A positive result is a higher BBCOR with the soft ball.
     """
@@ -325,7 +329,7 @@ def hoop_trend(bat: str, speed: float) -> float:
 
 
 def length_trend(speed: float) -> float:
-    """Return the slope of the greatest BBCOR with the length of R161 [1/in].
+    """Return the slope of the peak BBCOR with the length of R161 [1/in].
 
     R161 is shortened to 31 to 34 in. `speed` is the relative speed [mph].
     """

@@ -38,7 +38,7 @@ NOTICED = 0.9  # share of the days on which a fault is noticed, for "from which 
 class NoticedFault:
     """A fault at one laboratory: the share of its days on which the test shows it.
 
-    It does so by a flag, by the verdict INVALID, or by records that the reduction refuses.
+    It does so by a flag, by the verdict INVALID, or by records that the reduction rejects.
     """
 
     fault: str = column("fault")
@@ -56,9 +56,10 @@ class NoticedFault:
 def noticed_faults(
     playing: TwinDays, u: float, folder: Path, progress: Progress = quiet, days: int = DAYS
 ) -> list[NoticedFault]:
-    """Return one row per fault that the laboratory's rigs can have.
+    """Return one row per possible fault of the rigs: how often the test would reveal it.
 
-    Faults that a twin cannot play are left out.
+    A row has the share of the twin's days on which the fault is noticed, for each size of the
+    fault. Faults that the twin cannot simulate are left out.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def noticed_faults(
     u
         Stated u of the metric [SI].
     folder
-        Folder of the faults played so far; it is made if there is none.
+        Folder of the faults simulated so far; it is created if there is none.
     progress
         Function that is called with a message, the number of faults done, and the total.
     days
@@ -76,7 +77,7 @@ def noticed_faults(
     Raises
     ------
     InputError
-        A folder with faults on other days.
+        The folder holds faults that were simulated on other days.
     """
     session, path = playing.statement.session, folder / "faults.json"
     names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]
@@ -105,7 +106,7 @@ def _error(playing: TwinDays, day: int) -> tuple[bool, float]:
     try:
         with np.errstate(all="ignore"):  # readings beyond all limits
             played = playing.play(day, RecordDetail.FULL)
-    except InputError:  # the reduction refuses the records
+    except InputError:  # the reduction rejects the records
         return True, np.nan
     certified = played.certified
     shown = bool(certified.invalid[0]) or any(certified.checked.flags(0))

@@ -29,10 +29,10 @@ TWO_SIDED = {"chords"}
 TWIN_READINGS = {
     "hits": "largest deviation of a hit from the others at its position, in their scatter",
     "wall hits": "largest deviation of a wall hit from the others of its ball, in their scatter",
-    "fit": "largest misfit of an encoder's or a board's record, over the median of the shots",
-    "chords": "diameter of the ball by the gates at the bat, over that by the gates at the wall",
-    # over its u, which is an estimate of few degrees of freedom in the records and on each day
-    "rebound and recoil": "mean e_A from the recoil minus that from the rebound, over its u",
+    "fit": "largest misfit of an encoder's or a board's record, divided by the median of the shots",
+    "chords": "ratio of the ball diameters by the gates at the bat and by the gates at the wall",
+    # its u is an estimate of few degrees of freedom in the records and on each day
+    "rebound and recoil": "mean e_A from the recoil minus that from the rebound, divided by its u",
 }
 
 
@@ -99,7 +99,9 @@ class _Comparison:
 def unlike_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
-    """Return one row per reading, and the smallest number of days compared with a reading.
+    """Return one row per reading of the test, and the smallest number of days per reading.
+
+    A row compares the reading of the test with the same reading on the days of its twin.
 
     A reading that is NaN in the records or on all days has no row. Days without a result, or
     without a reading, are replaced by others, up to as many again. The days end early if none of

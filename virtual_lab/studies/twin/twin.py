@@ -133,7 +133,7 @@ class Twin(StudyResult):
         }
 
     def draw(self) -> PageFigure:
-        """Draw the stated u over the standard deviation of the errors, and the tails."""
+        """Draw the ratio of the stated u to the standard deviation of the errors, and the tails."""
         names = [row.quantity.replace("_", " ") for row in self.rows]
         with page_figure(2.4) as figure:
             panels = figure.subplots(1, 2 if self.readings else 1, squeeze=False)[0]
@@ -248,9 +248,10 @@ def twin(
 
 
 def certify_records(folder: Path) -> Certification:
-    """Return the certification of a result folder's records, or of a folder of records.
+    """Certify the records in a folder anew, and return the certification.
 
-    Raises `InputError` if there are none, or if they cannot be reduced.
+    `folder` is a result folder or a folder of records. Raises `InputError` if it has no records, or
+    if they cannot be reduced.
     """
     inner = folder / RECORDS
     return certify_folder(inner if (inner / SESSION).exists() else folder, lambda each: each)

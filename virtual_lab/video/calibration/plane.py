@@ -31,7 +31,7 @@ class Plane(PixelScale):
     """Positions of a ball in a plane [m], and the scale of the plane."""
 
     places: Array  # (frame, 2) [m]
-    # apparent size of a ball in the plane at its position in each frame, over the median, (frame,)
+    # apparent size of a ball in the plane at its position in each frame, relative to the median
     sizes: Array
     sense: float  # -1 if Y points up in the picture while X points to the right, else 1
 
@@ -102,7 +102,10 @@ def distance_of(camera: CameraModel) -> float:
 
 
 def foot_of(camera: CameraModel) -> Array:
-    """Return X and Y of the camera in the ball's plane, and its height above it, (3,) [m]."""
+    """Return the position of the camera relative to the ball's plane, (3,) [m].
+
+    The three numbers are X and Y in the plane, and the height above it.
+    """
     return np.asarray(_pose(camera)[1] - [0.0, 0.0, camera.plane_height_m])
 
 

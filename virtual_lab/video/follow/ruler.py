@@ -13,8 +13,8 @@ of the camera off level, and off square to the flight, on the air, and on the lo
 is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 
 * A camera that looks up or down by θ has a perspective tan θ/f, with the focal length f. It bends a
-  flight like a change of g by the share 2 tan θ/f (v²/a + y), some percent at 5°. The perspective
-  is therefore a parameter of the fit, with this u as prior knowledge (`follow.joint`).
+  flight like a change of g by the fraction 2 tan θ/f (v²/a + y), a few percent at 5°. The
+  perspective is therefore a parameter of the fit, with this u as prior knowledge (`follow.joint`).
 * Lengths along the tilt, and so g, look shorter by the factor cos θ. A horizontal length is then
   measured too long by the share 1/cos θ - 1, which is 0.1 % at 2.5°. This whole share is u.
 * Because of buoyancy and the moved air, the ball falls with g (1 - 3/2 ρ/ρ_b). The drag is k v²

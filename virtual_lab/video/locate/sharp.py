@@ -32,7 +32,10 @@ SHARP = SharpSettings()
 
 
 def noise_of_clip(clip: Clip) -> Noise:
-    """Return the temporal noise of a clip's pixels, from the frames sampled for its background."""
+    """Return the noise of a clip's pixels from frame to frame.
+
+    It is estimated from the frames that were sampled for the background.
+    """
     every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
     return Noise.from_frames(clip.grey_samples(every), clip.full_scale)
 

@@ -173,7 +173,7 @@ class Pictures:
         axes.set(xlabel="x, pixels", ylabel="y, pixels")
 
     def _draw_motion(self, below: Iterable[Axes]) -> None:
-        """Draw positions (right and up), speeds, and residuals of the fit over the clip's time."""
+        """Plot positions (right and up), speeds, and residuals of the fit against the clip time."""
         place, speed, along, across = below
         metres = np.stack([self.places["x_m"], self.up * self.places["y_m"]])
         metres -= metres[:, np.isfinite(metres).all(axis=0)][:, :1]
