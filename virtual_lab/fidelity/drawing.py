@@ -33,7 +33,7 @@ class State(CellState):
     """State of a cell in a map of integration steps."""
 
     GOOD = "good", ".", "#6baed6"
-    NOTICED = "inaccurate, detected by the pass", "?", "#fee391"
+    NOTICED = "inaccurate, detected", "?", "#fee391"
     INACCURATE = "inaccurate", "o", "#f16913"
     UNSTABLE = "unstable", "X", "#800026"
     NO_RESULT = "no result", "-", "#d9d9d9"

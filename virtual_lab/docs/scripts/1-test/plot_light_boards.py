@@ -2,8 +2,9 @@
 A ball passes three light boards
 ================================
 
-Each bar is the time in which the ball covers one beam of a board, on its way to the bat. The
-middle of the pattern is the ball's height at that moment; three boards give speed and slope.
+Each bar is the time for which the ball blocks one light beam of a board on its way to the bat. The
+center of the pattern is the height of the ball. The speed follows from the delays between boards
+(not shown).
 """
 
 import matplotlib.pyplot as plt
@@ -20,5 +21,5 @@ for board, axes in enumerate(panels):
     start = broke[seen].min()
     axes.barh(seen, cleared[seen] - broke[seen], left=broke[seen] - start, height=0.7)
     axes.set(title=f"board {board + 1}")
-panels[0].set(ylabel="beam, counted from below")
-figure.supxlabel("time since the first beam broke, µs", fontsize=10.5)
+panels[0].set(ylabel="beam number from the bottom")
+figure.supxlabel("time since the first blocked beam of each board, µs", fontsize=10.5)

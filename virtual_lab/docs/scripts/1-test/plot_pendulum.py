@@ -2,8 +2,8 @@
 A pendulum that swings wider than noted
 =======================================
 
-Period of each swing of a bat that hangs as a pendulum, over the amplitude that the operator notes.
-Squares: he lets go at a wider angle than he notes, and the theory of the pendulum does not fit.
+Periods of a bat that swings as a pendulum. Circles follow the theory for the noted amplitude.
+Squares do not: the operator released the bat at a wider angle than noted.
 """
 
 import matplotlib.pyplot as plt
@@ -12,7 +12,7 @@ import numpy as np
 import virtual_lab as vl
 
 figure, axes = plt.subplots()
-for label, faults, marker in (("too wide", "pendulum-wide", "s"), ("sound", (), "o")):
+for label, faults, marker in (("wider than noted", "pendulum-wide", "s"), ("as noted", (), "o")):
     test = vl.certify("r161", seed=7, faults=faults).certification
     record = test.session.records["bench"]["pendulum"]
     first, last = record.first_amplitude[:, None], record.last_amplitude[:, None]

@@ -2,19 +2,22 @@
 Uncertainty budgets
 ===================
 
-Share of each component in u² of the result, two procedures. With six hits their scatter counts
-most; a scan of many hits is limited by other things.
+Six largest components of the variance u² (u: standard uncertainty). Both results are means of six
+hits at one position, and the scatter of these hits dominates. BBCOR must also find the position.
 """
 
 import matplotlib.pyplot as plt
 
 import virtual_lab as vl
 
+words = {"hits": "scatter of the hits", "choice of the place": "choice of the position"}
+words |= {"balls.repeatability": "restitution of the balls", "bat.balance": "balance reading"}
+words |= {"balls.slope_repeatability": "slope of e0", "bench.stand.offset": "balance stand"}
+words |= {"impact.cannon.along": "aim of the cannon", "impact.pivot.from_knob": "pivot position"}
 figure, panels = plt.subplots(2, figsize=(4.8, 4.8), sharex=True)
 for axes, procedure in zip(panels, ("astm-f1881", "bbcor"), strict=True):
     budget = vl.certify("ea70", procedure=procedure, seed=7).budget.head(6)[::-1]
-    bars = axes.barh(budget["component"], budget["share_percent"])
+    bars = axes.barh(budget["component"].map(words), budget["share_percent"])
     axes.bar_label(bars, fmt="%.0f", padding=2)
-    axes.set_title(procedure)
-    axes.tick_params(axis="y", labelsize=9)
+    axes.set_title(procedure.replace("-", " ").upper())
 panels[1].set(xlabel="share of u², %", xlim=(0, 100))

@@ -2,8 +2,8 @@
 Probability that a bat conforms
 ===============================
 
-Probability that the true value is below a limit of 0.500, plotted against the measured value, for
-three u. A guard band of 1.64 u keeps the consumer's risk below 5 %.
+Probability that the true restitution e is below the limit (vertical line), for three standard
+uncertainties u. A guard band of 1.64 u keeps the consumer's risk below 5 % (horizontal line).
 """
 
 import matplotlib.pyplot as plt
@@ -16,7 +16,7 @@ figure, axes = plt.subplots()
 for u in (0.0015, 0.003, 0.006):
     chance = [100 * vl.conformity(value, u, upper=0.5) for value in measured]
     axes.plot(measured, chance, label=f"u = {u}")
-axes.axvline(0.5, color="black", linewidth=1)
-axes.axhline(95, color="0.5", linewidth=1)
-axes.set(xlabel="measured e", ylabel="true value within the limit, %")
+axes.axvline(0.5, color="black", linewidth=1, label="limit")
+axes.axhline(95, color="0.5", linewidth=1, label="95 %")
+axes.set(xlabel="measured restitution e", ylabel="probability that the bat conforms, %")
 axes.legend()

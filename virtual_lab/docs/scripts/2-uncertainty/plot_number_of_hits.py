@@ -2,8 +2,9 @@
 How many hits are enough
 ========================
 
-Standard uncertainty of the result over the number of valid hits, one laboratory. The part of the
-hits falls with the root of their number, until what all hits share is left.
+Standard uncertainty u of the bat performance factor (BPF) in one laboratory. The part of the hits
+falls with the root of their number. Beyond about 24 hits the rest dominates, and more hits gain
+little.
 """
 
 import matplotlib.pyplot as plt
@@ -16,9 +17,9 @@ tests = [
 ]
 shared = [test.budget["contribution"][1:].pow(2).sum() ** 0.5 for test in tests]
 figure, axes = plt.subplots()
-axes.semilogx(hits, [1e3 * test.u for test in tests], marker="o", label="u of the result")
-axes.plot(hits, [1e3 * test.budget["contribution"][0] for test in tests], label="of the hits")
-axes.plot(hits, [1e3 * each for each in shared], marker="s", label="of all else")
-axes.set(xlabel="number of valid hits", ylabel="u of BPF, 0.001", xticks=hits, xticklabels=hits)
+axes.semilogx(hits, [1e3 * test.u for test in tests], marker="o", label="result")
+axes.plot(hits, [1e3 * test.budget["contribution"][0] for test in tests], label="part of the hits")
+axes.plot(hits, [1e3 * each for each in shared], marker="s", label="all other components")
+axes.set(xlabel="number of valid hits", ylabel="u of BPF, in 0.001", xticks=hits, xticklabels=hits)
 axes.minorticks_off()
 axes.legend()

@@ -2,8 +2,8 @@
 Sobol indices
 =============
 
-Which input explains the scatter of a moment of inertia from a pendulum? Each pair of bars: the
-share of the variance that an input explains alone, and with its interactions.
+Which input explains the variance of a moment of inertia from a pendulum? The distance from the
+pivot to the center of mass does. The bars of each pair are equal: the inputs do not interact.
 """
 
 import matplotlib.pyplot as plt
@@ -21,4 +21,5 @@ inputs |= {"distance": vl.Input(low=0.412, high=0.4132), "g": vl.Input(9.8065, 1
 table = vl.sobol(inertia, inputs, points=1024).set_index("input")[["first_order", "total_order"]]
 figure, axes = plt.subplots()
 (100 * table).plot.bar(ax=axes, rot=0, hatch="", color=["C0", "C5"], edgecolor="black")
+axes.legend(["input alone", "with interactions"])
 axes.set(xlabel="", ylabel="share of the variance, %")

@@ -2,8 +2,9 @@
 The hoop mode of a hollow bat
 =============================
 
-Collision efficiency of EA70 with three frequencies of its hoop mode. A softer shell takes energy up
-and gives it back, where the ball alone would lose it.
+Collision efficiency e_A (rebound speed over impact speed, bat at rest) of the aluminum bat EA70. A
+softer shell has a lower hoop frequency. It stores energy and returns most of it; the ball loses
+less.
 """
 
 import matplotlib.pyplot as plt
@@ -17,4 +18,4 @@ for hertz in (2500, 3000, 5000):
     rows = table[table["impact_position_in"].between(2, 12)]
     axes.plot(rows["impact_position_in"], rows["collision_efficiency"], label=f"{hertz} Hz")
 axes.set(xlabel="impact position from the tip, in", ylabel="collision efficiency $e_A$")
-axes.legend(title="hoop mode")
+axes.legend(title="hoop frequency")

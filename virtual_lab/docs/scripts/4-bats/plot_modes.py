@@ -2,8 +2,8 @@
 Bending modes of a bat
 ======================
 
-The three lowest bending modes of the free wood bat. A ball that strikes a node excites none of
-that mode: the nodes on the barrel lie where the bat performs best.
+The three lowest bending modes of the free wood bat, scaled to unit modal mass. A ball that hits a
+node does not excite that mode. The nodes of the first two modes lie near the best impact positions.
 """
 
 import matplotlib.pyplot as plt
@@ -21,5 +21,5 @@ for mode in range(modes.rigid, modes.rigid + 3):
     hertz = modes.angular_frequencies[mode] / (2 * np.pi)
     axes.plot(z / 0.0254, modes.shape(z)[:, mode], label=f"{hertz:.0f} Hz")
 axes.axhline(0, color="black", linewidth=0.8)
-axes.set(xlabel="distance from the barrel tip, in", ylabel="deflection, 1/√kg")
+axes.set(xlabel="distance from the barrel tip, in (knob: 34)", ylabel="mode shape, 1/√kg")
 axes.legend()

@@ -1,9 +1,10 @@
 """
-Figure 2 of the paper
-=====================
+Restitution, recoil and collision efficiency
+============================================
 
-Restitution e, recoil factor r and collision efficiency e_A of the wood bat along its barrel. e_A
-is largest where both the loss to vibration and the recoil are small.
+Restitution e, recoil factor r and collision efficiency e_A = (e - r) / (1 + r) of the wood bat
+R161, as in Figure 2 of Nathan (2003). e peaks near 5 in and r falls toward 11 in, so e_A peaks in
+between.
 """
 
 import matplotlib.pyplot as plt

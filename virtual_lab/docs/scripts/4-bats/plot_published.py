@@ -1,9 +1,9 @@
 """
-Published measurements beside ours
-==================================
+Published measurements compared with ours
+=========================================
 
-Our result over the published number, for each number that is not an input of ours. Circles agree
-within what is known; `virtual-lab reference` explains each other one.
+Our result over the published number, where the number is not an input of ours. A bar is the range
+in which we accept a result. `virtual-lab reference` gives the reason of each disagreement.
 """
 
 import matplotlib.pyplot as plt
@@ -17,8 +17,9 @@ table = table[(table["role"] == "prediction")].dropna(subset=["result", "value"]
 ratio = (table["result"] / table["value"]).sort_values()
 place = pd.Series(range(1, ratio.size + 1), ratio.index)
 figure, axes = plt.subplots()
-axes.axvline(1, color="black", linewidth=1)
+ends = table[["low", "high"]].div(table["value"], axis=0).T
+axes.plot(ends[ratio.index], [place, place], "-", color="0.8", linewidth=4, zorder=0)
 for marker, (verdict, rows) in zip("osx^D", table.groupby("verdict"), strict=False):
     axes.plot(ratio[rows.index], place[rows.index], marker, mfc="none", label=verdict)
-axes.set(xlabel="our result over the published number", ylabel="published numbers, sorted")
+axes.set(xlabel="our result / published number", ylabel="published numbers, sorted", xlim=(0, 2))
 axes.legend()

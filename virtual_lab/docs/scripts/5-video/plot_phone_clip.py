@@ -2,8 +2,8 @@
 A ball in a phone's clip
 ========================
 
-A clip of a ball that bounces, made here, is followed like one from a phone. Each dot is the ball in
-a frame; the two flights give the speeds at the floor, and their ratio the restitution.
+A simulated clip of a bouncing ball is tracked like a clip from a phone. Each dot is the ball in one
+frame. Fits to both flights give the speeds at the floor. Their ratio is the restitution.
 """
 
 import matplotlib.pyplot as plt
@@ -14,12 +14,12 @@ import virtual_lab as vl
 t = np.arange(60) / 240 - 0.15  # s, the ball touches the floor at 0 and returns at 3 m/s
 height = np.where(t < 0, -5.47 * t, 3 * t) - 9.81 / 2 * t**2
 y, x = np.mgrid[:240, :320]
-away = np.hypot(x - 160, y - 225 + height[:, None, None] / 0.0035)  # px from the ball's centre
+away = np.hypot(x - 160, y - 225 + height[:, None, None] / 0.0035)  # px from the ball's center
 noise = np.random.default_rng(1).normal(0, 2, away.shape)
 clip = (40 + 120 * np.clip(10.9 - away, 0, 1) + noise).astype(np.uint8)
 track = vl.track(clip, ball="73mm±0.5mm", fps=240)
-contact = track.contacts.iloc[0]
+restitution = track.contacts["restitution"][0]
 figure, axes = plt.subplots()
 axes.plot(track.places["time_s"], track.places["y_px"], "o", label="ball in a frame")
-axes.set(xlabel="time, s", ylabel="row, px", title=f"restitution {contact['restitution']:.3f}")
+axes.set(xlabel="time, s", ylabel="image row, px", title=f"restitution {restitution:.3f}")
 axes.invert_yaxis()
