@@ -19,7 +19,7 @@ table = table.query("bat == 'ea70' & procedure == 'bbcor'")
 causes = ["lot", "stiffness", "store", "calibration", "wall"]
 figure, panels = plt.subplots(1, 2, sharey=True)
 for axes, result in zip(panels, ["as found", "normalised"], strict=True):
-    spread = 1e3 * table[table["result"] == result].set_index("term")["found"]
+    spread = 1e3 * table[table["result"] == result].set_index("term")["simulated"]
     axes.barh(causes, spread[causes], hatch="//", edgecolor="white")
     axes.axvline(spread["s_R"], color="C1", linestyle="--")
     axes.set(title=f"{result}, s_R {spread['s_R']:.1f}", xlabel="sd of BBCOR, 0.001", xlim=(0, 5))

@@ -12,14 +12,14 @@ import pandas as pd
 import virtual_lab as vl
 
 table = vl.reference().table
-table["value"] = pd.to_numeric(table["value"], errors="coerce")
-table = table[(table["role"] == "prediction")].dropna(subset=["result", "value"])
-ratio = (table["result"] / table["value"]).sort_values()
+table["published"] = pd.to_numeric(table["published"], errors="coerce")
+table = table[(table["role"] == "prediction")].dropna(subset=["value", "published"])
+ratio = (table["value"] / table["published"]).sort_values()
 place = pd.Series(range(1, ratio.size + 1), ratio.index)
 figure, axes = plt.subplots()
-ends = table[["low", "high"]].div(table["value"], axis=0).T
+ends = table[["agreement_low", "agreement_high"]].div(table["published"], axis=0).T
 axes.plot(ends[ratio.index], [place, place], "-", color="0.8", linewidth=4, zorder=0)
-for marker, (verdict, rows) in zip("osx^D", table.groupby("verdict"), strict=False):
+for marker, (verdict, rows) in zip("osx^D", table.groupby("agreement"), strict=False):
     axes.plot(ratio[rows.index], place[rows.index], marker, mfc="none", label=verdict)
 axes.set(xlabel="our result / published number", ylabel="published numbers, sorted", xlim=(0, 2))
 axes.legend()
