@@ -61,7 +61,7 @@ def to_si(value: float, unit: str, dimension: str) -> float:
 
 
 def from_si(value: float, unit: str, dimension: str) -> float:
-    """Return `value`, which is in the SI unit of `dimension`, in `unit`.
+    """Convert `value` from the SI unit of `dimension` to `unit`, and return it.
 
     Units are those of `DIMENSIONS`. All are proportional to the SI unit, so °C is not among them.
     Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.

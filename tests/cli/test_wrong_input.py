@@ -202,7 +202,7 @@ CASES: dict[str, Case] = {
         "profile r161 --out loop/x",
         ["loop/x", "cannot be written"],
     ),
-    "the folder one is in": (nothing, "profile r161 --out .", ["is the present folder"]),
+    "the folder one is in": (nothing, "profile r161 --out .", ["is the current folder"]),
     "a folder that takes no file": (
         nothing,
         "profile r161 --out /proc/x",

@@ -50,9 +50,9 @@ STUDY, STAMP, PARTS = "study.toml", "campaign.json", "parts"
 class Campaign:
     """A study with its parts in a folder.
 
-    `sheets` are the texts of all data sheets that the tests read, by ``kind/name``. They are stored
-    in the folder, so that the catalog may change during a campaign. `layouts` are the columns of
-    the parts, by procedure.
+    `sheets` are the texts of all data sheets that the tests read, keyed by ``kind/name``. They are
+    stored in the folder, so that the catalog may change during a campaign. `layouts` are the
+    columns of the parts, by procedure.
     """
 
     folder: Path
@@ -111,7 +111,7 @@ class Campaign:
         return campaign
 
     def sheets_today(self) -> dict[str, str]:
-        """Return the current catalog texts of the sheets of this campaign, by ``kind/name``.
+        """Return the current catalog texts of the sheets of this campaign, keyed by ``kind/name``.
 
         Raises `InputError` if a sheet is missing.
         """

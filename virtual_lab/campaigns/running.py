@@ -49,7 +49,7 @@ def campaign(
     folder
         Folder of the campaign: a new one, or one of the same study, which is continued.
     workers
-        Number of processes on this machine, each with one thread; 1 uses the present process.
+        Number of processes on this machine, each with one thread; 1 uses the current process.
     blocks
         Make only share N of M, ``N/M``, for example ``3/40`` in a job array.
     dask

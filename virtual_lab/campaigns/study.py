@@ -32,7 +32,7 @@ Values: TypeAlias = "tuple[Real, ...] | tuple[str, ...] | tuple[tuple[Real, ...]
 class Study(Spec):
     """All combinations of bats, procedures and changed sheets, in laboratories, on several days.
 
-    All cases have the same laboratories, numbered from 0. `change` maps keys of the sheets of a rig
+    All cases have the same laboratories, counted from 0. `change` maps keys of the sheets of a rig
     or of its instruments to new values: ``"impact.gates.distance_u"`` is the key ``distance_u`` of
     the instrument that the impact rig names as its gates. Several keys give all combinations.
     """
@@ -61,7 +61,7 @@ class Study(Spec):
         )
 
     def sheets(self, progress: Progress = quiet) -> dict[str, str]:
-        """Return the texts of all data sheets that the tests of the study read, by ``kind/name``.
+        """Return the texts of all data sheets that the tests read, keyed by ``kind/name``.
 
         Raises `InputError` if the tests cannot use a value of the study.
         """

@@ -165,7 +165,7 @@ def branch(day: Folder, entry: int, folder: Folder) -> Answer:
     StoredDay.branch(Path(day), entry, Path(folder))
     return Answer(
         document={"day": str(folder)},
-        text=f"go on with: virtual-lab rehearse --day {folder} --open",
+        text=f"continue with: virtual-lab rehearse --day {folder} --open",
     )
 
 

@@ -304,7 +304,7 @@ def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
         raise InputError("", "output folder", str(target), "is a link to a missing file")
     if target.absolute() == Path.cwd():
         raise InputError(
-            "", "output folder", str(target), "is the present folder; name a new folder in it"
+            "", "output folder", str(target), "is the current folder; name a new folder in it"
         )
     if target.exists() and not target.is_dir():
         raise InputError("", "output folder", str(target), "is a file; name another folder")

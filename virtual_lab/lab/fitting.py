@@ -111,7 +111,7 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
-    """Return the number of unverified values in each sheet of some rigs and of their instruments.
+    """Return the number of unverified values in each sheet of the rigs and of their instruments.
 
     The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of 5 values are
     unverified. Rigs of other packages are left out.

@@ -52,7 +52,7 @@ class RoundRobin:
 
     @classmethod
     def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
-        """Return the round robin of a bat by a procedure.
+        """Return the round robin in which all laboratories test a bat by a procedure.
 
         With `summed` the instruments record only summary values, and all laboratories test the
         nominal bat with a surrogate of its collision. With `individual`, or without `summed`, each

@@ -124,7 +124,7 @@ def _write_lines(status: _Status, stream: TextIO, over: threading.Event) -> None
 
 
 def _compilation() -> str:
-    """Return the words of a line about the present compilation, empty if there is none."""
+    """Return the words of a line about the current compilation, empty if there is none."""
     if not hasattr(sys.modules.get("numba"), "njit"):  # not loaded, and slow to load
         return ""
     from virtual_lab.output.compiling import COMPILED

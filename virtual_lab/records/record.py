@@ -150,7 +150,7 @@ class Record:
         return data
 
     def select(self, rows: Any) -> Self:
-        """Return the record with only some `rows` of its first axis, a slice or a mask.
+        """Return the record with only the given `rows` of its first axis, a slice or a mask.
 
         Arrays beside the table are left out.
         """

@@ -145,7 +145,7 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
 
 
 def digest_of_text(data: bytes, start: bytes = b"") -> str:
-    """Return the SHA-256 of `start` and a text, 64 hexadecimal digits.
+    """Return the SHA-256 of `start` and text data, 64 hexadecimal digits.
 
     Line ends CR LF of the text are replaced by LF, because a copy may have changed them.
     """

@@ -130,7 +130,7 @@ class Critique(StudyResult):
     bats: tuple[str, ...]
     swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
     balls: Mapping[str, str]  # ball in the field, by bat
-    field: Array  # greatest v_f [mph], (swing, bat)
+    field: Array  # largest v_f [mph], (swing, bat)
     ranked: tuple[ProcedureResults, ...]
 
     @property

@@ -187,8 +187,8 @@ def h_limit(groups: int, level: float) -> float:
     """Return the critical value of |h| (ASTM E691), dimensionless.
 
     The test examines one mean out of `groups`. The statistic h is the deviation of this mean from
-    the mean of all groups, in standard deviations of the means. By chance, |h| exceeds the limit
-    with a probability of `level`. The limit is NaN for fewer than three groups.
+    the overall mean, in standard deviations of the means. By chance, |h| exceeds the limit with a
+    probability of `level`. The limit is NaN for fewer than three groups.
     """
     from scipy.stats import t
 

@@ -67,7 +67,7 @@ class Model:
         return alone
 
     def _fix_outputs(self, columns: Mapping[str, Array]) -> Model:
-        """Return the model with the names and values of its outputs for some rows."""
+        """Return the model with the names and values of its outputs for the given rows."""
         answers = self(columns)
         return replace(self, outputs=tuple(answers), trial=columns, trial_outputs=answers)
 

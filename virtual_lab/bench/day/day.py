@@ -19,7 +19,7 @@ from virtual_lab.records.session import Session
 AFTER_REDUCTION = frozenset(
     {"end-checklist", "note-doubt", "note-deviation", "give-verdict", "hand-in"}
 )
-DISPUTE = "dispute-score"  # the only action after the hand-in
+DISPUTE = "dispute-score"  # the only action after the day is handed in
 CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
 Display = tuple[tuple[str, float | str, str], ...]  # quantity, value, unit
 
@@ -149,8 +149,8 @@ def decide(day: Day, action: Action) -> float:
 def is_offered(day: Day, action: str) -> bool:
     """Return whether the page of a day offers an action.
 
-    Before the hand-in, the page offers the actions that this rig and this day allow. After the
-    hand-in, it offers only the dispute of a score; in an exam it then offers nothing.
+    Until the day is handed in, the page offers the actions that this rig and this day allow. After
+    that, it offers only the dispute of a score; in an exam it then offers nothing.
     """
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam

@@ -1,6 +1,6 @@
 """The log of a day: a database table that only grows, written before an action is answered.
 
-Row 0 holds the start of the day, and each further row holds one event, numbered from 1. An existing
+Row 0 holds the start of the day, and each further row holds one event, counted from 1. An existing
 number is rejected, so a button that is pressed twice makes one entry.
 """
 

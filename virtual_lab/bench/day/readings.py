@@ -407,10 +407,10 @@ def beam_passages(record: Record) -> Array:
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
     """Yield the largest and the smallest ratio of blocking times of a range of shots, one row each.
 
-    The ratio is the time for which the incoming ball blocks the first gate, divided by the time
-    for which it blocks the last gate; it is 1 for a round ball. For light boards, a row with the
-    number of balls that blocked the first gate too early comes first. If no ball has both times,
-    the two rows of the ratio are left out. Shots are numbered from 0.
+    The ratio is the time for which the incoming ball blocks the first gate, divided by the time for
+    which it blocks the last gate; it is 1 for a round ball. For light boards, a row with the number
+    of balls that blocked the first gate too early comes first. If no ball has both times, the two
+    rows of the ratio are left out. Shots are counted from 0.
     """
     passages = beam_passages(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]

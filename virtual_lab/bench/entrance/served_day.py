@@ -155,7 +155,7 @@ class ServedDay:
         return event
 
     def film(self, shot: int, *, true: bool) -> bytes:
-        """Return camera frames of a shot, numbered from 1, as one PNG; empty without frames.
+        """Return camera frames of a shot, counted from 1, as one PNG; empty without frames.
 
         They show the blurred sketch, or with `true` the truth if it may be shown. The call waits
         until the frames are ready.
@@ -182,7 +182,7 @@ class ServedDay:
         return film_as_seen(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
-        """Return the true motion of a shot, numbered from 1.
+        """Return the true motion of a shot, counted from 1.
 
         It is None if the truth may not be shown. It is also None while the laboratory is being set
         up, because a page must not wait.

@@ -141,7 +141,7 @@ class StoredDay:
         The day is a copy of a handed-in day up to and including `entry`, counted from 1, and
         continues with the same random numbers. It is marked as practice, because its truth has been
         revealed. Raises `InputError` if the source is not handed in, has no such entry before the
-        hand-in, or came with more records than `entry`.
+        day is handed in, or came with more records than `entry`.
         """
         log = DayLog(source / LOG)
         events = log.events()

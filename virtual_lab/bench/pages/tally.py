@@ -206,7 +206,7 @@ def _chart(
 
 
 def residual_chart(desk: Desk, shot: int) -> str:
-    """Return an SVG chart of the residuals [counts] of the encoder fit of a shot, numbered from 1.
+    """Return an SVG chart of the residuals [counts] of the encoder fit of a shot, counted from 1.
 
     The chart is empty without an encoder, without a fit, or with fewer than 40 fitted samples.
     """

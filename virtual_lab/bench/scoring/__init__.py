@@ -1,1 +1,1 @@
-"""The scores and the debrief, which use the truth after the hand-in."""
+"""The scores and the debrief, which use the truth after the day is handed in."""

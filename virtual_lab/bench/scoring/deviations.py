@@ -72,7 +72,7 @@ def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
 def anomaly_of(desk: Desk, shot: int) -> str:
     """Return the anomaly that the records of a shot show, in words; empty if there is none.
 
-    Shots are numbered from 0. The acceptance windows are not considered.
+    Shots are counted from 0. The acceptance windows are not considered.
     """
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     for struck in fired.sketch.get("struck", ()):

@@ -175,7 +175,7 @@ def record_score(
     """Return the record score, 0 to 1, and its explanation.
 
     The score is the share of correct items among the decisions on hits and the entered results. A
-    decision is correct if it follows the acceptance windows; hits in `justified`, numbered from 0,
+    decision is correct if it follows the acceptance windows; hits in `justified`, counted from 0,
     may also be rejected although they are within the windows. Without a hit the score is 0.
     """
     reasons = desk.reasons if not desk.missing else ()
@@ -212,7 +212,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the shots, counted from 0, before the last repair of any of the `faults`."""
+    """Return the indices of the shots, from 0, before the last repair of any of the `faults`."""
     fired = before = 0
     for event in day.events:
         fired += event.action == "fire"

@@ -72,16 +72,16 @@ class TraineeDay(Protocol):
     def briefing(self) -> Mapping[str, Any]: ...
     @property
     def open_book(self) -> bool:
-        """Whether the truth may be shown: after the hand-in, in an exam only to the trainer."""
+        """Whether the truth may be shown: once the day is handed in; in an exam, to trainers."""
         ...
 
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...
     def motion(self, shot: int) -> Motion | None:
-        """Return the true motion of a shot, numbered from 1; None before the hand-in."""
+        """Return the true motion of a shot, counted from 1; None until the day is handed in."""
         ...
 
     def film(self, shot: int, *, true: bool) -> bytes:
-        """Return camera frames of a shot, numbered from 1, as one PNG; empty without frames."""
+        """Return camera frames of a shot, counted from 1, as one PNG; empty without frames."""
         ...
 
     @property
@@ -104,7 +104,7 @@ class TraineeDay(Protocol):
     def debrief(self, patience: float | None = None) -> str:
         """Return the debrief as an HTML page.
 
-        Raises `InputError` before the hand-in, and `TimeoutError` if it takes longer than
+        Raises `InputError` before the day is handed in, and `TimeoutError` if it takes longer than
         `patience` [s].
         """
         ...

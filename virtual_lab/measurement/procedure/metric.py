@@ -55,10 +55,10 @@ def metric_of(
     Parameters
     ----------
     procedure
-        Test procedure, of which the metric, ball correction and field conditions are used.
+        Test procedure. Only its metric, ball correction and field conditions are used.
     control
-        Measured e of a control bat with this lot over its known e; used only by the correction
-        ``control-bat``.
+        Ratio of the measured e of a control bat with this lot to its known e. It is used only by
+        the correction ``control-bat``.
     """
 
     def metric(curve: Curve, bat: BatProperties) -> Array:

@@ -65,7 +65,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     Parameters
     ----------
     procedure
-        Test procedure, of which the scan is used.
+        Test procedure. Only its scan is used.
     place, valid, metric
         Impact position from the barrel tip [m], mask of the valid hits, and metric, (shot,).
     """

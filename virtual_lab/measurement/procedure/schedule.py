@@ -64,7 +64,7 @@ def next_shots(
     Parameters
     ----------
     procedure
-        Test procedure, of which the numbers of hits and attempts and the scan are used.
+        Test procedure. Only its numbers of hits and attempts and its scan are used.
     percussion
         Centre of percussion of each bat as measured, from the tip, (laboratory,) [m].
     owner, place, valid, objective

@@ -68,7 +68,7 @@ class Indicator(CalibratedInstrument[S]):
         """Return readings, (item, repeat), of items whose display without scatter is `values`.
 
         The noise of a reading depends on the number of its item in `items`, (item,), and on the
-        repeat. Without `items` the items are numbered from 0 in each laboratory of a block.
+        repeat. Without `items` the items are counted from 0 in each laboratory of a block.
         """
         displayed = np.atleast_1d(np.asarray(values, dtype=float))
         if items is None:

@@ -114,7 +114,7 @@ class LightBoards(BallGates[LightBoardSpec]):
 
     @property
     def heights(self) -> Array:
-        """True heights of the boards' zeros above the line of fire [m], shaped as `distances`."""
+        """True heights of the boards' zeros above the line of fire [m], shape of `distances`."""
         return self.of_gates("height")
 
     def edges(self, batch: WatchedBatch) -> BoardRecord:

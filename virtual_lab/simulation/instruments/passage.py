@@ -52,7 +52,7 @@ class Passage:
 
     @property
     def parted_plane(self) -> Array | float:
-        """Position at which the rebound begins, measured as `plane` [m]."""
+        """Position at which the rebound begins, measured like `plane` [m]."""
         return self.plane if self.plane_out is None else self.plane_out
 
     @property

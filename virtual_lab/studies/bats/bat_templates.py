@@ -38,7 +38,7 @@ from virtual_lab.simulation.physics.modes import barrel_nodes, modes_of
 from virtual_lab.simulation.physics.shell import shell_mode
 from virtual_lab.units import INCH, OUNCE, Array
 
-HOOP_POSITION = 6 * INCH  # position at which the modal mass is stated, near the greatest e [m]
+HOOP_POSITION = 6 * INCH  # position at which the modal mass is stated, near the largest e [m]
 PLAUSIBLE_SHARES = (0.5, 2.0)  # limits of a measured modal mass, relative to that of a shell
 COARSE = {"order": 6, "element_size": 0.1}  # relative error of the first two frequencies: 1e-6
 

@@ -155,8 +155,8 @@ def profile(
 ) -> BatProfile | BatComparison:
     """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
 
-    For one bat: curves, modal frequencies and nodes. For several bats: the greatest e, BPF, e_A
-    and v_f of each, up to 12 in from the tip, and their differences.
+    For one bat: curves, modal frequencies and nodes. For several bats: the largest e, BPF, e_A and
+    v_f of each, up to 12 in from the tip, and their differences.
 
     Parameters
     ----------

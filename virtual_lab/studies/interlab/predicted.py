@@ -184,7 +184,7 @@ def _pitch(rules: Procedure) -> float:
 
 
 def _effects(tested: BlockTest, names: set[str]) -> dict[str, float]:
-    """Return the joint effect of some constants of the budget, keyed by result name."""
+    """Return the joint effect of the given constants of the budget, keyed by result name."""
     results = tested.certified.results
     keys = {FOUND: "metric"}
     if tested.certified.procedure.normalized:

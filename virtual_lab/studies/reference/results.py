@@ -139,7 +139,7 @@ def inertia_ratio(bat: str) -> float:
 
 
 def diameter(bat: str) -> float:
-    """Return the greatest outer diameter in the drawing of a bat [in]."""
+    """Return the largest outer diameter in the drawing of a bat [in]."""
     return max(body(bat).profile.outer_diameter) / INCH
 
 
@@ -237,7 +237,7 @@ def restitution_change(bat: str, first: str, speed: float) -> float:
 
 
 def procedure_result(bat: str, procedure: str) -> float:
-    """Return the greatest metric of a nominal bat, 3 to 9 in from the tip, normalised by the rules.
+    """Return the largest metric of a nominal bat, 3 to 9 in from the tip, normalised by the rules.
 
     The metric is in SI units; ratios are dimensionless. `procedure` is a name in the catalog.
     """
@@ -278,12 +278,12 @@ def hit_scatter(bat: str, speed: float) -> float:
 
 
 def peak_efficiency(bat: str, speed: float) -> float:
-    """Return the greatest e_A of a bat, 3 to 9 in from the tip, at a relative speed [mph]."""
+    """Return the largest e_A of a bat, 3 to 9 in from the tip, at a relative speed [mph]."""
     return peak(Z, _collide(body(bat), speed)[1].collision_efficiency).value
 
 
 def peak_contact_time(bat: str, speed: float) -> float:
-    """Return the contact time [s] at the position of the greatest e_A, at a speed [mph]."""
+    """Return the contact time [s] at the position of the largest e_A, at a speed [mph]."""
     collisions = _collide(body(bat), speed)[1]
     return float(collisions.contact_time[np.argmax(collisions.collision_efficiency)])
 
@@ -293,7 +293,7 @@ def barrel_travel(bat: str, speed: float) -> float:
 
     The factor of one half is exact for a force that is symmetric in time. `speed` is the relative
     speed of ball and bat [mph]. The bat is rigid and pivoted, and hit at the position of its
-    greatest e_A.
+    largest e_A.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
     best = int(np.argmax(collisions.collision_efficiency))
@@ -346,7 +346,7 @@ def restitution_on_wall(ball: str, feet_per_second: float) -> float:
 
 
 def _swing_test(bat: str, procedure: str) -> float:
-    """Return the greatest v_f [mph] on the swing machine, with the bat speed of each position."""
+    """Return the largest v_f [mph] on the swing machine, with the bat speed of each position."""
     rule = rules(procedure)
     assert rule.bat_speed is not None
     drawn = beam(bat)
@@ -358,7 +358,7 @@ def _swing_test(bat: str, procedure: str) -> float:
 
 
 def best_wood(procedure: str) -> float:
-    """Return the greatest v_f [mph] of the catalog's wood bats on a swing machine.
+    """Return the largest v_f [mph] of the catalog's wood bats on a swing machine.
 
     `procedure` names the procedure whose speeds the machine has.
     """
@@ -379,7 +379,7 @@ def expanded_speed_u(bat: str, procedure: str) -> float:
 
 
 def batted_lead(first: str, second: str, exponent: float) -> float:
-    """Return the greatest v_f of the first bat minus that of the second [mph].
+    """Return the largest v_f of the first bat minus that of the second [mph].
 
     Both are in the standard game. `exponent` is the n of the swing law.
     """

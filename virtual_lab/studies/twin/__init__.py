@@ -1,1 +1,1 @@
-"""The twin of a laboratory: its day played again with what its own records state."""
+"""The twin of a laboratory: its day simulated again, as its own records state it."""

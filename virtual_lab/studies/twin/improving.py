@@ -1,7 +1,7 @@
 """Changes that would lower a laboratory's u most: better instruments, more hits, more balls.
 
-The budget of the metric gives the u that each change promises. The days of the twin, played again
-with the change, show whether this u is reached.
+The budget of the metric gives the u that each change promises. The days of the twin, simulated
+again with the change, show whether this u is reached.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The twin of a laboratory: days played from its records, to check what it states.
+"""The twin of a laboratory: days simulated from its records, to check what it states.
 
 Each day has the bat, the balls and the scatter that the records state, and other errors of the
 calibration constants within their stated uncertainties. The errors of many days show whether the
@@ -41,7 +41,7 @@ FEWEST = 100  # smallest number of days; their standard deviation then has an er
 # smallest number of full days with which a reading can be unlike its twins, whatever their number
 FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
 WORDS = (
-    "Twin: the day played again with the bat, balls and instruments that the records state.\n"
+    "Twin: the day simulated again with the bat, balls and instruments that the records state.\n"
     "Error: result of such a day minus the stated value. SI: unit of the quantity, 1 or m/s."
 )
 IMPROVEMENT_WORDS = (
@@ -172,7 +172,7 @@ def twin(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> Twin:
-    """Play a laboratory's day again as its records state it, and check its uncertainty.
+    """Simulate a laboratory's day again as its records state it, and check its uncertainty.
 
     The first table has one row per quantity, the metric first: the stated u beside the standard
     deviation of the errors of many days. The second one has the three changes of the laboratory
@@ -190,12 +190,12 @@ def twin(
     full_days
         Largest number of days whose instruments record every gate edge and encoder count, to
         compare the readings; 0 or at least 250, so that an unusual reading can be significant.
-        Fewer days are played if no reading can become so. For records of sums there are no such
-        days.
+        Fewer days are simulated if no reading can become so. For records of summary values there
+        are no such days.
     faults
         Folder for the days of each fault of the catalogue that the rigs can have, in four sizes; if
-        it has some of these days, the others are played. This takes some minutes. By default no
-        faults are played.
+        it has some of these days, the others are simulated. This takes a few minutes. By default
+        no faults are simulated.
     seed
         Seed of the days.
     progress

@@ -182,7 +182,7 @@ def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
 def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, tripod: bool = False
 ) -> Still:
-    """Return the still frame of some pictures of a clip. Drifts are relative to the first picture.
+    """Return the still frame of the given pictures of a clip. Drifts are from the first picture.
 
     A single picture and pictures from a tripod have no drift.
 

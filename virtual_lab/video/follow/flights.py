@@ -31,8 +31,8 @@ class FlightSearch:
     sag: float = 1.0
     # smallest expected sag for which the absence of gravity is noticed [ball radii]
     shown_sag: float = 0.3
-    # largest rms scatter of a flight: in ball radii, in pixels for a small ball, and as a share of
-    # its sag, whichever is largest
+    # largest rms scatter of a flight: in ball radii, in pixels for a small ball, and as a fraction
+    # of its sag, whichever is largest
     smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
     # tolerances of positions on a flight:
     room: float = 0.2  # largest distance of a position from its flight [ball radii]

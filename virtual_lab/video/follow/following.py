@@ -166,8 +166,8 @@ def measure(
     Raises
     ------
     InputError
-        The ball would fall absurdly fast at the stated frame rate, or gravity was requested for the
-        scale but no flight shows it.
+        The stated frame rate implies an impossibly large g, or gravity was requested for the scale
+        but no flight shows it.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]

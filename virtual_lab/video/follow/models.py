@@ -14,14 +14,14 @@ from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, Floor, fit_flights
 from virtual_lab.video.follow.pieces import FAR_U, Piece
 from virtual_lab.video.follow.scene import FOCAL, FlightScene
 
-# u of a quantity that is uniformly distributed up to a difference, as a share of the difference
+# u of a quantity that is uniformly distributed up to a difference, as a fraction of the difference
 EVEN_SHARE = 1 / np.sqrt(3)
 # deviation from level, or from square to the flight, beyond which a clip is flagged [rad]
 STEEPEST = 10 * DEGREE
-DRAG_SHARE = 0.35  # u of drag, as a share of the difference between fits with and without drag
+DRAG_SHARE = 0.35  # u of drag, as a fraction of the difference between fits with and without drag
 OFF_NORMAL = 35 * DEGREE  # largest angle between a change of velocity and the normal [rad]
 
-Others = Sequence[tuple[Fit, float]]  # other fits, and their u as a share of the difference
+Others = Sequence[tuple[Fit, float]]  # other fits, and their u as a fraction of the difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -61,7 +61,7 @@ class Piece:
 
     @classmethod
     def of(cls, moving: Blobs, blobs: Ints, t: Array) -> Piece:
-        """Return the piece of some blobs at times."""
+        """Return the piece of the given blobs at times."""
         some = moving[blobs]
         return cls(
             blobs=blobs,

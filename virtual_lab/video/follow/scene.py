@@ -61,7 +61,7 @@ class FlightScene:
         return float(other.t[0] - one.t[-1] - passed)
 
     def late(self, blobs: NDArray[np.intp]) -> Array:
-        """Return when blobs were read, as a share of the readout time, 0 to 1, (blob,)."""
+        """Return when blobs were read, as a fraction of the readout time, 0 to 1, (blob,)."""
         axis, sense = self.readout_axis
         at = self.blobs["picture_x" if axis == 0 else "picture_y"][blobs]
         share = np.clip(at / (self.size[axis] - 1), 0, 1)

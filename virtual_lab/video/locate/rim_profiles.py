@@ -40,7 +40,7 @@ class Table(NamedTuple):
     per_width: int = 32  # number of table entries per width
     knot_spacing: float = 0.11  # spacing of a pattern's knots, in facing
     deepest_knot: float = 0.9  # facing beyond which a pattern is constant
-    # distance, as a share of the motion blur, at which a pattern is easily mistaken for the outline
+    # distance at which a pattern is easily mistaken for the outline [motion blur]
     hiding_blur: float = 0.15
     alike: float = 0.3  # approximate correlation angle of a pattern's brightness [rad]
 
