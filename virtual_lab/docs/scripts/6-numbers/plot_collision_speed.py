@@ -15,9 +15,9 @@ import pandas as pd
 import virtual_lab as vl
 
 table = pd.read_csv(Path(vl.__file__).parents[1] / "data" / "figures" / "collision.csv")
-table = table[table["held_against"] == table["held_against"][0]]
+table = table[(table.held_against == table.held_against[0]) & ~table.setting.str.contains("degree")]
 figure, axes = plt.subplots(figsize=(4.8, 4.2))
-for marker, (series, rows) in zip("os^vD", table.groupby("series", sort=False), strict=True):
+for marker, (series, rows) in zip("os^D", table.groupby("series", sort=False), strict=True):
     axes.loglog(rows["us_a_shot"], rows["worst_error"], marker, label=series)
 default = table[table["setting"] == "20 modes"]
 axes.plot(default["us_a_shot"], default["worst_error"], "^", color="white", markersize=3)

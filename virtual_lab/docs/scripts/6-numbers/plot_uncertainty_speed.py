@@ -16,7 +16,7 @@ error = table[["low_error", "high_error"]].max(axis=1)
 colors = {model: f"C{k}" for k, model in enumerate(table["model"].unique())}
 figure, axes = plt.subplots()
 for method, marker in (("first-order", "o"), ("second-order", "s"), ("monte-carlo", "^")):
-    axes.plot([], [], marker, color="0.5", label=method.replace("-", " "))
+    axes.plot([], [], marker, color="0.5", label=method.replace("-", " ").title())
     rows = table[table["method"] == method]
     axes.scatter(rows["ms"], error[rows.index], 28, rows["model"].map(colors), marker=marker)
 for model, color in colors.items():
