@@ -131,7 +131,7 @@ def test_a_result_folder_is_overwritten_as_a_whole(tmp_path: Path) -> None:
     mine.mkdir()
     (mine / "thesis.txt").write_text("years")
     for other in (mine, tmp_path):
-        why = r"is no result folder \(it has no settings.toml\), so it is not overwritten"
+        why = r"is not a result folder \(it has no settings.toml\), so it is not overwritten"
         with pytest.raises(InputError, match=why), new_folder(other, "# third", overwrite=True):
             pass
     (tmp_path / "link").symlink_to(target)

@@ -183,10 +183,10 @@ DAMAGE = {
     "right digests: a list": (words("[BLANKS]"), "expected an object"),
     "right digests: deep": (words("[" * 100_000 + "BLANKS"), "nested deeper"),
     "right digests: no name": (words("BLANKS"), "other tests"),
-    "a pipe": (pipe, "is no file"),
-    "a folder": (folder, "is no file"),
-    "nothing in it": (lambda path: path.write_bytes(b""), "no Parquet file"),
-    "a text": (lambda path: path.write_bytes(b"nothing that is a part"), "no Parquet file"),
+    "a pipe": (pipe, "is not a file"),
+    "a folder": (folder, "is not a file"),
+    "nothing in it": (lambda path: path.write_bytes(b""), "not a Parquet file"),
+    "a text": (lambda path: path.write_bytes(b"nothing that is a part"), "not a Parquet file"),
 }
 
 

@@ -353,7 +353,7 @@ def test_a_file_that_is_not_utf8_is_named(tmp_path: Path) -> None:
         catalog.load_bat(str(path))
     assert "\n" not in str(caught.value)
     assert "latin.toml" in str(caught.value)
-    assert "no UTF-8 text" in str(caught.value)
+    assert "not UTF-8 text" in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["nowhere.toml", ""])

@@ -183,8 +183,8 @@ def test_another_package_can_add_a_command(run: Run, monkeypatch: pytest.MonkeyP
     )
     code, text, err = run("--help")
     assert (code, err.count("\n")) == (0, 2)
-    assert "third_party_rig.nowhere:none: broken; is no command: " in err
-    assert "third_party_rig.cosine:cosine: certify; is no command: another command has this" in err
+    assert "third_party_rig.nowhere:none: broken; is not a command: " in err
+    assert "third_party_rig.cosine:cosine: certify; is not a command: another" in err
     assert text.index("From other packages:") < text.index("radar-cosine  Show how much too low")
     code, out, err = run("radar-cosine", "60", "--json", "--csv", "cosine.csv")
     row = {"angle_deg": 60.0, "error_percent": pytest.approx(-50)}

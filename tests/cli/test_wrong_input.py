@@ -381,7 +381,7 @@ CASES: dict[str, Case] = {
     ),
     "an empty file": (file("mine.toml", ""), "profile mine.toml", ["mine.toml", "missing"]),
     "a spreadsheet": (file("mine.toml", b"PK\x03\x04" + bytes(99)), "show mine.toml", ["parsed"]),
-    "UTF-16": (file("mine.toml", R161.encode("utf-16")), "show mine.toml", ["no UTF-8 text"]),
+    "UTF-16": (file("mine.toml", R161.encode("utf-16")), "show mine.toml", ["not UTF-8 text"]),
     "Latin-1": (
         file("mine.toml", "title = 'Schläger'".encode("latin-1")),
         "show mine.toml",
@@ -455,7 +455,7 @@ CASES: dict[str, Case] = {
     "records that are a pipe": (
         piped("session.json"),
         "reduce r",
-        ["r/session.json", "is no file"],
+        ["r/session.json", "is not a file"],
     ),
     "a form that is a pipe": (
         lambda at, _: (
@@ -464,7 +464,7 @@ CASES: dict[str, Case] = {
             os.mkfifo(at / "r" / "laboratory.toml"),
         ),
         "reduce r",
-        ["laboratory.toml", "no file"],
+        ["laboratory.toml", "not a file"],
     ),
     "a file that no session lists": (
         lambda at, records: (
@@ -496,7 +496,7 @@ CASES: dict[str, Case] = {
         "reduce r",
         ["'bat'", "twice"],
     ),
-    "NaN in JSON": (session('{"schema": NaN}'), "reduce r", ["NaN is no number"]),
+    "NaN in JSON": (session('{"schema": NaN}'), "reduce r", ["NaN is not a JSON number"]),
     "1e999 in JSON": (session('{"schema": 1e999}'), "reduce r", ["1e999 is not finite"]),
     "a session's key mistyped": (
         session(lambda d: d.update(calibraton=d.pop("calibration"))),
@@ -545,7 +545,7 @@ CASES: dict[str, Case] = {
         ["distance_0", "0 to 100 m"],
     ),
     "another planet": (constant("hall.gravity", value=1.6), "reduce r", ["9 to 11 m/s^2"]),
-    "a session in UTF-16": (session("{}".encode("utf-16")), "reduce r", ["no UTF-8 text"]),
+    "a session in UTF-16": (session("{}".encode("utf-16")), "reduce r", ["not UTF-8 text"]),
     "rules of an empty file": (
         lambda at, records: (
             session(lambda d: d.update(procedure_sha256=hashlib.sha256(b"").hexdigest()))(
@@ -593,7 +593,7 @@ CASES: dict[str, Case] = {
     ),
     "counts cut short": (record(ENCODER, lambda t: t[: len(t) // 2]), "reduce r", ["cut short"]),
     "a header alone": (record(ENCODER, lambda t: t.split()[0]), "reduce r", ["no rows"]),
-    "counts in UTF-16": (record(ENCODER, lambda t: t.encode("utf-16")), "reduce r", ["no text"]),
+    "counts in UTF-16": (record(ENCODER, lambda t: t.encode("utf-16")), "reduce r", ["not text"]),
     "a quote left open": (
         record(GATES, lambda t: t.replace("\n1,", '\n"1,', 1)),
         "reduce r",
@@ -668,8 +668,16 @@ CASES: dict[str, Case] = {
         f"{TRACK} cal.toml",
         ["t.csv", "later than the one before"],
     ),
-    "stamps from a device": (clip('timestamps = "/dev/zero"'), f"{TRACK} cal.toml", ["is no file"]),
-    "a calibration from a device": (clip(FPS), f"{TRACK} /dev/zero", ["/dev/zero", "is no file"]),
+    "stamps from a device": (
+        clip('timestamps = "/dev/zero"'),
+        f"{TRACK} cal.toml",
+        ["is not a file"],
+    ),
+    "a calibration from a device": (
+        clip(FPS),
+        f"{TRACK} /dev/zero",
+        ["/dev/zero", "is not a file"],
+    ),
     "a clip cut short": (
         clip(FPS, b"\x93NUMPY\x01"),
         f"{TRACK} cal.toml",

@@ -132,7 +132,7 @@ class Track:
         Raises
         ------
         InputError
-            The folder is not empty, is no result folder if it is to be overwritten, or cannot be
+            The folder is not empty, is not a result folder if it is to be overwritten, or cannot be
             written.
         """
         from virtual_lab.video.show.tracked_clip import save_track

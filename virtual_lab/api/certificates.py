@@ -682,7 +682,7 @@ def sweep(
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a seed that is not a whole number from 0 up, fewer
+        Unknown names, files that cannot be used, a seed that is not a non-negative integer, fewer
         than one laboratory or worker, or `traces` without `certificates`.
     """
     from virtual_lab.studies.sweep import sweep_tests

@@ -79,7 +79,7 @@ def _split_file(file: bytes) -> tuple[bytes, bytes, bytes]:
     """Return data, footer and tail of a Parquet file, or of the last bytes of one."""
     start = len(file) - TAIL_BYTES - _length(file)
     if not file.endswith(PARQUET_MARK) or start < 0:
-        raise ChangedPartError("it cannot be read (it is no Parquet file, or was cut short)")
+        raise ChangedPartError("it cannot be read (it is not a Parquet file, or was cut short)")
     return file[:start], file[start:-TAIL_BYTES], file[-TAIL_BYTES:]
 
 

@@ -193,7 +193,7 @@ class Campaign:
                 numbers.append(number)
             elif not name.startswith("."):  # hidden files are drafts
                 raise InputError(
-                    str(self.parts), name, None, "is no part of this campaign; move it"
+                    str(self.parts), name, None, "is not part of this campaign; move it"
                 )
         return sorted(numbers)
 

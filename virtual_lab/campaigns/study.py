@@ -127,7 +127,7 @@ class StudyCase:
 def _number_of(sheet: Sheet, key: str, changed: Sheet) -> tuple[Value, str] | None:
     """Return the number of a changed sheet in the unit of `sheet`, and this unit.
 
-    The number may be a list; the result is None for a key that is no number. Raises `ValueError`
+    The number may be a list; the result is None for a key that is not a number. Raises `ValueError`
     for a unit of another dimension.
     """
     before, now = ([each for each in one.datums if each.key == key] for one in (sheet, changed))

@@ -154,7 +154,7 @@ SHORTEST, LONGEST = 0.2, 1.5  # limits of the length of a bat [m]
 PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # sport of a bat, ball or procedure
 CHECK_STANDARD: Final = "check standard"
-BatSport = Literal["baseball", "softball", "check standard"]  # a check standard is no bat
+BatSport = Literal["baseball", "softball", "check standard"]  # a check standard is not a bat
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
 NonNegative = Annotated[float, Ge(0), Dimension("number")]
 # relative standard deviation; even five of them below the mean, a value is still positive

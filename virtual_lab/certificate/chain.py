@@ -69,7 +69,7 @@ def result_folders(folder: Path) -> list[Path]:
     """Return `[folder]` if it is a result folder, else the result folders directly in it, sorted.
 
     A result folder holds a ``certificate.json``. Raises `InputError` if the folder is missing or
-    there is no result folder.
+    there is not a result folder.
     """
     if not folder.is_dir():
         raise InputError(str(folder), "result folder", None, "no such folder")

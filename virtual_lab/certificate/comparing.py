@@ -62,7 +62,7 @@ def within(prefix: str, findings: Iterable[FolderFinding]) -> Iterator[FolderFin
 def at(document: Any, *keys: str) -> Any:
     """Return the value under nested keys of a JSON document.
 
-    The result is None if a key is missing or a value on the path is no object.
+    The result is None if a key is missing or a value on the path is not an object.
     """
     for key in keys:
         document = document.get(key) if isinstance(document, Mapping) else None

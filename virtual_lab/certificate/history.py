@@ -65,10 +65,10 @@ def earlier_scatter(
 def earlier_tests(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> list[dict[str, HitVariance]]:
-    """Return the variance of one hit [SI] for each result by name, one mapping per earlier test.
+    """Return the variance of one hit [SI] per result, keyed by name, one mapping per earlier test.
 
     `kind` holds the properties that all tests must have, all or some of those of `kind_of`. Raises
-    `InputError` as `earlier_scatter`.
+    `InputError` like `earlier_scatter`.
     """
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:

@@ -43,7 +43,7 @@ SYMBOLS = {
     "ball_restitution": "e0",
 }
 STAGES = {"bench": "Bench", "balls": "Wall rig", "impact": "Bat rig", "hall": "Hall"}
-INPUTS = {  # components of a budget that are no calibration constants: printed words and unit
+INPUTS = {  # components of a budget that are not calibration constants: printed words and unit
     "hits": ("Scatter from hit to hit", ""),
     "choice of the place": ("Choice of the impact position", ""),
     "bat.mass": ("Bat mass, readings", "g"),

@@ -143,7 +143,7 @@ def _of_other_packages(name: str = "") -> list[click.Command]:
                 raise ValueError("another command has this name")
             command.require_rules()
         except (AssertionError, OSError, SyntaxError, ValueError) as fault:
-            refusal = InputError(each.value, each.name, None, f"is no command: {fault}")
+            refusal = InputError(each.value, each.name, None, f"is not a command: {fault}")
             if name:
                 raise refusal from fault
             click.echo(f"{PROGRAM}: {refusal}", err=True)

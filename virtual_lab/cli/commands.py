@@ -35,7 +35,7 @@ from virtual_lab.parameters import ANYTHING, FLAG, SETTINGS, ParameterRule
 
 GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
 OUTPUT = ("as_json", "out", "csv", "plot")
-UNSAVED = ("self", "folder", "overwrite")  # parameters of a result's `save` that are no options
+UNSAVED = ("self", "folder", "overwrite")  # parameters of a result's `save` that are not options
 HIDDEN = ("progress",)  # parameters that the shell provides itself
 GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # value names that several parameters share
 TYPED = "bool, int, float, str, Path, Literal of texts, Sequence of one, or virtual_lab.parameters"

@@ -102,7 +102,7 @@ class StabilityMap(StudyResult):
 
 
 def _in_words(value: Any) -> Any:
-    """Return "yes" or "no" for a truth value, and any other value unchanged."""
+    """Return "yes" or "no" for a boolean, and any other value unchanged."""
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else value
 
 

@@ -74,7 +74,7 @@ def _writable(folder: Path) -> bool:
 
 
 def _private(folder: Path) -> bool:
-    """Return whether a folder is no link and only this account, which owns it, can write to it."""
+    """Return whether a folder is not a link and only this account, its owner, can write to it."""
     status = folder.lstat()
     mine = stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid()
     return mine and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

@@ -49,20 +49,20 @@ def read_bytes(path: Path, *, most: float = 2e9, last: int | None = None) -> byt
         raise InputError(str(path), "file", None, f"cannot be read ({fault.strerror})") from fault
     except ValueError as fault:  # impossible file name
         raise InputError(str(path), "file", None, f"cannot be read ({fault})") from fault
-    allowed = f"cannot be read (it is no file, or has more than {most / 1e6:g} MB)"
+    allowed = f"cannot be read (it is not a file, or has more than {most / 1e6:g} MB)"
     raise InputError(str(path), "file", None, allowed)
 
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file, without its byte-order mark.
 
-    Raises `InputError` for a file that is no UTF-8 text, is unreadable, or is larger than 20 MB.
+    Raises `InputError` for a file that is not UTF-8 text, is unreadable, or is larger than 20 MB.
     """
     try:
         # our largest file has 0.1 MB
         return read_bytes(path, most=20e6).decode("utf-8-sig")
     except UnicodeDecodeError as fault:
-        raise InputError(str(path), "file", None, f"is no UTF-8 text ({fault.reason})") from fault
+        raise InputError(str(path), "file", None, f"is not UTF-8 text ({fault.reason})") from fault
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -125,7 +125,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _no_number(text: str) -> None:
-    raise ValueError(f"{text} is no number of JSON")
+    raise ValueError(f"{text} is not a JSON number")
 
 
 def _finite(text: str) -> float:
@@ -266,11 +266,11 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
         raise InputError(where, "CSV", None, "cannot be read: the file is empty")
     line = data.replace(b"\r", b"\n").split(b"\n", 1)[0]
     if b"\0" in data:
-        raise InputError(where, "CSV", None, "cannot be read: it is no text (a spreadsheet?)")
+        raise InputError(where, "CSV", None, "cannot be read: it is not text (a spreadsheet?)")
     try:
         text = line.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
-        raise InputError(where, "CSV", None, "cannot be read: it is no UTF-8 text") from fault
+        raise InputError(where, "CSV", None, "cannot be read: it is not UTF-8 text") from fault
     try:
         (names,) = csv.reader([text], delimiter=delimiter, skipinitialspace=True)
     except csv.Error:  # cell of excessive length
@@ -309,7 +309,7 @@ def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
     if target.exists() and not target.is_dir():
         raise InputError("", "output folder", str(target), "is a file; name another folder")
     if target.is_dir() and any(target.iterdir()) and not (overwrite and _is_result(target)):
-        allowed = f"is no result folder (it has no {SETTINGS}), so it is not overwritten"
+        allowed = f"is not a result folder (it has no {SETTINGS}), so it is not overwritten"
         if not overwrite:
             allowed = "is not empty; name another folder, or empty this one"
         raise InputError("", "output folder", str(target), allowed)

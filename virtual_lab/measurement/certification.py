@@ -126,8 +126,8 @@ class Certification:
 def certify_session(session: Session) -> Certification:
     """Return results, uncertainty, flags and verdict of the test that a session records.
 
-    A test with too few valid hits is no error: its verdict is INVALID and its metric None. Raises
-    `InputError` for a record, calibration or procedure that is missing or cannot be used.
+    A test with too few valid hits is not an error: its verdict is INVALID and its metric None.
+    Raises `InputError` for a record, calibration or procedure that is missing or cannot be used.
     """
     block = SessionBlock.of(session)
     return evaluate(block, *reduce_block(block)).row(0, lambda _: session)

@@ -119,7 +119,7 @@ class StudyResult(ABC):
         Raises
         ------
         InputError
-            The folder is not empty, is no result folder if it is to be overwritten, or cannot be
+            The folder is not empty, is not a result folder if it is to be overwritten, or cannot be
             written. No partial files are left.
         """
         with new_folder(Path(folder), self.settings, overwrite=overwrite) as draft:

@@ -198,5 +198,5 @@ def _score_files(
             str(folder),
             str(fault).strip("'"),
             None,
-            "this key is missing in certificate.json or truth.json, or is no number",
+            "this key is missing in certificate.json or truth.json, or is not a number",
         ) from fault

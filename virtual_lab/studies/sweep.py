@@ -108,7 +108,7 @@ def changed_numbers(
     """Return the numbers that differ between changed sheets, by sheet and column, and their units.
 
     The name of a column is the key, and its unit unless that is 1. The unit is that of the first
-    sheet with the key. A sheet without the key has NaN. A list of numbers is no column.
+    sheet with the key. A sheet without the key has NaN. A list of numbers is not a column.
 
     Parameters
     ----------

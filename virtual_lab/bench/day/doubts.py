@@ -37,7 +37,7 @@ def fault_of_text(words: str, action: str, key: str) -> str:
     Raises
     ------
     InputError
-        The string is no title and no name; the message suggests the most similar title.
+        The string is neither a title nor a name; the message suggests the most similar title.
     """
     titles = fault_titles()
     names = {title.lower(): name for name, title in titles.items()}

@@ -117,7 +117,7 @@ def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
 def in_buttons(sentence: str) -> str:
     """Return an error message in which button titles replace the names of actions.
 
-    Words that are no action are unchanged.
+    Words that are not an action are unchanged.
     """
     writes = {f"bench/{channel}": name for name, channel in channels().items()}
     writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}

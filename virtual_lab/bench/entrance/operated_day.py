@@ -73,7 +73,7 @@ class RehearsedDay:
         Raises
         ------
         InputError
-            The folder is not empty, or is no result folder if it is to be overwritten.
+            The folder is not empty, or is not a result folder if it is to be overwritten.
         """
         target = Path(folder)
         with new_folder(target, self.settings, overwrite=overwrite) as draft:

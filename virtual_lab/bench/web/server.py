@@ -255,7 +255,7 @@ async def _form_fields(request: Request) -> dict[str, str]:
 
 
 def _query(request: Request, name: str) -> int:
-    """Return the number of a field in an address; -1 if it is no number."""
+    """Return the number of a field in an address; -1 if it is not a number."""
     text = request.query_params.get(name, "")
     return int(text) if text.isdecimal() and len(text) < 7 else -1
 

@@ -58,7 +58,7 @@ def relink(text: str, home: str, page: str) -> str:
     """Return a page's text with each link to a file of the tree as a link within the site.
 
     `home` is the folder of the text in the tree, `page` its page of the site, from DOCS. A link to
-    a file that is no page of the site becomes its path in code.
+    a file that is not a page of the site becomes its path in code.
     """
 
     def link(match: re.Match[str]) -> str:

@@ -114,7 +114,7 @@ class CannonStation(FittedStation):
     ideal: bool
 
     def instruments(self) -> dict[str, Instrument]:
-        """Return the instruments by name."""
+        """Return the instruments, keyed by name."""
         return {
             "pivot": self.holder,
             "cannon": self.cannon,

@@ -141,7 +141,7 @@ class _Stand:
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
-        """Return the laboratory with an encoder whose counts are not rounded to whole numbers."""
+        """Return the laboratory with an encoder whose counts are not rounded to integers."""
         stations: Any = self.laboratory.stations
         impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})

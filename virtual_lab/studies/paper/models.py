@@ -179,7 +179,8 @@ def follows() -> float:
 def flat_swing() -> float:
     """Return the peak position of v_f minus that of e_A on R161 [in], without rotation.
 
-    The pitch has 90 mph and every point of the bat 70 mph. A positive result is toward the handle.
+    The pitch speed is 90 mph, and every point of the bat moves at 70 mph. A positive result is
+    toward the handle.
     """
     table = profiles_by_swing(WOOD)[0.0].table
     highest = top_of(table["impact_position_in"], table["collision_efficiency"], 90.0, 70.0)

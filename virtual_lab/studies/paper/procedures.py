@@ -124,7 +124,7 @@ def exponent_of_mass() -> float:
 def at_limit(place: float) -> float:
     """Return v_f in the NCAA rig [mph] of a bat with e_A = 0.228, hit at `place` [in from the tip].
 
-    The pitch has 70 mph; the bat has the length of R161.
+    The pitch speed is 70 mph; the bat has the length of R161.
     """
     return float(batted_speed(LIMIT, PITCH, ncaa_bat_speed(place, beam(WOOD).length)))
 

@@ -38,7 +38,7 @@ class Prices(Spec):
     tests: Price  # number of tests for which the plan is made
     per_minute: Price
     per_ball: Price  # price of a ball per test
-    instruments: Mapping[str, Price] = field(default_factory=dict)  # by name of the instrument
+    instruments: Mapping[str, Price] = field(default_factory=dict)  # keyed by instrument name
 
     def __post_init__(self) -> None:
         if self.tests.unit != "1" or self.tests.value < 1:
@@ -62,7 +62,7 @@ class Prices(Spec):
         return self.per_minute.unit
 
     def offers(self, path: Path, rigs: Collection[str]) -> dict[str, Sheet]:
-        """Return the sheets of the offered instruments, by the name of that which they replace.
+        """Return the sheets of the offered instruments, keyed by the instrument that they replace.
 
         `path` is the file of the prices. Raises `InputError` for an instrument that the rigs do not
         have, and for a sheet that cannot be read.

@@ -177,7 +177,7 @@ def _blob(
     still: Still,
     box: tuple[int, int, int, int],
 ) -> tuple[BlobRow, BlobView] | None:
-    """Return the row of `BLOB` for the content of a box, with its view; None if it is no ball."""
+    """Return the row of `BLOB` for the content of a box, with its view; None without a ball."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))

@@ -58,7 +58,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
     blobs, t = blobs[order], np.where(np.isnan(times), frames, times)[order]
     names = table["flight"].iloc[order].reset_index(drop=True)
-    flights = map(np.asarray, names.groupby(names).indices.values())  # "" is no flight
+    flights = map(np.asarray, names.groupby(names).indices.values())  # "" is not a flight
     watched = Watched(
         still=still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length())),
         blobs=blobs,

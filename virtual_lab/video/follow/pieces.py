@@ -189,7 +189,7 @@ class _Growth:
                 places.append(following[0])
                 t.append(following[1])
         if t[-1] - t[-2] > np.diff(self.time[self.frame[places[-2:]]])[0]:
-            return places[:-1], t[:-1]  # one position alone is no evidence for missing frames
+            return places[:-1], t[:-1]  # one position alone is not evidence for missing frames
         return places, t
 
     def _next(self, places: list[int], t: list[float], there: Ints) -> tuple[int, float] | None:

@@ -92,7 +92,7 @@ def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece
     This requires a calibrated camera that does not move or interlace, and one or two flights.
     """
     calibration = knowledge.calibration
-    # A file that only states rate or scale replaces options and is no reason for an outline fit.
+    # A file that only states rate or scale replaces options and is not a reason for an outline fit.
     has_camera = calibration is not None and (
         calibration.camera or calibration.lens_blur_px or calibration.exposure_s
     )

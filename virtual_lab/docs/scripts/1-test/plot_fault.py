@@ -21,5 +21,5 @@ for label, fault, shift, hatch in cases:
     words = f"{label}: {test.verdict}"
     axes.bar(numbers, misfit, 0.4, hatch=hatch, edgecolor="white", label=words)
 axes.axhline(MOST_MISFIT, color="black", linestyle="--", label="limit")
-axes.set(xlabel="shot number", ylabel="misfit over noise", yscale="log", ylim=(0.8, 90))
+axes.set(xlabel="shot number", ylabel="misfit / noise", yscale="log", ylim=(0.8, 90))
 axes.legend()

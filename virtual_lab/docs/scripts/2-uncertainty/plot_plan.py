@@ -2,7 +2,7 @@
 The cheapest way to a smaller uncertainty
 =========================================
 
-Plans for a target u of BPF (dashed) over the minutes of a test. More hits cost minutes, better
+Plans for a target u of BPF (dashed) against the minutes of a test. More hits cost minutes, better
 instruments (half their u) do not. Crosses are predicted, other marks simulated (with 2 standard
 errors).
 """

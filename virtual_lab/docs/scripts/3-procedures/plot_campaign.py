@@ -2,8 +2,8 @@
 A campaign read by SQL
 ======================
 
-Errors of 2 000 simulated BBCOR tests over their stated standard uncertainty u, read from Parquet
-files by SQL. 7 % of the errors exceed 2 u; in a normal distribution (line) 5 % would.
+Errors of 2 000 simulated BBCOR tests, in units of their stated standard uncertainty u, read from
+Parquet files by SQL. 7 % of the errors exceed 2 u; in a normal distribution (line) 5 % would.
 """
 
 from tempfile import mkdtemp

@@ -2,7 +2,7 @@
 Chance to pass near the limit
 =============================
 
-Chance that a variant of EA70 passes BBCOR with a limit raised to 0.537, over its true restitution.
+Chance that a variant of EA70 passes BBCOR (limit raised to 0.537), against its true restitution.
 Circles: counted in 5 000 tests, with 95 % intervals. Line: predicted from the scatter of errors.
 """
 

@@ -2,7 +2,7 @@
 The hoop mode of a hollow bat
 =============================
 
-Collision efficiency e_A (rebound speed over impact speed, bat at rest) of the aluminum bat EA70. A
+Collision efficiency e_A (rebound speed / impact speed, bat at rest) of the aluminum bat EA70. A
 softer shell has a lower hoop frequency. It stores energy and returns most of it; the ball loses
 less.
 """

@@ -2,8 +2,8 @@
 Published measurements compared with ours
 =========================================
 
-Our result over the published number, where the number is not an input of ours. A bar is the range
-in which we accept a result. `virtual-lab reference` gives the reason of each disagreement.
+Ratio of our result to the published number, where the number is not an input of ours. A bar is the
+range in which we accept a result. `virtual-lab reference` gives the reason of each disagreement.
 """
 
 import matplotlib.pyplot as plt

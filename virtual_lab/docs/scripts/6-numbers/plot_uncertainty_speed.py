@@ -2,8 +2,8 @@
 Methods of propagation: error and run time
 ==========================================
 
-Error of an end of the 95 % interval over the half-width U of the interval. First order is fast, and
-good if the model is nearly linear. Monte Carlo gains accuracy with run time.
+Error of an end of the 95 % interval, divided by the half-width U of the interval. First order is
+fast, and good if the model is nearly linear. Monte Carlo gains accuracy with run time.
 """
 
 import matplotlib.pyplot as plt
