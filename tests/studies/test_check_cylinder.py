@@ -58,7 +58,7 @@ def test_the_chart_tells_the_first_day() -> None:
     assert np.array_equal(played.values, daily(days=14, baseline=8, hits=4).values)
     assert played.document["faults"] == ["aim-along"]
     last = played.document["days"][-1]
-    assert "3 sigma" in last["alarms_cylinder"]
+    assert "3 sigma" in last["cylinder_alarms"]
     assert last["e_A_cylinder"] == played.cylinder[-1]
 
 

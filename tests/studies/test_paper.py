@@ -131,7 +131,7 @@ def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:
     assert found.claims[-1].cells["deviation"] == "+0.4"
     document = json.loads(json.dumps(found.document, allow_nan=False))
     assert document["rows"][-1]["holds"] is False
-    assert document["rows"][-1]["paper"] == 2.6
+    assert document["rows"][-1]["published"] == 2.6
     found.save(tmp_path / "out")
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert names == ["paper.csv", "paper.html", "paper.png"]

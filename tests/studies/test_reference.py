@@ -156,4 +156,4 @@ def test_the_table_names_size_and_reason_and_the_picture_is_drawn(tmp_path: Path
     shown = result.plot(tmp_path / "picture.png")._repr_png_()  # as in a notebook
     assert shown.startswith(b"\x89PNG")
     assert (tmp_path / "picture.png").stat().st_size > 1000
-    assert set(result.table["verdict"]) == {"agrees", "known disagreement", "not represented"}
+    assert set(result.table["agreement"]) == {"agrees", "known disagreement", "not represented"}

@@ -118,8 +118,8 @@ def test_the_bias_without_noise_is_below_1e_3() -> None:
     for row in rows:
         print(row)
         limit = 4e-3 if row["bat"] == "check-cylinder" else 1e-3
-        assert abs(row["collision_efficiency"]) < limit
-        assert abs(row["ball_restitution"]) < 1e-5
+        assert abs(row["collision_efficiency_bias"]) < limit
+        assert abs(row["ball_restitution_bias"]) < 1e-5
 
 
 def test_a_known_error_is_scored_in_units_of_u() -> None:
