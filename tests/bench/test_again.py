@@ -102,7 +102,7 @@ def test_learning_curves_leave_practice_out(handed_in: Path, tmp_path: Path) -> 
     StoredDay.branch(handed_in, 15, tmp_path / "Ada" / "3").run_operator(operator_of("book"))
     assert len(summary(tmp_path).rows) == 2
     points = [row for row in trends(tmp_path).rows if row.curve == "protocol"]
-    assert [(row.trainee, row.day, row.value, row.mean) for row in points] == [
+    assert [(row.trainee, row.day, row.value, row.mean_so_far) for row in points] == [
         ("Ada", 1, 1.0, 1.0),
         ("Ada", 2, 1.0, 1.0),
     ]

@@ -59,7 +59,7 @@ def test_the_chart_tells_the_first_day() -> None:
     assert played.document["faults"] == ["aim-along"]
     last = played.document["days"][-1]
     assert "3 sigma" in last["cylinder_alarms"]
-    assert last["e_A_cylinder"] == played.cylinder[-1]
+    assert last["cylinder_collision_efficiency"] == played.cylinder[-1]
 
 
 def test_a_day_without_valid_hits_is_refused() -> None:
