@@ -73,15 +73,18 @@ class LaboratoryPlans(Rows[PlanRow]):
         with page_figure(3.2) as figure:
             axes = figure.subplots()
             currency = self.rows[0].currency
+            labels: dict[float, list[PlanRow]] = {}  # plans of the same cost share a label
             for row in self.rows:
                 planned, simulated = row.planned_u, row.simulated_u
                 cost = row.minutes if row.price is None else row.price
+                labels.setdefault(cost, []).append(row)
                 axes.plot([planned, simulated], [cost] * 2, color="0.6", linewidth=0.6)
                 axes.plot(planned, cost, "|", color="black")
                 axes.errorbar(simulated, cost, xerr=row.simulated_u_se, fmt="ok", markersize=3)
-                axes.annotate(
-                    row.plan, (simulated, cost), (4, 3), textcoords="offset points", fontsize=7
-                )
+            for cost, rows in labels.items():
+                names = ", ".join(row.plan for row in rows)
+                right = max(row.simulated_u for row in rows)
+                axes.annotate(names, (right, cost), (4, 4), textcoords="offset points", fontsize=7)
             axes.axvline(self.target_u, color="0.5", linewidth=0.6, linestyle="--")
             axes.set_title(f"{as_drawn(self.title)}; mark: planned, dashed: target")
             axes.set(
