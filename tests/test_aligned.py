@@ -11,6 +11,7 @@ import pytest
 
 from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.lab import RoundRobin
+from virtual_lab.studies.plan.sample import sample_of
 from virtual_lab.units import Array, Mask
 
 
@@ -132,4 +133,5 @@ def test_the_declared_fields_of_a_certification_have_one_length(
     for budgets in certified.results.values():
         assert lengths(budgets, met) == {3}
     assert lengths(certified.readings.flights.raw, met) == {certified.reduced.owner.size}
+    assert lengths(sample_of(block), met) == {3}
     assert used_kinds(AlignedArrays) - {"Inner", "Outer"} == met

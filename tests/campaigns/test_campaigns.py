@@ -378,7 +378,7 @@ def no_study(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (foreign_file, "no part of this campaign"),
+        (foreign_file, "not part of this campaign"),
         (other_version, "of another version"),
         (other_schema, "schema = 2; this version reads only schema 3; begin the campaign in a new"),
         (other_seed, "digest"),
