@@ -170,7 +170,8 @@ def stein(batches: Batches, infinite: bool) -> Array:
     Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
     output. This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia
     47, 2010, 317). All numbers of all outputs meet their tolerances with a probability of 95 %
-    (Bonferroni). With `infinite` u only the ends of the interval have a tolerance. Raises
+    (Bonferroni). If u is infinite (`infinite`), only the ends of the interval have a
+    tolerance. Raises
     `InputError` if too many draws are needed.
     """
     from scipy.special import stdtrit
@@ -192,7 +193,8 @@ def standard_rule(batches: Batches, infinite: bool) -> Array:
     """Draw batch by batch until two standard errors are within the tolerance (JCGM 101, 7.9.4).
 
     Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
-    output. With `infinite` u only the ends of the interval have a tolerance. The draws end at
+    output. If u is infinite (`infinite`), only the ends of the interval have a
+    tolerance. The draws end at
     `MOST_DRAWS` even if the tolerances are not met.
     """
     batches.draw_to(2)

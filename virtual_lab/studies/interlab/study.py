@@ -148,9 +148,9 @@ def read_interlab(path: Path) -> Entry[InterlabStudy]:
 
 
 def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:
-    """Return the texts of data sheets in which the factors `names` have the numbers of the study.
+    """Return the text of each data sheet, with the values of the factors in `names` from the study.
 
-    A sheet is left out if the study has no number for it. Raises `InputError` if a sheet does not
+    A sheet for which the study gives no value is omitted. Raises `InputError` if a sheet does not
     contain the table of such a number.
     """
     ball = catalog.load("procedures", procedure, Procedure).spec.ball

@@ -360,7 +360,7 @@ def _swing_test(bat: str, procedure: str) -> float:
 def best_wood(procedure: str) -> float:
     """Return the largest v_f [mph] of the catalog's wood bats on a swing machine.
 
-    `procedure` names the procedure whose speeds the machine has.
+    `procedure` is the name of the procedure that sets the speeds of the swing machine.
     """
     return max(_swing_test(bat, procedure) for bat in WOODEN)
 

@@ -147,9 +147,10 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 
 
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
-    """Return a mask of the blobs with their centres in a region of the still frame; None: of all.
+    """Return a mask of the blobs whose centres are in a region of the stabilized frame.
 
-    The region is x and y of its upper left corner, width and height [pixels].
+    `region` is x and y of the upper left corner, width and height [pixels]. If it is None, all
+    blobs are selected.
     """
     if region is None:
         return np.ones(len(moving), bool)

@@ -199,7 +199,7 @@ def _with_ball(track: FollowedClip) -> int:
 
 
 def track_text(track: FollowedClip) -> str:
-    """Return the result as text of a few lines."""
+    """Return the flights and contacts of a followed clip as a few lines of text."""
     lines = [
         f"{track.clip.source.path.name}: {track.clip.count} frames, {motion_of(track)}, "
         f"the ball in {_with_ball(track)}"
