@@ -175,7 +175,7 @@ def read(text: str, where: str, spec: type[T]) -> Entry[T]:
     """Return the entry in a TOML `text`, with numbers in SI; `where` names the file in messages.
 
     Raises `InputError` for a string that is not TOML or does not fit `spec`. The same arguments
-    return the same object.
+    return the same object while the string is among the last 64 read.
     """
     return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
 

@@ -61,8 +61,9 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
 def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFinding]:
     """Compare a folder with its list of digests; yield one finding per difference.
 
-    A changed file, a missing file, a file that is not listed, and a missing list are mismatches. If
-    a folder in `optional` is completely missing, it is reported as one unchecked part.
+    A changed file (apart from its line ends), a missing file, a file that is not listed, and a
+    missing list are mismatches. If a folder in `optional` is completely missing, it is reported
+    as one unchecked part.
     """
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")

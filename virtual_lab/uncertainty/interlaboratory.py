@@ -99,13 +99,13 @@ class NestedStudy:
 def nested_study(values: ArrayLike) -> NestedStudy:
     """Return variances within and between laboratories and lots, and statistics of consistency.
 
-    The results are arrays (...), one entry per data set, in the unit of the values or its
-    square; h and k are dimensionless, (..., laboratory). The design is balanced: every
-    laboratory has the same number of lots, and repeats the test with each lot equally often.
-    With one lot, the results are those of ISO 5725-2 and ASTM E691, and `group_study` gives the
-    same standard deviations. Variances are unbiased estimates, so those between laboratories
-    and between lots can be negative; their standard deviations are then 0. With one lot per
-    laboratory, `lot_variance` is NaN.
+    The results are arrays (...), one entry per data set, in the unit of the values or its square;
+    h, k and Cochran's statistic are dimensionless, h and k are (..., laboratory). The design is
+    balanced: every laboratory has the same number of lots, and repeats the test with each lot
+    equally often. With one lot, the results are those of ISO 5725-2 and ASTM E691, and
+    `group_study` gives the same standard deviations. Variances are unbiased estimates, so those
+    between laboratories and between lots can be negative; their standard deviations are then 0.
+    With one lot per laboratory, `lot_variance` is NaN.
 
     Parameters
     ----------

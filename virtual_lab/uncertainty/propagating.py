@@ -71,7 +71,7 @@ def propagate_inputs(
         Number of significant digits of u. Without `draws`, Monte Carlo draws until value, u
         and ends of the interval are accurate to half a unit of the last of these digits.
     draws
-        Number of Monte Carlo draws, rounded up to a multiple of 16 384.
+        Number of Monte Carlo draws, rounded up to a multiple of 16 384, and at least 32 768.
     rule
         Rule for the number of draws: ``stein`` meets the tolerance for all numbers together
         with a probability of 95 %; ``7.9`` is the rule of the standard.

@@ -61,8 +61,9 @@ class DailyScatter:
 def read_history(folders: Sequence[Path], setup: TestSetup) -> DailyScatter:
     """Return the scatter of the hits in result folders, or in one folder of daily checks.
 
-    Raises `InputError` for a folder without a result, or tests of another bat, procedure, rig or
-    metric.
+    The variance is that of the metric, or, with daily checks, that of e0 at the wall. Raises
+    `InputError` for a folder without a result, fewer than three tests, a test given twice, tests of
+    another bat, procedure, rig or metric, or a table of daily checks that lacks a column.
     """
     if len(folders) == 1 and (folders[0] / DAYS).exists():
         return _of_daily_checks(folders[0] / DAYS)

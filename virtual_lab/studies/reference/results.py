@@ -358,7 +358,7 @@ def _swing_test(bat: str, procedure: str) -> float:
 
 
 def best_wood(procedure: str) -> float:
-    """Return the largest v_f [mph] of the catalog's wood bats on a swing machine.
+    """Return the largest v_f [mph] of the wood baseball bats in `WOODEN` on a swing machine.
 
     `procedure` is the name of the procedure that sets the speeds of the swing machine.
     """

@@ -95,8 +95,8 @@ def follow(
 ) -> FollowedClip:
     """Follow the ball through a clip.
 
-    Raises `InputError` if the stated frame rate implies an impossibly large g, or if the requested
-    scale cannot be measured in any flight.
+    Raises `InputError` if the stated frame rate implies an impossibly large g, or if the
+    requested scale is gravity and no flight shows it.
     """
     progress("looking for the ball")
     watched = watch(
