@@ -1,4 +1,4 @@
-"""The bench: scale, rule, balance stand and pendulum for the bat, and the scale for the balls."""
+"""The bench, which measures bat and balls with scale, rule, balance stand and pendulum."""
 
 from __future__ import annotations
 

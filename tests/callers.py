@@ -33,7 +33,7 @@ def sound(folder: Path) -> None:
 
 
 def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> None:
-    """Call the studies and the camera likewise."""
+    """Call the functions of studies and camera with arguments of every allowed type."""
     bat, rules, gates = vl.bat("r161"), vl.procedure("bbcor"), vl.instrument("pivot-gates")
     table = vl.sweep(["r161", bat], procedures=[rules, "bbcor"], laboratories=3, workers=2)
     table["u"].mean()

@@ -1,4 +1,4 @@
-"""What a figure of intervals shows, for comparison with the rows of a result."""
+"""Positions and labels read from a figure of intervals, to compare with the rows of a result."""
 
 from __future__ import annotations
 

@@ -249,7 +249,7 @@ def installed_with(requirements: list[str]) -> set[str]:
     while waiting:
         name = re.split(r"[^\w.-]", waiting.pop(), maxsplit=1)[0].lower().replace("_", "-")
         if name not in names and name != PROJECT["project"]["name"]:
-            with suppress(PackageNotFoundError):  # of another system or version of Python
+            with suppress(PackageNotFoundError):  # a package for another system
                 waiting += [each for each in requires(name) or () if "extra ==" not in each]
                 names.add(name)
     return names

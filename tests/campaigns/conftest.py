@@ -11,7 +11,7 @@ import virtual_lab as vl
 from virtual_lab.campaigns.folder import PARTS
 
 KEY = "impact.gates.distance_u"
-COLUMN = f"{KEY}_mm"  # of the key, with the unit of the sheet
+COLUMN = f"{KEY}_mm"  # column of the key, in the unit of the sheet
 STUDY = f"""
 bats = ["r161"]  # a remark
 procedures = ["astm-f1881"]

@@ -130,7 +130,7 @@ def test_daily_checks_give_the_scatter_at_the_wall(tmp_path):
     folder = vl.daily(days=8, baseline=6, seed=4).save(tmp_path / "daily")
     history = read_history([folder], Setup.of("r161", procedure="astm-f1881"))
     assert history.at_wall
-    assert history.pooled**0.5 == pytest.approx(0.0037, rel=0.2)  # that of the check ball
+    assert history.pooled**0.5 == pytest.approx(0.0037, rel=0.2)  # scatter of the check ball
     (text,) = balls_of(history, "r161", "astm-f1881", seed=5).values()
     scatter = parse_toml(text, "")["spread"]["hit_restitution"]["value"]
     assert scatter == pytest.approx(0.0037, rel=0.2)

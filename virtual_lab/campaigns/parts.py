@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ROWS = 8192  # largest number of laboratories per part: at least a second of work for a worker
-COLUMN_SCHEMA = 3  # of the columns; parts of another schema are not read
+COLUMN_SCHEMA = 3  # schema of the columns; parts of another schema are rejected
 PROGRAM = {"program": VERSION, "schema": COLUMN_SCHEMA}  # version of program and columns
 FIRST = 4  # number of laboratories whose tests show the columns of a study
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}

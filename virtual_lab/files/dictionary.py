@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 WORDS = ""  # unit of strings, booleans and integers that count or number things
-PER_ROW = "of the row"  # that in the column `unit`; without this column, that of the quantity
+# unit of a column whose unit is stated in each row (column `unit`), or else by the quantity
+PER_ROW = "of the row"
 
 
 class ColumnMeaning(NamedTuple):
@@ -30,7 +31,7 @@ class ColumnMeaning(NamedTuple):
 _M = ColumnMeaning
 # the unit of a name that ends in a unit is the one in the name
 COLUMNS: dict[str, ColumnMeaning] = {
-    # what was tested
+    # bat, procedure and laboratory of a test
     "bat": _M("name of the bat", WORDS),
     "ball_name": _M("name of the ball", WORDS),
     "procedure": _M("name of the procedure", WORDS),
@@ -323,7 +324,7 @@ PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on 
     "coverage_by_u_*": _M("coverage of tenth * of the laboratories, smallest u first"),
     "coverage_by_dof_*": _M("coverage of tenth * of the laboratories, fewest dof first"),
 }
-ENDINGS = {  # of names that follow from another name
+ENDINGS = {  # meaning of a name with this ending, from that of the name without it
     "u": "standard uncertainty: {}",
     "true": "true value: {}",
     "low": "lower end of the 95 % interval: {}",

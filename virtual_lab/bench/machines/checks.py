@@ -108,7 +108,7 @@ class CheckStandards:
 
 
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
-    """Return the same laboratory with other faults.
+    """Return a copy of the laboratory with other faults.
 
     Calibration certificates, date, and the salt of its sealed random numbers stay the same.
     """
