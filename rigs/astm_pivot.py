@@ -21,7 +21,7 @@ from virtual_lab.simulation.instruments import (
     Instrument,
     InstrumentFactory,
     RecordDetail,
-    errors_of,
+    true_constants_of,
 )
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
 from virtual_lab.simulation.instruments.encoder import Encoder, EncoderSpec
@@ -120,7 +120,7 @@ class AstmPivotStation(RestingBatStation):
     @property
     def true_constants(self) -> dict[str, Any]:
         clamp = {"clamp.inertia": self.clamp} if np.any(self.clamp) else {}
-        return clamp | errors_of(self.instruments())
+        return clamp | true_constants_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {

@@ -16,7 +16,7 @@ from virtual_lab.simulation.instruments import (
     FittedStation,
     Instrument,
     InstrumentFactory,
-    errors_of,
+    true_constants_of,
 )
 from virtual_lab.simulation.instruments.air import Gravity, HallAir
 from virtual_lab.simulation.instruments.calibrated import TrueConstant
@@ -76,7 +76,7 @@ class BallWallStation(FittedStation):
 
     @property
     def true_constants(self) -> dict[str, Any]:
-        return {"wall.restitution": self.wall_restitution} | errors_of(self.instruments())
+        return {"wall.restitution": self.wall_restitution} | true_constants_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}

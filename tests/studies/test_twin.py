@@ -25,7 +25,7 @@ from virtual_lab.simulation.stations.rig import Reality, Stage
 from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.improving import improvements, promising_changes
-from virtual_lab.studies.twin.quantities import summed_days
+from virtual_lab.studies.twin.quantities import compare_quantities
 from virtual_lab.studies.twin.readings import (
     TWIN_READINGS,
     holm,
@@ -64,8 +64,8 @@ def test_an_uncertain_constant_moves_the_days_as_it_moves_the_reduction(
     shifted = certify_session(with_constant(session, SCALE, value=value + u))
     shift = shifted.metric.value - certification.metric.value
     statement = replace(days.statement, session=with_constant(session, SCALE, u=u))
-    (plain, *_), _ = summed_days(certification, days, DAYS)
-    (wider, *_), _ = summed_days(certification, replace(days, statement=statement), DAYS)
+    (plain, *_), _ = compare_quantities(certification, days, DAYS)
+    (wider, *_), _ = compare_quantities(certification, replace(days, statement=statement), DAYS)
     assert abs(shift) > plain.error_sd
     # the square of a standard deviation of 400 days has a standard error of 7 %
     assert wider.error_sd**2 == pytest.approx(plain.error_sd**2 + shift**2, rel=0.2)
@@ -77,7 +77,7 @@ def test_the_days_scatter_as_the_records_and_find_the_stated_result(certificatio
     variance = metric.scatter.variance.total[played.sound].mean()
     hits = certification.shot_metric[certification.judgement.valid]
     assert variance == pytest.approx(hits.var(ddof=1), rel=0.15)
-    rows, invalid = summed_days(certification, days, DAYS)
+    rows, invalid = compare_quantities(certification, days, DAYS)
     assert invalid < 0.02 * DAYS
     for row in rows:
         assert abs(row.mean_z) < 0.3, row.quantity
@@ -88,10 +88,10 @@ def test_the_days_scatter_as_the_records_and_find_the_stated_result(certificatio
 
 def test_a_u_that_is_too_small_is_found(certification, days) -> None:
     claimed = replace(certification, metric=replace(certification.metric, u=0.003))
-    (metric, *_), _ = summed_days(claimed, days, DAYS)
+    (metric, *_), _ = compare_quantities(claimed, days, DAYS)
     assert metric.finding == "too small"
     claimed = replace(certification, metric=replace(certification.metric, u=0.012))
-    (metric, *_), _ = summed_days(claimed, days, DAYS)
+    (metric, *_), _ = compare_quantities(claimed, days, DAYS)
     assert metric.finding == "too large"
 
 
@@ -171,12 +171,12 @@ def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
     assert [each.variance for each in changes] == sorted(
         (each.variance for each in changes), reverse=True
     )
-    (stated, *_), _ = summed_days(certification, days, DAYS)
+    (stated, *_), _ = compare_quantities(certification, days, DAYS)
     of_kinds = {each.words.partition(" of ")[0]: each for each in reversed(changes)}
     assert len(of_kinds) == 4  # the best instrument, hits, balls, wall hits
     for words, variance, apply in of_kinds.values():
         changed = replace(days, statement=apply(days.statement))
-        (metric, *_), _ = summed_days(certification, changed, DAYS)
+        (metric, *_), _ = compare_quantities(certification, changed, DAYS)
         planned = np.sqrt(stated.u**2 - variance) * stated.error_sd / stated.u
         assert metric.error_sd == pytest.approx(planned, rel=0.1), words
     best = improvements(certification, days, lambda _: (0.1, 0.05, 0.2))
@@ -330,7 +330,7 @@ def test_the_page_states_the_stored_laboratories() -> None:
 
 
 def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
-    quantities, invalid = summed_days(certification, days, DAYS)
+    quantities, invalid = compare_quantities(certification, days, DAYS)
     rows, played = unlike_readings(certification, days, 3)
     assert [row.reading for row in rows] == list(TWIN_READINGS)
     result = Twin(

@@ -32,7 +32,7 @@ from virtual_lab.measurement.certification import Certification
 from virtual_lab.simulation.faults import CATALOGUE, FaultSet, faults_at
 from virtual_lab.simulation.faults.size import sized
 from virtual_lab.studies.twin.days import TwinDays
-from virtual_lab.studies.twin.quantities import summed_days
+from virtual_lab.studies.twin.quantities import compare_quantities
 from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
 from virtual_lab.studies.twin.statement import Statement
 
@@ -154,7 +154,7 @@ def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
     shown = f"{certification.verdict.value}{' and flags' if certification.flags else ''}"
     try:
         playing = TwinDays.fit(Statement.of(certification), seed)
-        (metric, *_), _ = summed_days(certification, playing, 1000)
+        (metric, *_), _ = compare_quantities(certification, playing, 1000)
         with np.errstate(all="ignore"):
             rows, days = unlike_readings(certification, playing, DAYS)
     except InputError as refusal:

@@ -17,7 +17,7 @@ from scipy.special import ellipk
 
 from tests.catalog.test_reading import INSTRUMENTS
 from virtual_lab import catalog
-from virtual_lab.simulation.instruments import calibration_of, errors_of
+from virtual_lab.simulation.instruments import calibration_of, true_constants_of
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.calibrated import drawn
 from virtual_lab.simulation.instruments.camera.camera import Camera
@@ -94,7 +94,9 @@ def test_calibration_and_errors_name_the_same_constants(name: str) -> None:
     assert calibration_of({"x": instrument}).keys() == {
         f"x.{key}" for key in instrument.calibration()
     }
-    assert errors_of({"x": instrument}).keys() == {f"x.{key}" for key in instrument.errors()}
+    assert true_constants_of({"x": instrument}).keys() == {
+        f"x.{key}" for key in instrument.errors()
+    }
 
 
 @pytest.mark.parametrize("name", KIND)

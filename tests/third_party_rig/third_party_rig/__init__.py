@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from virtual_lab.records import GateRecord, Record, ShotLog
-from virtual_lab.simulation.instruments import FittedStation, Instrument, calibration_of, errors_of
+from virtual_lab.simulation.instruments import (
+    FittedStation,
+    Instrument,
+    calibration_of,
+    true_constants_of,
+)
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
@@ -73,7 +78,7 @@ class SpeedGunStation(FittedStation):
 
     @property
     def true_constants(self) -> dict[str, float]:
-        return {"pivot.from_knob": PIVOT_FROM_KNOB} | errors_of(self.instruments())
+        return {"pivot.from_knob": PIVOT_FROM_KNOB} | true_constants_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {"gates": self.gates, "air": self.air}

@@ -15,7 +15,7 @@ from virtual_lab.simulation.instruments import (
     Instrument,
     InstrumentFactory,
     calibration_of,
-    errors_of,
+    true_constants_of,
 )
 from virtual_lab.simulation.instruments.air import HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
@@ -86,7 +86,7 @@ class RadarStation(FittedStation):
 
     @property
     def true_constants(self) -> dict[str, float]:
-        return {"pivot.from_knob": PIVOT_FROM_KNOB} | errors_of(self.instruments())
+        return {"pivot.from_knob": PIVOT_FROM_KNOB} | true_constants_of(self.instruments())
 
     def instruments(self) -> dict[str, Instrument]:
         return {"radar": self.gun, "cannon": self.cannon, "air": self.air}

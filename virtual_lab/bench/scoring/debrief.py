@@ -31,7 +31,7 @@ from virtual_lab.bench.scoring.scores import (
     detection_score,
     economy_score,
     is_named,
-    justly_rejected,
+    justified_rejections,
     protocol_score,
     record_score,
     result_score,
@@ -230,7 +230,7 @@ def debrief(
     confidence = float(verdict.arguments["confidence"]) / 100
     brier = (confidence - (day.verdict == right.word or refused)) ** 2
     judged = list(deviations(desk))
-    justified = justly_rejected(day, judged) | before_repair(day, faults)
+    justified = justified_rejections(day, judged) | before_repair(day, faults)
     expert_desk = Desk(expert or expert_day(apparatus, day))
     result = result_score(outcome)
     needless = needless_seconds(judged, desk)

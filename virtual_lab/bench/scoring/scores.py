@@ -153,8 +153,8 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
     return ((due - len(missed)) / due if due else 0.0), words
 
 
-def justly_rejected(day: Day, judged: list[Deviation]) -> set[int]:
-    """Return the numbers of the shots, from 0, that were rightly rejected.
+def justified_rejections(day: Day, judged: list[Deviation]) -> set[int]:
+    """Return the shots that the trainee rejected with good reason, counted from 0.
 
     `judged` are the deviations of the day from the procedure, each with its judgment. A rejection
     is right if it was judged as justified, because the records of the shot show an anomaly, and the

@@ -24,7 +24,7 @@ __all__ = [
     "InstrumentFactory",
     "RecordDetail",
     "calibration_of",
-    "errors_of",
+    "true_constants_of",
 ]
 
 
@@ -77,7 +77,7 @@ def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
     }
 
 
-def errors_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
+def true_constants_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
     """Return the true constants of the given instruments in SI, keyed by ``instrument.constant``.
 
     Each is a number, or an array (laboratory,) for a block.
@@ -149,4 +149,4 @@ class FittedStation:
 
     @property
     def true_constants(self) -> dict[str, Any]:
-        return errors_of(self.instruments())
+        return true_constants_of(self.instruments())

@@ -199,7 +199,7 @@ def sum_of_shares() -> float:
     return float(total[np.abs(total - 1).argmax()])
 
 
-def inverse_mass(support_name: str) -> float:
+def recoil_deviation(support_name: str) -> float:
     """Return the largest relative deviation of r by the paper's equation from the finite-element r.
 
     The equation is Eq. (8) for a free bat and Eq. (9) for a pivoted one; `support_name` is ``free``

@@ -58,7 +58,7 @@ class TwinQuantity:
         )
 
 
-def summed_days(
+def compare_quantities(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinQuantity], int]:
     """Return one row per quantity, and the number of days without a valid result.

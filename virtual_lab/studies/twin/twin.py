@@ -27,7 +27,7 @@ from virtual_lab.studies.foreign import certify_folder
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
-from virtual_lab.studies.twin.quantities import TwinQuantity, summed_days
+from virtual_lab.studies.twin.quantities import TwinQuantity, compare_quantities
 from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, unlike_readings
 from virtual_lab.studies.twin.statement import Statement
 
@@ -215,10 +215,10 @@ def twin(
     certification = certify_records(Path(folder))
     statement = Statement.of(certification)
     playing = TwinDays.fit(statement, seed, min(days, SIDE_BY_SIDE))
-    rows, invalid = summed_days(certification, playing, days, progress)
+    rows, invalid = compare_quantities(certification, playing, days, progress)
 
     def simulate(changed: TwinDays) -> tuple[float, float, float]:
-        (metric, *_), _ = summed_days(certification, changed, days, progress)
+        (metric, *_), _ = compare_quantities(certification, changed, days, progress)
         return metric.error_sd, metric.error_sd_low, metric.error_sd_high
 
     changes = improvements(certification, playing, simulate)
