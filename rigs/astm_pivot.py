@@ -176,7 +176,7 @@ class AstmPivotStation(RestingBatStation):
     def _friction_loss(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
         """Return the rate lost by friction under the impact load, (shot,) [rad/s].
 
-        It is 0 for a hit at the centre of percussion.
+        It is 0 for a hit at the center of percussion.
         """
         reaction = np.abs(impulse - bat.mass * (axis - bat.z_cm) * rate)
         loss = (
@@ -191,9 +191,9 @@ class AstmPivotStation(RestingBatStation):
         """Return the additional rate, (shot,) [rad/s], and angle [rad] in the bearing's clearance.
 
         While the bat takes up the clearance it moves like a free bat. Its angular momentum about
-        the pivot always equals that of the pivoted bat. For a hit on either side of the centre of
+        the pivot always equals that of the pivoted bat. For a hit on either side of the center of
         percussion, the clearance therefore adds an angle (clearance divided by the distance from
-        pivot to centre of percussion), but does not change the final rate. The journal does not
+        pivot to center of percussion), but does not change the final rate. The journal does not
         bounce.
         """
         lever = bat.length - self.holder.from_knob - bat.z_cm

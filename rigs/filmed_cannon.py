@@ -117,7 +117,7 @@ class FilmedCannonStation(BallCannonStation):
             return np.asarray(np.sqrt(contact_distance**2 - np.square(across)))
 
         axis = body.length - self.holder.from_knob
-        before = float(touching(self.spec.over, 0.0))  # from the ball's centre to the bat's axis
+        before = float(touching(self.spec.over, 0.0))  # from the ball's center to the bat's axis
         gap = touching(flown.bat.place, flown.bat.across) - before
         course = Course(
             passage=replace(flown.passage, plane=flown.passage.plane + gap),

@@ -42,7 +42,7 @@ def combine(value: float, components: Components) -> Budget:
 def outcome_of(
     procedure: Procedure, place: Any, valid: Any, metric: Any, objective: Objective | None = None
 ) -> HitWeights:
-    """Return the weights of the hits. A scan without an `objective` maximises the metric."""
+    """Return the weights of the hits. A scan without an `objective` maximizes the metric."""
     alone, looked = np.zeros(len(place), int), objective or Objective(metric, np.ones_like(metric))
     return outcomes_of(procedure, 1, alone, place, valid, metric, looked)
 

@@ -199,7 +199,7 @@ def test_without_slots_numbers_are_those_of_slot_0() -> None:
 def test_streams_are_uncorrelated(pair: tuple) -> None:
     """Seed, branch, laboratory, name, slot: 100 000 pairs, |r| < 4/√n (6e-5 by chance).
 
-    Squares and products of neighbours are compared, too, because a correlation alone would not show
+    Squares and products of neighbors are compared, too, because a correlation alone would not show
     their dependence.
     """
     n = 100_000

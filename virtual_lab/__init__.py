@@ -33,7 +33,7 @@ Bats and the catalog
     fit_bat          make a bat that fits measurements
     sensitivity      effect of the ball's force law on the results of a bat
     slope            slope of e_A along the barrel
-    percussion       errors of hits off the centre of percussion
+    percussion       errors of hits off the center of percussion
 
 Studies of laboratories and procedures
     sweep            test bats in many laboratories: a table, one row per test

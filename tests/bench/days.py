@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 SEED, SALT = 3, b"salt of the tests"
-PLACE_MM = 163.0  # the centre of percussion of the bat of seed 3
+PLACE_MM = 163.0  # the center of percussion of the bat of seed 3
 SHOTS = 6  # of a detector
 BALLS = (1, 2, 3, 4, 5, 6, 8)  # the rules set ball 7 aside
 Asked = tuple[str, dict[str, Any]]

@@ -90,7 +90,7 @@ def test_the_sketch_shows_the_true_events() -> None:
 
 
 def test_the_page_shows_the_true_scene_only_after_the_reveal() -> None:
-    """A true scene drawn to the millimetre gives e_A to 0.002: it is not there before."""
+    """A true scene drawn to the millimeter gives e_A to 0.002: it is not there before."""
     day, firing = plain_day(), apparatus().firing
     rules = Desk(day).rules.spec
     motion = true_motion(firing, day, 3)

@@ -22,7 +22,7 @@ GEMM_FLOPS = 2.0 * GEMM**3
 def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, Floats]:
     """Return the times [s] of several works, each (rounds,), which are run in turn.
 
-    A neighbour that takes the processor for a second then slows all of them. Each work runs once
+    A neighbor that takes the processor for a second then slows all of them. Each work runs once
     before, because it may compile.
     """
     times: dict[str, list[float]] = {name: [] for name in works}
@@ -44,7 +44,7 @@ def seconds(work: Work, repeats: int = REPEATS) -> float:
 def processor_seconds(work: Work, rounds: int) -> float:
     """Return the median processor time of a work [s], after a first run, which may compile.
 
-    Neighbours on a shared machine disturb it less than they disturb wall-clock time.
+    Neighbors on a shared machine disturb it less than they disturb wall-clock time.
     """
     times = []
     for _ in range(rounds + 1):

@@ -1,6 +1,6 @@
 """Rendered regions and full frames per second: ``python -m tests.benchmarks.rendering``.
 
-Times are processor times on one core, which neighbours on a shared machine disturb less than
+Times are processor times on one core, which neighbors on a shared machine disturb less than
 wall-clock time. Compilation is not included.
 """
 

@@ -4,7 +4,7 @@ Shots: from true shots to records to the metric of each, in blocks on one core, 
 instruments that record only summary values, then with every edge and count. Certificates: whole
 tests of a block of laboratories of a round robin, from their rigs to the verdicts, in units of the
 time of one numpy normal number; one laboratory alone; one in full with an individual bat; and a
-campaign by two processes. Times are processor times, which neighbours on a shared machine disturb
+campaign by two processes. Times are processor times, which neighbors on a shared machine disturb
 less than wall-clock times; that of the campaign is wall-clock time.
 """
 

@@ -10,7 +10,7 @@ __all__ = ["TRACKPY"]
 
 PAD = 20  # empty margin [pixels], because trackpy finds no ball near an edge
 BEYOND = 11  # width of its window beyond the ball's diameter [pixels]
-WHITE = 200.0  # grey value of the ball
+WHITE = 200.0  # gray value of the ball
 SMOOTHED = 1 / 3  # smoothing in radii; with less, a plateau has no peak
 
 

@@ -1,6 +1,6 @@
 """Tests per second of a campaign: ``python -m tests.campaigns.rates rates.csv``.
 
-Neighbours on a shared machine disturb such times: each row has the time of numpy's normal numbers
+Neighbors on a shared machine disturb such times: each row has the time of numpy's normal numbers
 around it, and two ways that are to be compared take turns. Past start-up: from the first part to
 the last.
 """

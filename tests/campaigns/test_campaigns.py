@@ -97,7 +97,7 @@ def test_each_column_of_a_campaign_is_in_the_dictionary(made: Path) -> None:
 
 
 def test_numbers_of_a_changed_key_have_the_unit_of_its_sheet(tmp_path: Path) -> None:
-    """0.1 mm and 0.005 in are columns of millimetres."""
+    """0.1 mm and 0.005 in are columns of millimeters."""
     study = {"bats": "r161", "procedures": "astm-f1881", "laboratories": 1, "seed": 1}
     vl.campaign({**study, "change": {KEY: ["0.1 mm", "0.005 in"]}}, tmp_path / "c")
     assert vl.Campaign.open(tmp_path / "c").table[COLUMN].tolist() == pytest.approx([0.1, 0.127])
@@ -488,7 +488,7 @@ def block_of_docs(language: str, number: int = 0) -> str:
 def test_the_script_of_an_array_of_jobs_makes_the_campaign(
     made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The script runs under bash with a stand-in for the program, which runs afterwards."""
+    """The script runs under bash with a stand-in for the program, which runs afterward."""
     program = tmp_path / "bin" / "virtual-lab"
     program.parent.mkdir()
     program.write_text('#!/bin/sh\nfor word; do echo "$word"; done > asked\n', "utf-8")

@@ -26,7 +26,7 @@ class Plot:
     across: dict[float, str] = field(default_factory=dict)  # ticks: position [pt], label
     upward: dict[float, str] = field(default_factory=dict)
     words: list[tuple[float, float, str]] = field(default_factory=list)  # x, y of texts
-    discs: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # discs by their fill
+    discs: dict[str, list[tuple[float, float]]] = field(default_factory=dict)  # disks by their fill
     lines: list[tuple[str, np.ndarray]] = field(default_factory=list)  # style, (point, 2)
     whiskers: list[tuple[float, float, float]] = field(default_factory=list)  # x, low, high
     shapes: list[tuple[str, np.ndarray]] = field(default_factory=list)  # fill, (point, 2)
@@ -90,7 +90,7 @@ def _write(plot: Plot, drawing: str, ticks: str) -> None:
 
 
 def _mark(plot: Plot, drawing: str) -> None:
-    """Add discs and crosses."""
+    """Add disks and crosses."""
     for x, y, _, _, fill in DOT.findall(drawing):
         if plot.holds(float(x), float(y)):
             marked = plot.discs.setdefault(fill or "cross", [])

@@ -126,7 +126,7 @@ def test_the_contact_sheet_shows_every_shot_to_one_scale(document: CertificateDo
 def test_every_figure_has_words_and_no_colour(
     document: CertificateDocument, scan: CertificateDocument
 ) -> None:
-    """Every stroke and fill is grey."""
+    """Every stroke and fill is gray."""
     for drawn in (*certificate_figures(document).values(), *certificate_figures(scan).values()):
         if drawn is not None:
             assert len(description_of(drawn)) > 20
@@ -410,7 +410,7 @@ def test_axes_say_what_they_show_and_in_which_unit(
 def test_a_legend_has_the_sign_of_what_it_names(
     document: CertificateDocument, swung: CertificateDocument
 ) -> None:
-    """A grey band, a solid line for the result, a cross for an invalid hit, a dotted line for n."""
+    """A gray band, a solid line for the result, a cross for an invalid hit, a dotted line for n."""
     last = replace(document.shots[-1], reason="x", used=False)
     spoilt = hits_figure(replace(document, shots=(*document.shots[:-1], last)))
     swings = str(certificate_figures(swung)["swings_figure"])

@@ -621,7 +621,7 @@ def test_a_result_says_what_it_is_conditional_on(name: str) -> None:
 
 
 def test_the_choice_of_a_position_raises_the_result_and_says_so() -> None:
-    """The value is the mean of new hits plus the expected advantage of a neighbour."""
+    """The value is the mean of new hits plus the expected advantage of a neighbor."""
     chosen = scanned("bbcor")
     document = certificate(chosen)
     mean = chosen.shot_metric[chosen.outcome.used].mean()

@@ -25,7 +25,7 @@ GREY, SHARE = 48, 0.002  # tolerance of a pixel, out of 255; tolerated share of 
 
 
 def pages(name: str) -> list[np.ndarray]:
-    """Return the pages of a case in grey, with versions that do not change."""
+    """Return the pages of a case in gray, with versions that do not change."""
     document = replace(certificate(case(name)), versions={"virtual-lab": "0"}, date="2026-11-25")
     drawn = typst.compile(
         source_of_pdf(),

@@ -108,7 +108,7 @@ def table(path: Path) -> dict[str, np.ndarray]:
 
 
 def passages(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return time and height of the ball's centre, (shot, way, gate)."""
+    """Return time and height of the ball's center, (shot, way, gate)."""
     rows = table(path)
     shape = [int(rows[axis].max()) + 1 for axis in ("shot", "way", "gate")]
     if "edge" in rows:

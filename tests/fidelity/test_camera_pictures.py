@@ -19,7 +19,7 @@ FEW = Case(phases=4, repeats=10)
 
 @pytest.mark.parametrize("light", ["even", "back"])
 def test_a_quiet_picture_is_the_exact_one(light: Literal["even", "back"]) -> None:
-    """The oracle is the disc's spectrum, for two positions of the ball on a sloped background."""
+    """The oracle is the disk's spectrum, for two positions of the ball on a sloped background."""
     case = Case(radius=15, blur=6, slope=0.2, light=light, quiet=True, phases=2, repeats=1)
     batch, size = pictures(case), 128
     ball, level = case.levels

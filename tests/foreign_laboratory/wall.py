@@ -53,7 +53,7 @@ def wall_of(session: Session, seed: int, off: float) -> tuple[Session, float]:
     kappa = (area / (2 * mass[ball]))[:, None, None, None]
     gates = np.array([drawn(f"balls.gates.distance_{gate}") for gate in (0, 1)])
     edges = (radius + 0.6e-3) * np.array([[1.0, -1.0], [-1.0, 1.0]])  # plus half a curtain
-    place = gates[:, None] + edges[:, None]  # ball's centre, (way, gate, edge)
+    place = gates[:, None] + edges[:, None]  # ball's center, (way, gate, edge)
     speed = np.stack([into, into * e0], axis=1)[:, :, None, None] * MPH
     sign = np.array([-1.0, 1.0])[None, :, None, None]
     since = np.expm1(sign * kappa * place) / (kappa * speed)

@@ -343,7 +343,7 @@ def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
 
 @pytest.mark.parametrize("off", [-0.05, 0.0, 0.05])
 def test_a_journal_rubs_by_the_reaction_of_the_blow(off: float) -> None:
-    """Struck `off` [m] from the centre of percussion, the pivot bears |1 - b m d/I| of the blow J.
+    """Struck `off` [m] from the center of percussion, the pivot bears |1 - b m d/I| of the blow J.
 
     The rate falls by μ R J |1 - b m d/I|/I, with J = m v (1 + e_A) and R of the sheet.
     """

@@ -14,7 +14,7 @@ from virtual_lab.video.clips.calibration_file import read_calibration
 def test_the_calibration_beside_a_film_is_what_the_laboratory_knows(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """The file is valid, the camera is the session's, and pivot and width agree to millimetres."""
+    """The file is valid, the camera is the session's, and pivot and width agree to millimeters."""
     monkeypatch.setattr(rigs.filmed_cannon, "write_films", lambda *_: None)
     done = certify(
         "r161",

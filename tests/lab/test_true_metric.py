@@ -166,7 +166,7 @@ def test_a_thinner_wall_is_livelier_until_its_hoop_keeps_the_energy(
 def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
     """Its exact result is within 0.1 mph of the bat struck in the field by the standard ball.
 
-    A correction for a rigid shell (ball of 0.45) would make aluminium bats 1.3 to 1.45 mph faster.
+    A correction for a rigid shell (ball of 0.45) would make aluminum bats 1.3 to 1.45 mph faster.
     """
     true = played(bat, Reality.IDEAL, procedure="proposed").sealed.measurand
     field = profiles(bat, swings=(0.3,))[0].peaks["batted_speed_mph"].value * MPH
@@ -175,7 +175,7 @@ def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
 
 @pytest.mark.parametrize(("procedure", "bat"), [("astm-f1881", "r161"), ("asa", "softball-34")])
 def test_fixed_places_say_what_the_paper_does(procedure: str, bat: str, played: Play) -> None:
-    """BPF at the centre of percussion; v_f from e_A there, with bat speeds as M^-1/4."""
+    """BPF at the center of percussion; v_f from e_A there, with bat speeds as M^-1/4."""
     tested = played(bat, Reality.IDEAL, procedure=procedure)
     true, rules = tested.sealed.measurand, tested.certification.procedure
     r, e_A = true["recoil_factor"], true["collision_efficiency"]

@@ -71,7 +71,7 @@ def test_a_density_of_no_material_makes_a_test_invalid(density: float, impossibl
 
 @pytest.mark.parametrize(("off", "refused"), [(4.9e-3, False), (5.1e-3, True), (-5.1e-3, True)])
 def test_an_axis_of_another_rig_is_refused(off: float, refused: bool) -> None:
-    """The rules require 6 in; the axis of a rig deviates by tenths of a millimetre."""
+    """The rules require 6 in; the axis of a rig deviates by tenths of a millimeter."""
     session = certified(seed=7, reality=Reality.IDEAL).certification.session
     calibration = dict(session.calibration)
     key = "impact.pivot.from_knob"

@@ -388,7 +388,7 @@ PIXELS, BACKGROUND = "impact/clip-pixels.npy", "impact/clip-background.npy"
 
 
 def test_arrays_beside_a_table_come_back_bit_for_bit(tmp_path: Path) -> None:
-    """Grey values of 16 bits and floats are memory-mapped; a record without arrays works, too."""
+    """Gray values of 16 bits and floats are memory-mapped; a record without arrays works, too."""
     save_session(FILMED, tmp_path)
     clip = load_session(tmp_path).records["impact"]["clip"]
     assert isinstance(clip, ClipRecord)

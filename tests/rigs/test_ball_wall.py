@@ -53,7 +53,7 @@ def test_hits_of_a_ball_count_in_their_order() -> None:
 
 
 def test_a_real_balls_hits_scatter_about_the_loss() -> None:
-    """With the same seed without ageing, the difference is the loss alone."""
+    """With the same seed without aging, the difference is the loss alone."""
     aged, fresh = play(Reality.REAL).truth, play(Reality.REAL, ageing=None).truth
     difference = fresh["ball_restitution"] - aged["ball_restitution"]
     assert difference == pytest.approx(aged["restitution_loss"], abs=1e-15)

@@ -1,4 +1,4 @@
-"""Stored interlaboratory studies: joins their tables, and summarises them for reports.
+"""Stored interlaboratory studies: joins their tables, and summarizes them for reports.
 
 ``python -m tests.studies.interlab PART.csv … ALL.csv SUMMARY.csv``
 """

@@ -16,7 +16,7 @@ HITS = 10
 
 
 def test_the_check_cylinder_has_the_e_of_a_rigid_mass() -> None:
-    """Oracle: e = e0 = 0.55 and r = m b²/I of a round steel bar hit at its centre of percussion.
+    """Oracle: e = e0 = 0.55 and r = m b²/I of a round steel bar hit at its center of percussion.
 
     The e0 of balls in the lot varies by 0.004; calibrations contribute about as much.
     """

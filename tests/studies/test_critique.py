@@ -61,7 +61,7 @@ def test_the_pivot_test_prefers_the_bat_that_loses_in_the_field(paper: Critique,
 
 
 def test_a_test_at_one_bat_speed_prefers_wood(paper: Critique) -> None:
-    """Sec. IV: at n = 0 one "would incorrectly conclude that" wood outperforms aluminium."""
+    """Sec. IV: at n = 0 one "would incorrectly conclude that" wood outperforms aluminum."""
     for n, least in ((0.3, 3), (0.5, 5)):
         found = row(paper, "r161", "ea70", n, "ncaa-modified")
         assert found.batted_speed_difference_mph < -least

@@ -1,4 +1,4 @@
-"""The study of faults: a short version of its table, and the judgement of a prediction."""
+"""The study of faults: a short version of its table, and the judgment of a prediction."""
 
 from __future__ import annotations
 

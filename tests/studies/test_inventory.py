@@ -24,7 +24,7 @@ RADIUS = 0.0366
 def test_the_fall_of_a_ball_agrees_with_a_hand_calculation(
     v_in_mph: float, efficiency: float, distance: float, fall: float
 ) -> None:
-    """A rebound of a 60 mph ball at e_A = 0.2 falls 43 mm in half a metre [mm]."""
+    """A rebound of a 60 mph ball at e_A = 0.2 falls 43 mm in half a meter [mm]."""
     slowest = slowest_within(distance, fall)
     assert slowest == pytest.approx(efficiency * v_in_mph * MPH, rel=0.03)  # half of 11 mm
 

@@ -6,7 +6,7 @@
 
 One row per laboratory: tail probability of each reading, number of full days, the readings unlike
 their twins, and the stated u of the metric over the standard deviation of 1 000 summed days. In the
-laboratories of `faulty` each fault of the catalogue that the rigs can have takes its turn, in the
+laboratories of `faulty` each fault of the catalog that the rigs can have takes its turn, in the
 smallest of the sizes `SIZES` with which it moves the metric by at least 3 u against the same day
 without it; faults that never do so have no row. The bat is an individual r161, or softball-34 for
 asa. A study that was cut goes on behind the rows that its file has. The twin sees records only.
@@ -37,7 +37,7 @@ from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
 from virtual_lab.studies.twin.statement import Statement
 
 SEED = 8_200_000
-SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)  # sizes of a fault [its size in the catalogue]
+SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)  # sizes of a fault [its size in the catalog]
 MOVED = 3.0  # smallest shift of the metric by a fault [u]
 DAYS = 250  # largest number of full days
 FIELDS = (

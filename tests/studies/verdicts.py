@@ -223,7 +223,7 @@ def slip(lost: float, lasts: float, some: float, record: Any, rng: Any) -> Field
 
 
 def sector(lost: int, record: Any, rng: Any) -> Fields:
-    """Lose counts at one mark of the disc, the same in every shot."""
+    """Lose counts at one mark of the disk, the same in every shot."""
     turned = record.counts - record.counts[:, :1]
     return {"counts": record.counts - np.clip(turned - rng.uniform(500, 2500), 0, lost).round()}
 

@@ -21,7 +21,7 @@ from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.uncertainty.monte_carlo import BATCH, BLOCK, drawn_block
 from virtual_lab.uncertainty.sketch import BINS, Sketch, shortest_interval
 
-DRAWS, MANY = 2**18, 2**20  # draws, and those for a judgement by clause 8
+DRAWS, MANY = 2**18, 2**20  # draws, and those for a judgment by clause 8
 
 
 def propagated(model, inputs, **more):

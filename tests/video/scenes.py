@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-ROWS = 24  # chords per pixel, which give the area of a disc to 1e-4 of a pixel
+ROWS = 24  # chords per pixel, which give the area of a disk to 1e-4 of a pixel
 
 
 def disc(shape: tuple[int, int], x: float, y: float, radius: float) -> Array:
-    """Return each pixel's share of a disc, from chords of thin rows that the pixels cut exactly."""
+    """Return each pixel's share of a disk, from chords of thin rows that the pixels cut exactly."""
     rows, columns = shape
     across = (np.arange(rows * ROWS) + 0.5) / ROWS - 0.5 - y
     half = np.sqrt(np.maximum(0.0, radius**2 - across**2))[:, None]
@@ -61,8 +61,8 @@ class Film:
     count: int = 44
     shutter: float = 0.1  # share of a frame
     gravity: tuple[float, float] = (0.0, 0.0)  # pixels per frame squared
-    light: float = 180.0  # grey value of the ball
-    dark: float = 40.0  # grey value of the background at its left side
+    light: float = 180.0  # gray value of the ball
+    dark: float = 40.0  # gray value of the background at its left side
     slope: float = 30.0  # increase of the background from left to right
     noise: float = 1.5
     seed: int = 1
@@ -74,7 +74,7 @@ class Film:
         return np.arange(self.count) - self.before
 
     def places(self) -> tuple[Array, ...]:
-        """Return x and y of the true centres, by frame."""
+        """Return x and y of the true centers, by frame."""
         t = self.t
         before = t < 0
         return tuple(
@@ -104,7 +104,7 @@ class Film:
 
 
 def write_video(path: Path, frames: list[NDArray[np.generic]], rate: float) -> Path:
-    """Write frames without loss (FFV1), in grey of 8 or 16 bits or in colour."""
+    """Write frames without loss (FFV1), in gray of 8 or 16 bits or in color."""
     rows, columns = frames[0].shape[:2]
     options = [cv2.VIDEOWRITER_PROP_IS_COLOR, int(frames[0].ndim == 3)]
     if frames[0].dtype == np.uint16:

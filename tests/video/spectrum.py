@@ -1,6 +1,6 @@
-"""Images of a moving disc from its exact spectrum: the oracle for the tracker's refinement.
+"""Images of a moving disk from its exact spectrum: the oracle for the tracker's refinement.
 
-The spectrum of a disc is a Bessel function over the frequency; lens, pixel and motion multiply
+The spectrum of a disk is a Bessel function over the frequency; lens, pixel and motion multiply
 it. Sampling folds it: orders are added until the lens leaves nothing of the next one. The module
 shares no code with the tracker.
 """
@@ -23,7 +23,7 @@ def disc(
     lens: float,
     blur: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
-    """Return each pixel's share of a disc, (size, size), exact except for periodic copies."""
+    """Return each pixel's share of a disk, (size, size), exact except for periodic copies."""
     first = np.fft.fftfreq(size)
     total = np.zeros((size, size), complex)
     for order_x, order_y, spectrum in folded(size, radius, lens, blur):
@@ -39,7 +39,7 @@ def disc(
 def folded(
     size: int, radius: float, lens: float, blur: tuple[float, float]
 ) -> list[tuple[int, int, Floats]]:
-    """Return the spectrum of a disc at the origin, for each order of folding."""
+    """Return the spectrum of a disk at the origin, for each order of folding."""
     first, most = np.fft.fftfreq(size), int(0.5 + np.sqrt(LEAST / 2) / (np.pi * lens))
     orders = range(-most, most + 1)
     return [
@@ -54,7 +54,7 @@ def folded(
 def centred(
     fx: Floats, fy: Floats, radius: float, lens: float, blur: tuple[float, float]
 ) -> Floats:
-    """Return the spectrum of a disc at the origin [pixel^2] at these frequencies [1/pixel]."""
+    """Return the spectrum of a disk at the origin [pixel^2] at these frequencies [1/pixel]."""
     f = np.hypot(fx, fy)
     safe = np.where(f == 0, 1, f)
     spectrum = np.where(f == 0, np.pi * radius**2, radius * j1(2 * np.pi * radius * f) / safe)

@@ -23,7 +23,7 @@ def toward(*way: float) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-# light, grey value of the background, and grey value of a white surface that faces the lamp
+# light, gray value of the background, and gray value of a white surface that faces the lamp
 LIGHTS = {
     "soft": (Light(ambient=0.6, toward=toward(0, -0.3, -1), softness=0.6), 40.0, 215.0),
     "back": (Light(), 155.0, 4.0),

@@ -190,7 +190,7 @@ def track(
     clip
         File or folder of the clip.
 
-        Or an array of 8 or 16 bits, (frame, row, column) or (frame, row, column, colour), with its
+        Or an array of 8 or 16 bits, (frame, row, column) or (frame, row, column, color), with its
         rate as `fps`.
     ball
         Diameter of the ball with its unit, ``73mm±0.5mm``; or a ball, which also sets the drag:

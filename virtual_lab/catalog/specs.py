@@ -341,7 +341,7 @@ class BallSpread(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BallAgeing(Spec):
-    """Ageing of a ball: a hit at v reduces e0 by loss (v / speed)²; part of this loss recovers."""
+    """Aging of a ball: a hit at v reduces e0 by loss (v / speed)²; part of this loss recovers."""
 
     speed: Annotated[float, Gt(0), Dimension("speed")]
     loss: Annotated[float, Ge(0), Lt(1), Dimension("number")]

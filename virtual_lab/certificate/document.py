@@ -68,7 +68,7 @@ class ProcedureStated(Spec):
     hits_needed: Whole
     """Number of valid hits that the procedure requires."""
     at_percussion: YesNo
-    """Whether the bat is hit at its centre of percussion."""
+    """Whether the bat is hit at its center of percussion."""
     swing_exponent: Real | None
     """Exponent of the swing law by which the metric is judged; null: the metric needs none."""
 
@@ -84,9 +84,9 @@ class BatAsMeasured(Spec):
     length_m: Stated
     """Length of the bat."""
     z_cm_m: Stated
-    """Distance of the centre of mass from the barrel tip."""
+    """Distance of the center of mass from the barrel tip."""
     inertia_cm_kg_m2: Stated
-    """Moment of inertia about the centre of mass."""
+    """Moment of inertia about the center of mass."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -347,7 +347,7 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
 def _kinds(
     measured: Sequence[tuple[float, ShotRow]], scan: bool
 ) -> list[tuple[str, list[tuple[float, ShotRow]], str, bool]]:
-    """Return label, hits, color of the disc, and whether it has a cross, for each kind of hit."""
+    """Return label, hits, color of the disk, and whether it has a cross, for each kind of hit."""
     valid = [(x, row) for x, row in measured if not row.reason]
     if scan:
         return [

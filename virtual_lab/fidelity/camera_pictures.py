@@ -30,7 +30,7 @@ class CaseSettings:
 
     frame: tuple[int, int] = (800, 1280)  # rows, columns
     lens: float = 0.65  # standard deviation of the blur [px]
-    bat: float = 110.0  # grey value [DN]
+    bat: float = 110.0  # gray value [DN]
     albedo: float = 0.85  # albedo of the ball
     seam: float = 0.6  # relative darkness of the seam
     turn: tuple[float, float, float] = (0.001, -0.002, 0.003)  # per exposure [rad], as at 1500 rpm
@@ -76,7 +76,7 @@ def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
 
 
 def _means(case: Case, centres: Array, draws: Streams, slots: Slots) -> tuple[Array, Array]:
-    """Return expected grey values [DN] with the balls at `centres`, and without them."""
+    """Return expected gray values [DN] with the balls at `centres`, and without them."""
     side, count = case.side, len(centres)
     middle = (side - 1) / 2
     balls = render_balls(

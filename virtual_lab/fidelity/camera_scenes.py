@@ -1,6 +1,6 @@
 """Cases of pictures for the comparison of methods to locate a ball, with their true values.
 
-A case is a ball of one size, blur and light. Its centres are spread evenly over one pixel. Position
+A case is a ball of one size, blur and light. Its centers are spread evenly over one pixel. Position
 in the frame and noise differ between pictures. The signal-to-noise ratio is that of the contrast to
 the noise of a pixel halfway up the edge; a fifth of this variance is dark noise.
 """
@@ -23,7 +23,7 @@ FULL_SCALE = 255.0  # DN
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Conditions of the pictures, in pixels and grey values."""
+    """Conditions of the pictures, in pixels and gray values."""
 
     radius: float = 30.0
     blur: float = 2.0  # shift during the exposure
@@ -54,7 +54,7 @@ class Case:
 
     @property
     def levels(self) -> tuple[float, float]:
-        """Grey values of a plain ball and of the background, which determine the noise [DN]."""
+        """Gray values of a plain ball and of the background, which determine the noise [DN]."""
         contrast = float(np.interp(self.snr, (5.0, 27.0, 96.0), (40.0, 100.0, 150.0)))
         return (4.0, 4.0 + contrast) if self.light == "back" else (40.0 + contrast, 40.0)
 

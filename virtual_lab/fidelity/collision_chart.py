@@ -64,7 +64,7 @@ class Series(StrEnum):
     SCIPY = "solve_ivp"
 
 
-MARKS = {  # marker, colour
+MARKS = {  # marker, color
     Series.RIGID: ("s", "black"),
     Series.SURROGATE: ("d", "#009e73"),
     Series.MODES: ("o", "#0072b2"),

@@ -1,4 +1,4 @@
-"""Drawing of maps with coloured cells, of axes of error against time, and of labels of points."""
+"""Drawing of maps with colored cells, of axes of error against time, and of labels of points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Row = dict[str, Any]
 
 
 class CellState(StrEnum):
-    """State of a cell in a map: description, letter for text, colour for a figure."""
+    """State of a cell in a map: description, letter for text, color for a figure."""
 
     mark: str
     colour: str
@@ -196,7 +196,7 @@ def error_axes(axes: Any, error: str) -> None:
 
 
 def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> None:
-    """Write labels beside points (x, y, label, colour), if possible without any overlap.
+    """Write labels beside points (x, y, label, color), if possible without any overlap.
 
     x and y are in the units of the axes. The figure must have been drawn once, which fixes the
     layout.

@@ -1,6 +1,6 @@
 """Simulation with pymunk alone, including the collision, for comparison with our motion models.
 
-The bodies have their real centres of mass, elasticities represent the restitution, and any step and
+The bodies have their real centers of mass, elasticities represent the restitution, and any step and
 number of iterations are accepted. The bat is rigid with one radius, and there is no air and no
 friction, so that pymunk could be exact. The reference is the frictionless contact of rigid bodies.
 """
@@ -23,7 +23,7 @@ from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.units import INCH, Array
 
 # shape of the bat: a straight side or a semicircular tip in the top view, or the section of the
-# barrel as a disc that has the effective mass of the bat 6 in from its tip
+# barrel as a disk that has the effective mass of the bat 6 in from its tip
 Shape = Literal["side", "round tip", "section"]
 
 
@@ -47,7 +47,7 @@ class Rod:
 
     @property
     def contact_distance(self) -> float:
-        """Distance between the centre of the ball and the axis of the bat at contact [m]."""
+        """Distance between the center of the ball and the axis of the bat at contact [m]."""
         return self.radius + self.ball_radius
 
     def recoil(self, lever: Any) -> Any:

@@ -89,7 +89,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "stiffness": _M("stiffness of the ball in the force law", "N/m^exponent"),
     "wall_time_ms": _M("time of contact of the ball with a wall"),
     "wall_force_kn": _M("largest force of the ball on a wall", "kN"),
-    # a bat hit away from its centre of percussion
+    # a bat hit away from its center of percussion
     "reaction_ns": _M("impulse on the axis, positive in the direction of the ball", "N s"),
     "reaction_n": _M("mean force on the axis", "N"),
     "ring_mrad": _M("amplitude of the vibration at the encoder", "mrad"),

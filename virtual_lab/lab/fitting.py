@@ -19,7 +19,7 @@ from virtual_lab.units import INCH, OUNCE
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
     """Return the lowest and highest impact position of a test, distances from the barrel tip [m].
 
-    Both are the nominal bat's centre of percussion if the procedure has no scan.
+    Both are the nominal bat's center of percussion if the procedure has no scan.
     """
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high

@@ -1,6 +1,6 @@
 """One bat design in many laboratories with different errors.
 
-(In metrology a round robin is one artefact that travels from laboratory to laboratory.)
+(In metrology a round robin is one artifact that travels from laboratory to laboratory.)
 
 The common parts (procedure, surrogate of the nominal bat's collision) are made once. The
 laboratories have the numbers 0, 1, … of one seed, as in ``certify --seed S --number n``. If the
@@ -180,7 +180,7 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
     either = np.array([-1.0, 1.0])
     sigmas = 6  # half width of the range; a collision outside costs time but no accuracy
     # The scatter is that of the cannons in data/instruments; with other cannons more collisions are
-    # outside the range. The scatter of the position [m] includes the uncertainty of the centre of
+    # outside the range. The scatter of the position [m] includes the uncertainty of the center of
     # percussion.
     place = np.array(nominal_places(procedure, bat)) + sigmas * 1.7e-3 * either
     axis = bat.body.length - procedure.pivot_from_knob

@@ -67,7 +67,7 @@ class TestDay:
         """Fire every ball at the wall at each of the procedure's speeds, which ages the balls.
 
         The true e0 of the lot, to which the measurand refers, is its mean over these hits. A change
-        of a ball between wall and bat is not modelled.
+        of a ball between wall and bat is not modeled.
         """
         laboratory, setup = self.laboratory, self.laboratory.setup
         plan = wall_plan(setup.rules.spec, setup.detail, setup.shape)

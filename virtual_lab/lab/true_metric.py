@@ -58,7 +58,7 @@ class TrueCurve:
                 return self._batted_speed(efficiency)
 
     def objective(self, control: float = 1.0) -> Array:
-        """Return the quantity that a scan maximises: the metric, or v_f [m/s]."""
+        """Return the quantity that a scan maximizes: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
             return self._batted_speed(self._with_standard_ball(control)[1])

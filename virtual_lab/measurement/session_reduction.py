@@ -81,7 +81,7 @@ class Preparation(AlignedArrays):
 
     @property
     def percussion(self) -> Array:
-        """Centre of percussion of each measured bat, from the barrel tip, (laboratory,) [m]."""
+        """Center of percussion of each measured bat, from the barrel tip, (laboratory,) [m]."""
         bat, pivot = self.bat, self.procedure.spec.pivot_from_knob
         place = centre_of_percussion(bat.z_cm, bat.inertia_cm, bat.mass, bat.length - pivot)
         return np.asarray(place).reshape(-1)
@@ -119,7 +119,7 @@ class Reduction(AlignedArrays):
     place: Array  # aimed position, from the barrel tip [m]
     shots: ShotResults
     shot_metric: Array
-    objective: Objective  # quantity that a scan maximises
+    objective: Objective  # quantity that a scan maximizes
     valid: Mask
     acceptance: Acceptance = judge  # function that judges which hits are valid
     # laboratories of the shots of the last round; None: every laboratory may still need shots

@@ -1,4 +1,4 @@
-"""Style of every figure: black and grey, thin lines, text that can be searched."""
+"""Style of every figure: black and gray, thin lines, text that can be searched."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ STYLE: dict[str, Any] = {
     "lines.linewidth": 0.9,
     "lines.markersize": 5,
 }
-INTERVAL_GREY = "0.85"  # grey of an interval; markers on it stay visible in greyscale print
+INTERVAL_GREY = "0.85"  # gray of an interval; markers on it stay visible in greyscale print
 
 
 def as_drawn(name: str) -> str:

@@ -1,4 +1,4 @@
-"""Small line figures as SVG: black and grey, text as text, reproducible.
+"""Small line figures as SVG: black and gray, text as text, reproducible.
 
 The figures of a certificate take some milliseconds and need no import.
 """
@@ -12,7 +12,7 @@ from html import escape, unescape
 from math import ceil, floor, isfinite, log10
 
 PAGE_WIDTH = 497.0  # text width of an A4 page [pt]
-BAND = "#d9d9d9"  # grey of an interval; markers on it stay visible in greyscale print
+BAND = "#d9d9d9"  # gray of an interval; markers on it stay visible in greyscale print
 DASHED = "5 2.5"
 TICK = 3.0  # length of a tick [pt]
 DIGIT = 4.45  # width of a digit of a sans-serif font at 8 pt [pt]
@@ -134,7 +134,7 @@ class Panel:
         fill: str = "black",
         cross: bool = False,
     ) -> None:
-        """Mark points with discs or crosses."""
+        """Mark points with disks or crosses."""
         for each in zip(x, y, strict=True):
             place = self._point(*each).replace(" ", ",")
             self._put(f'<g transform="translate({place})">{_mark(radius, fill, cross)}</g>')

@@ -26,7 +26,7 @@ class ClipRecord(Record):
     times: Array
     left: Array
     top: Array
-    pixels: NDArray[np.generic] | None = None  # grey values, (shot, frame, row, column)
+    pixels: NDArray[np.generic] | None = None  # gray values, (shot, frame, row, column)
     background: NDArray[np.generic] | None = None  # mean of whole empty frames, (row, column)
     columns: ClassVar[Mapping[str, RecordColumn]] = {
         "times": RecordColumn(
@@ -61,7 +61,7 @@ class ClipRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackRecord(Record):
-    """Record of a tracking camera: the ball's centre in each frame, (shot, frame) [px].
+    """Record of a tracking camera: the ball's center in each frame, (shot, frame) [px].
 
     Positions are in pixels of the frame in OpenCV's convention, not corrected for distortion. `u`
     is the standard uncertainty of each coordinate.

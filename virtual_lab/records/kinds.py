@@ -146,7 +146,7 @@ class BoardRecord(BallRecord):
 class PassageRecord(BallRecord):
     """Record of gates that store passages instead of edges, (shot, way, gate).
 
-    For each passage of the ball's centre it holds the time [s], and the height above the zero of
+    For each passage of the ball's center it holds the time [s], and the height above the zero of
     the gates [m]. A value is NaN if it was not detected or not measured.
     """
 

@@ -111,7 +111,7 @@ class TestCourse(Spec):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Authoriser(Spec):
-    """The person who authorises the report."""
+    """The person who authorizes the report."""
 
     name: Title
     """Name of the person."""
@@ -172,7 +172,7 @@ class Particulars(Spec):
     test: TestCourse = TestCourse()
     """Course of the test."""
     authorised_by: Authoriser | None = None
-    """Person who authorises the report; null: not stated."""
+    """Person who authorizes the report; null: not stated."""
     replaces: ReplacedReport | None = None
     """Report that this one replaces; null: none."""
     instruments: Mapping[str, InstrumentIdentity] = field(default_factory=dict)
@@ -186,7 +186,7 @@ class Particulars(Spec):
     def list_statements(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
         """Yield the printed name and the value of each stated particular, in the order of a report.
 
-        Nobody authorises a simulated test, so its line is marked as simulated.
+        Nobody authorizes a simulated test, so its line is marked as simulated.
         """
         for row in PRINTED:
             if value := row.of(self):

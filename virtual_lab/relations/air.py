@@ -31,7 +31,7 @@ def air_density(
         (1.2378847e-5 * kelvin - 1.9121316e-2) * kelvin + 33.93711047 - 6.3431645e3 / kelvin
     )
     enhanced = 1.00062 + 3.14e-8 * p + 5.6e-7 * t**2
-    vapour = humidity * enhanced * saturated / p  # mole fraction of water vapour
+    vapour = humidity * enhanced * saturated / p  # mole fraction of water vapor
     per_kelvin = p / kelvin
     compressibility = (
         1

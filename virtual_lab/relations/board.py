@@ -1,6 +1,6 @@
 """Calibration boards of cameras: chessboards, plain or with ArUco markers (ChArUco).
 
-The axes of a board are those of OpenCV, with the origin at its centre: x along the rows, y down the
+The axes of a board are those of OpenCV, with the origin at its center: x along the rows, y down the
 columns, z into the board. The first square is black, as in OpenCV since 4.6.
 """
 
@@ -21,7 +21,7 @@ SQUARE = (1e-3, 1.0)  # smallest and largest side of a square [m]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Board:
-    """A calibration board, with lengths in metres. A plain chessboard has `marker` = 0."""
+    """A calibration board, with lengths in meters. A plain chessboard has `marker` = 0."""
 
     columns: int = 14
     rows: int = 9
@@ -36,7 +36,7 @@ class Board:
         return self.columns - 1, self.rows - 1
 
     def corners(self) -> Array:
-        """Return the inner corners row by row from the board's centre, (corner, 3) [m]."""
+        """Return the inner corners row by row from the board's center, (corner, 3) [m]."""
         across, down = self.shape
         x, y = np.meshgrid(np.arange(across), np.arange(down))
         flat = np.stack([x - (across - 1) / 2, y - (down - 1) / 2], axis=-1)

@@ -14,7 +14,7 @@ from virtual_lab.units import Array
 def small_period(inertia: ArrayLike, moment: ArrayLike, gravity: ArrayLike) -> Array:
     """Return the period T₀ = 2π √(I / (g M d)) [s] of small swings of a physical pendulum.
 
-    `inertia` is I about the axis [kg m²], `moment` is mass times distance of the centre of mass
+    `inertia` is I about the axis [kg m²], `moment` is mass times distance of the center of mass
     from the axis, M d [kg m], and `gravity` is g [m/s²]. The arguments broadcast.
     """
     stiffness = np.asarray(gravity, dtype=float) * np.asarray(moment, dtype=float)

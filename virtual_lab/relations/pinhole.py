@@ -1,6 +1,6 @@
 """Projection by a lens: a pinhole with the distortion of Brown (1971), as in OpenCV.
 
-Axes of the camera: x right, y down, z away from it. The centre of the first pixel is (0, 0).
+Axes of the camera: x right, y down, z away from it. The center of the first pixel is (0, 0).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ A slot is the number of a shot, or of a reading, in its laboratory. A random num
 its address, not on earlier draws, rounds, batches or the order of actions.
 
 Every random number of a laboratory is drawn through `Draws`. `Streams` draws random numbers.
-`Quiet` returns the centre of each distribution, which makes any rig noise-free without a change of
+`Quiet` returns the center of each distribution, which makes any rig noise-free without a change of
 its code.
 """
 
@@ -73,7 +73,7 @@ def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
 
 
 class Draws(Protocol):
-    """Standardised random numbers, independent by name, laboratory, slot and index in the slot.
+    """Standardized random numbers, independent by name, laboratory, slot and index in the slot.
 
     For one laboratory and n `slots`, whole numbers from 0, the result has the shape (n, *shape),
     and each row depends only on its slot. Without `slots` the numbers of slot 0 are returned with

@@ -1,7 +1,7 @@
 """Daily tests of a check standard: a steel cylinder in place of the bat.
 
 The cylinder is measured once at the bench, and the check ball once at the wall rig. Then, on each
-day, the ball is fired at the centre of percussion of the cylinder, and e_A is computed from the
+day, the ball is fired at the center of percussion of the cylinder, and e_A is computed from the
 records. From a given day on, the impact rig may have a fault; the control charts do not use this
 information.
 """

@@ -3,10 +3,10 @@
 The charts are Shewhart's chart of individual values with the Western Electric rules, its moving
 range, the exponentially weighted moving average (EWMA) and the cumulative sum (CUSUM); see
 Montgomery, Introduction to Statistical Quality Control. Each chart takes values in standard
-deviations from the centre, shape ``(..., day)``, and runs along the last axis, so that many
+deviations from the center, shape ``(..., day)``, and runs along the last axis, so that many
 laboratories can be charted at once.
 
-Mean number of days to the first false alarm, if centre and standard deviation are known exactly:
+Mean number of days to the first false alarm, if center and standard deviation are known exactly:
 370 for rule 1 (225, 166 and 153 together with rule 2, 3 or 4, and 92 with all), 500 for the EWMA,
 465 for the CUSUM, and 119 for the moving range. After a short baseline these numbers vary widely
 from laboratory to laboratory.
@@ -50,7 +50,7 @@ RULES: Mapping[int, Run] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """Centre and standard deviation of a check standard in control, in the unit of its values."""
+    """Center and standard deviation of a check standard in control, in the unit of its values."""
 
     centre: float
     sigma: float
@@ -75,15 +75,15 @@ class Baseline:
         return cls(centre=float(days.mean()), sigma=sigma)
 
     def standardise(self, values: ArrayLike) -> Array:
-        """Return values in standard deviations from the centre."""
+        """Return values in standard deviations from the center."""
         return (np.asarray(values, dtype=float) - self.centre) / self.sigma
 
 
 def breaks(x: Array, rule: int) -> Mask:
     """Return a mask of the days that complete a pattern of Western Electric rule 1, 2, 3 or 4.
 
-    `x` are deviations from the centre in standard deviations, (…, day), and the mask has their
-    shape. All deviations of a pattern are on the same side of the centre. A pattern cannot begin
+    `x` are deviations from the center in standard deviations, (…, day), and the mask has their
+    shape. All deviations of a pattern are on the same side of the center. A pattern cannot begin
     before the first day of `x`. Raises `KeyError` for another rule.
     """
     run = RULES[rule]
@@ -109,14 +109,14 @@ def moving_range(x: Array) -> Array:
 def ewma(x: Array) -> Array:
     """Return the exponentially weighted moving average of each day, in the shape of `x`, (…, day).
 
-    `x` are deviations from the centre in standard deviations, and the average has the same unit.
+    `x` are deviations from the center in standard deviations, and the average has the same unit.
     The newest day has the weight 0.2, and the average starts at 0 before the first day.
     """
     return np.asarray(lfilter([WEIGHT], [1.0, WEIGHT - 1.0], x, axis=-1))
 
 
 def cusum(x: Array) -> tuple[Array, Array]:
-    """Return the cumulative sums of the deviations above and below the centre, both ≥ 0.
+    """Return the cumulative sums of the deviations above and below the center, both ≥ 0.
 
     `x` are deviations in standard deviations, (…, day), and each sum has their shape. The sums are
     S = max(0, S + x - 0.5) and S = max(0, S - x - 0.5), where S is the sum of the day before, and 0
@@ -150,7 +150,7 @@ def control_chart(
 ) -> DayCharts:
     """Return the charts of daily values with limits from the first `baseline_days` values.
 
-    The charts begin on the day after the baseline: rules, average and sums start at the centre.
+    The charts begin on the day after the baseline: rules, average and sums start at the center.
 
     Parameters
     ----------

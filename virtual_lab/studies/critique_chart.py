@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 
 class Mark(NamedTuple):
-    """Marker, size and colours of a verdict."""
+    """Marker, size and colors of a verdict."""
 
     words: str
     marker: str
     size: float  # size of the marker [pt]
     face: str
     edge: str
-    ink: str  # colour of the number
+    ink: str  # color of the number
 
 
 class PageLayout(NamedTuple):

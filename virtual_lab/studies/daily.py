@@ -60,7 +60,7 @@ CYLINDER = "check-cylinder"
 class AlarmCount:
     """Alarms of one rule or chart for a check standard.
 
-    Alarms before the change are false, or are caused by an ageing ball. An alarm on the day of the
+    Alarms before the change are false, or are caused by an aging ball. An alarm on the day of the
     change has the delay 0.
     """
 
@@ -198,7 +198,7 @@ def daily(
     Parameters
     ----------
     ball
-        Check ball for the wall: a name in the catalog or a .toml file. Ageing lowers the
+        Check ball for the wall: a name in the catalog or a .toml file. Aging lowers the
         restitution of some balls from day to day, and the charts include this. The check cylinder
         at the impact rig is always hit with the check ball of the catalog.
     days

@@ -10,6 +10,6 @@ A clip passes through the packages in this order:
   doubts about them. `following` calls these steps.
 * `locate`: the ball by its outline, for flights before a calibrated camera (`follow.sharpening`),
   and for the windows of a laboratory's camera (`measurement.camera`).
-* `calibration`: lens, pose and scale from pictures of a board; pixels to metres in a plane.
+* `calibration`: lens, pose and scale from pictures of a board; pixels to meters in a plane.
 * `show`: results as text, tables and pictures.
 """

@@ -135,7 +135,7 @@ def sound() -> Session:
 
 
 def test_gates_of_a_single_beam_are_no_fault(sound: Session) -> None:
-    """Each ball crosses the beam some millimetres off its centre, so it shows a chord."""
+    """Each ball crosses the beam some millimeters off its center, so it shows a chord."""
     radius, rng = 36.5e-3, np.random.default_rng(5)
     session = sound
     for stage in ("balls", "impact"):

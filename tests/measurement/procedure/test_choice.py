@@ -29,7 +29,7 @@ def of_one(place: np.ndarray, metric: np.ndarray) -> Shortfalls:
 
 
 def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
-    """The oracle is a quadrature over the neighbours of the best position, 1.2 u and 3 u lower."""
+    """The oracle is a quadrature over the neighbors of the best position, 1.2 u and 3 u lower."""
     hits = np.tile([1.0, -1.0], 3) * 1e-3
     place = np.repeat([5.0, 5.5, 6.0], 6) * INCH
     variance = 6 / 5 * 1e-6

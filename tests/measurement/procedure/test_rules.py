@@ -234,7 +234,7 @@ def test_the_aimed_position_of_the_papers_bat_is_its_centre_of_percussion() -> N
     by_hand = (11.3 - 2539 / (31 * 16.7)) * 0.0254
     exact = aimed_place(BAT, 6 * 0.0254)
     assert exact == pytest.approx(by_hand, rel=1e-12)
-    # centre of percussion: I_p/(M d) from the pivot, where a hit leaves the pivot at rest
+    # center of percussion: I_p/(M d) from the pivot, where a hit leaves the pivot at rest
     d = 16.7 * 0.0254
     length = (BAT["inertia_cm"] + BAT["mass"] * d**2) / (BAT["mass"] * d)
     assert exact == pytest.approx(28 * 0.0254 - length, rel=1e-12)

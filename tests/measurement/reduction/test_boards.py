@@ -45,7 +45,7 @@ def nominal_boards() -> LightBoardSpec:
 def flown(speed: float, height: float, slope: float, drag: float, way: int) -> np.ndarray:
     """Return the edges of every beam, (board, beam, edge) [s] from contact; NaN: not broken.
 
-    `slope` is the height per metre of distance. The flight in is integrated backward from the
+    `slope` is the height per meter of distance. The flight in is integrated backward from the
     target.
     """
 
@@ -132,7 +132,7 @@ def test_speeds_offset_and_slope_of_a_flight_are_recovered(flight: dict[str, flo
 
 @pytest.mark.parametrize("flight", FLIGHTS)
 def test_the_boards_record_the_edges_of_a_flight(flight: dict[str, float]) -> None:
-    """The instrument flies straight at each board; the error is the curvature, some micrometres."""
+    """The instrument flies straight at each board; the error is the curvature, some micrometers."""
     spec = nominal_boards().ideal()
     assert (spec.distances, spec.lowest, spec.pitch) == (DISTANCES, LOWEST, PITCH)
     passage = Passage(

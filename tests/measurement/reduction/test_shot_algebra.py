@@ -101,7 +101,7 @@ def test_the_inertia_of_an_integrated_pendulum_is_recovered(bench: Session) -> N
     """The oracle is solve_ivp of the full equation at 0.2 rad.
 
     The reduction uses the amplitude at the middle of each swing, an error of second order in the
-    decay. The inertia about the centre of mass magnifies it 9 times, to 1e-6.
+    decay. The inertia about the center of mass magnifies it 9 times, to 1e-6.
     """
     bat = bat_properties(_best(bench))
     assert isclose(bat.mass, MASS, rel_tol=1e-12)
@@ -245,7 +245,7 @@ def test_an_offset_across_the_bat_is_corrected() -> None:
 
 
 def test_e_a_is_corrected_to_the_aimed_position() -> None:
-    """The hit is 2 mm off, with its own lever, and e_A has a slope of 0.5 per metre: 0.001 less."""
+    """The hit is 2 mm off, with its own lever, and e_A has a slope of 0.5 per meter: 0.001 less."""
     along = {"impact.cannon.along": 2e-3}
     beside = worked(constants(**along))
     got = worked(constants(**along, **{"procedure.place_slope": 0.5}))

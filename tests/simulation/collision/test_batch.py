@@ -1,4 +1,4 @@
-"""A batch keeps its tolerance all over the bat, and no scene depends on its neighbours."""
+"""A batch keeps its tolerance all over the bat, and no scene depends on its neighbors."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
 
 
 def test_a_scene_does_not_depend_on_its_batch() -> None:
-    """The results are the same bits in any order, in any lane and beside any neighbours."""
+    """The results are the same bits in any order, in any lane and beside any neighbors."""
     model, scenes = bats()[1], WIDE.draw(500, 30)
     whole, order = columns(model.collide(scenes)), np.random.default_rng(31).permutation(500)
     shuffled = columns(model.collide(scenes.part(order)))

@@ -1,4 +1,4 @@
-"""Extreme scenes: tip, centre of mass, soft and stiff balls, slow and grazing hits."""
+"""Extreme scenes: tip, center of mass, soft and stiff balls, slow and grazing hits."""
 
 from __future__ import annotations
 

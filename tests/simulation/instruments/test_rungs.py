@@ -119,7 +119,7 @@ def test_boards_without_threshold_spread_scatter_as_their_edges_do() -> None:
 
 
 def gains(centre: np.ndarray, beams: int, radius: float | np.ndarray) -> np.ndarray:
-    """Return the gains of passage, slope and threshold for centres in pitches, (3, ...)."""
+    """Return the gains of passage, slope and threshold for centers in pitches, (3, ...)."""
     result = np.empty((3, centre.size))
     radii = np.broadcast_to(radius, centre.shape).ravel().copy()
     fill_gains(centre.ravel(), beams, radii, gain_memory(radii.max()), result)
@@ -143,7 +143,7 @@ def test_the_gains_of_many_beams_are_the_closed_forms() -> None:
 
 
 def test_too_few_beams_give_no_gain() -> None:
-    """Beams at 0 to 9 and a ball of radius 2.2: four beams are broken from a centre of 1 on."""
+    """Beams at 0 to 9 and a ball of radius 2.2: four beams are broken from a center of 1 on."""
     centre = np.array([[0.5, 1.0, 5.0, 8.0, 8.5], [np.nan, -30.0, 40.0, 4.5, 5.2]])
     visible = [[False, True, True, True, False], [False, False, False, True, True]]
     for gain in gains(centre, 10, 2.2):
@@ -290,10 +290,10 @@ def test_a_summed_swing_scatters_as_its_counts_do() -> None:
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
 def test_the_gain_of_a_ball_at_the_end_of_a_board_is_that_of_a_line(missing: int) -> None:
-    """The oracle is the intercept of numpy.polyfit at the ball's centre, through the beams left.
+    """The oracle is the intercept of numpy.polyfit at the ball's center, through the beams left.
 
     The midpoint of a beam has two edges. Beams on one side give the passage with a larger
-    uncertainty than the same number about the centre.
+    uncertainty than the same number about the center.
     """
     radius, phase = 7.3, 0.0
     beams = np.arange(-7, 8)[missing:] - phase
@@ -304,7 +304,7 @@ def test_the_gain_of_a_ball_at_the_end_of_a_board_is_that_of_a_line(missing: int
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
 def test_the_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> None:
-    """The oracle is numpy.polyfit through the squares of the chords: slope at the ball's centre.
+    """The oracle is numpy.polyfit through the squares of the chords: slope at the ball's center.
 
     An error of half a chord changes its square by 2 √square of it; a chord has two edges.
     """

@@ -1,4 +1,4 @@
-"""Hits off the centre of percussion, against free bats that take up the clearance by hand."""
+"""Hits off the center of percussion, against free bats that take up the clearance by hand."""
 
 from dataclasses import replace
 from pathlib import Path

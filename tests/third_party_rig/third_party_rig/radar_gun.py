@@ -1,4 +1,4 @@
-"""The behaviour of a radar gun in the line of fire."""
+"""The behavior of a radar gun in the line of fire."""
 
 from __future__ import annotations
 

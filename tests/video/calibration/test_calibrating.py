@@ -213,7 +213,7 @@ def test_axes_run_with_the_picture_however_the_board_lies(
 
 
 def test_pictures_that_do_not_belong_together_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each picture has its own grey level; the brightest one shows no board."""
+    """Each picture has its own gray level; the brightest one shows no board."""
     views = corners_seen(camera_with(1).lens, BOARD, 6, 1, NOISE)
     monkeypatch.setattr(
         calibrating, "find_board", lambda picture, _: [*views, None][int(picture[0, 0])]

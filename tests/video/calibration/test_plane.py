@@ -1,4 +1,4 @@
-"""Conversion of pixels to metres, compared with OpenCV's projection from metres to pixels."""
+"""Conversion of pixels to meters, compared with OpenCV's projection from meters to pixels."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def test_a_slanted_camera_gives_positions_in_the_plane() -> None:
 
 
 def test_a_spheres_outline_lies_farther_out_than_its_centre() -> None:
-    """The outline of a sphere, drawn ray by ray, is corrected to the sphere's centre."""
+    """The outline of a sphere, drawn ray by ray, is corrected to the sphere's center."""
     straight = CameraModel(
         image_size=(1280, 800),
         matrix=((1800.0, 0.0, 640.0), (0.0, 1800.0, 400.0), (0.0, 0.0, 1.0)),
@@ -59,7 +59,7 @@ def test_a_spheres_outline_lies_farther_out_than_its_centre() -> None:
         translation_m=(0.0, 0.0, 2.0),
     )
     radius, centre = 0.0365, np.array([0.6, 0.1, 2.0])
-    # tangent cone: unit rays at the half angle asin(r/d) about the centre's direction
+    # tangent cone: unit rays at the half angle asin(r/d) about the center's direction
     away = float(np.linalg.norm(centre))
     axis = centre / away
     side = np.cross(axis, [0.0, 1.0, 0.0])

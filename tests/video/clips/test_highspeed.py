@@ -31,7 +31,7 @@ CIHX = """<cih><fileInfo><date>-</date></fileInfo>
 def write_cine(
     path: Path, frames: list[NDArray[np.uint16]], rate: float, blocks: bytes = b""
 ) -> Path:
-    """Write 12-bit grey in 16 bits, bottom row first, as in Phantom's format."""
+    """Write 12-bit gray in 16 bits, bottom row first, as in Phantom's format."""
     head = bytearray(11000 + len(blocks))
     head[11000:] = blocks
     offsets = len(head)

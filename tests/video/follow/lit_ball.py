@@ -1,8 +1,8 @@
 """A shaded ball thrown before a wall, filmed by a renderer that shares no code with the others.
 
 It uses a pinhole, Lambert's law, small steps of Newton's law with drag, sRGB and JPEG. It uses
-neither the package's flights, projection and disc nor the scenery of the other tests. Units are
-metres and seconds; up is positive.
+neither the package's flights, projection and disk nor the scenery of the other tests. Units are
+meters and seconds; up is positive.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Flights from blobs of known motion: a toss, low hops, a two-coloured ball, repeats."""
+"""Flights from blobs of known motion: a toss, low hops, a two-colored ball, repeats."""
 
 import numpy as np
 import pytest
@@ -103,7 +103,7 @@ def test_leaves_that_sail_down_slowly_are_not_the_falling_ball() -> None:
 
 
 def test_another_ball_does_not_continue_the_flights_of_the_first() -> None:
-    """Another ball has other colour and size; a two-coloured ball that turns keeps its size."""
+    """Another ball has other color and size; a two-colored ball that turns keeps its size."""
     way, whole = hops([9.0, 8.0, 7.0, 6.0])
     blobs = blobs_of(way)
     late = blobs["frame"] >= whole[2][0]

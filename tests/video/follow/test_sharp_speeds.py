@@ -25,7 +25,7 @@ from virtual_lab.video.locate.located import Located
 Array = NDArray[np.float64]
 
 RATE = 5000.0
-SCALE = 1e-3  # metres per pixel
+SCALE = 1e-3  # meters per pixel
 INTO, OUT = np.array([46.5, 5.5]), np.array([-31.0, 8.5])  # velocities [m/s]
 SIZE = (240, 400)  # rows, columns
 KNOWN = ClipCalibration(metres_per_pixel=SCALE, frames_per_second=RATE)

@@ -115,7 +115,7 @@ def test_hot_pixels_do_not_bias_a_position() -> None:
 
 
 def test_full_scale_is_flagged_and_does_no_harm() -> None:
-    """Grey values are clipped well below the ball; the lower part of the edge still places it."""
+    """Gray values are clipped well below the ball; the lower part of the edge still places it."""
     sample = balls(30, 2, 96, repeats=10)
     noise = Noise(gain=sample.noise.gain, read=sample.noise.read, full_scale=150.0)
     fit = plain(replace(sample, regions=np.minimum(sample.regions, 150.0), noise=noise))

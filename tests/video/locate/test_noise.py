@@ -8,7 +8,7 @@ from virtual_lab.video.locate.noise import Noise
 
 
 def frames(gain: float, read: float, seed: int = 1, count: int = 6) -> np.ndarray:
-    """Return 12-bit frames of a ramp with Poisson noise, as whole grey values."""
+    """Return 12-bit frames of a ramp with Poisson noise, as whole gray values."""
     random = np.random.default_rng(seed)
     electrons = np.broadcast_to(np.linspace(40, 900, 200) / gain, (count, 120, 200))
     grey = gain * random.poisson(electrons) + read**0.5 * random.standard_normal(electrons.shape)

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 __all__ = ["Backdrop", "paint"]
 
 Image = NDArray[np.float32]
-Colour = tuple[float, float, float]  # blue, green, red, grey values
+Colour = tuple[float, float, float]  # blue, green, red, gray values
 
 
 @dataclass(frozen=True, kw_only=True)
 class Backdrop:
-    """Colours and textures; amplitudes are standard deviations in grey values."""
+    """Colors and textures; amplitudes are standard deviations in gray values."""
 
     wall: Colour = (172, 178, 180)
     floor: Colour = (140, 145, 150)

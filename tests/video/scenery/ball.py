@@ -24,18 +24,18 @@ def sphere(
     rays
         Rays through the pixels, (row, column, 3), third component 1.
     centres
-        Centres of the sphere in the camera's axes, by sub-exposure and row, (sub, row, 3) [m].
+        Centers of the sphere in the camera's axes, by sub-exposure and row, (sub, row, 3) [m].
     focal
         Focal length [pixels].
     look
-        Ball with its radius, colour and texture.
+        Ball with its radius, color and texture.
     turn
         Angle of the ball in the plane of the picture [rad].
     """
     unit = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).astype(np.float32)
     centre = centres[:, :, None, :].astype(np.float32)
     along = (unit * centre).sum(axis=3, keepdims=True)
-    off = unit * along - centre  # vector from the centre perpendicular to the ray
+    off = unit * along - centre  # vector from the center perpendicular to the ray
     miss = np.sqrt((off**2).sum(axis=3))
     per_pixel = centres[..., 2].mean() / focal
     share = np.clip(0.5 + (look.radius - miss) / per_pixel, 0, 1)

@@ -1,6 +1,6 @@
 """A camera films a scene: exposure by exposure, and row by row if its shutter rolls.
 
-Light adds up in linear shares; everything else is in grey values after the gamma, where a
+Light adds up in linear shares; everything else is in gray values after the gamma, where a
 change of the light is a factor, too.
 """
 

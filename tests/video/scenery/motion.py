@@ -1,4 +1,4 @@
-"""Physical motion of balls and hands before the camera: in metres, x right, y down, over time.
+"""Physical motion of balls and hands before the camera: in meters, x right, y down, over time.
 
 Flights are integrated with gravity and quadratic drag up to a surface, where the normal speed is
 reversed and multiplied by the restitution. The result is a fine table of time with a node at each
@@ -82,7 +82,7 @@ class Surface:
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """Contact of a ball with a surface; velocities are its centre's just before and after [m/s]."""
+    """Contact of a ball with a surface; velocities are its center's just before and after [m/s]."""
 
     time: float
     kind: str
@@ -118,7 +118,7 @@ class Path:
     string_from: Pair | None = None
 
     def at(self, time: Array) -> tuple[Array, Array]:
-        """Return x and y of the centre at these times [m]."""
+        """Return x and y of the center at these times [m]."""
         return np.interp(time, self.t, self.x), np.interp(time, self.t, self.y)
 
     def hand_at(self, time: float) -> tuple[Pair, float]:
@@ -281,7 +281,7 @@ class Swinging:
     """A ball on a string, by the full equation of a pendulum with a little friction."""
 
     pivot: Pair
-    length: float = 0.9  # distance of the ball's centre from the pivot [m]
+    length: float = 0.9  # distance of the ball's center from the pivot [m]
     amplitude: float = 0.35  # angle of release [rad]
     damping: float = 0.03  # damping rate [1/s]
 

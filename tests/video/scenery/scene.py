@@ -38,7 +38,7 @@ class Phone:
     growth: float = 0.0  # magnification over the clip as the hand comes nearer [share]
     readout: float = 0.0  # time from the first row to the last [s]
     blur: float = 0.7  # standard deviation of lens and processing [px]
-    noise: float = 1.5  # noise [grey values], at all brightnesses because it follows the gamma
+    noise: float = 1.5  # noise [gray values], at all brightnesses because it follows the gamma
     flicker: float = 0.0  # relative amplitude of the light
     mains: float = 0.0  # relative amplitude of a lamp at 100 Hz
     window: float = 0.0  # relative amplitude of such a lamp in a part of the picture

@@ -1,8 +1,8 @@
-"""High-speed shots of a ball toward a bat and away from it, in grey, region by region.
+"""High-speed shots of a ball toward a bat and away from it, in gray, region by region.
 
 A ball is drawn with a resolution three times finer than the sensor's, at several moments of the
-exposure; then come lens, pixels, photons and grey values. The view is from far above, without
-perspective. Pixel coordinates are OpenCV's: (0, 0) is the centre of the first pixel.
+exposure; then come lens, pixels, photons and gray values. The view is from far above, without
+perspective. Pixel coordinates are OpenCV's: (0, 0) is the center of the first pixel.
 """
 
 from collections.abc import Iterator
@@ -52,7 +52,7 @@ class Kind:
     flicker: float
     blur: float = 0.8  # px
     scale: float = 1072.0  # px/m
-    gain: float  # grey values per electron
+    gain: float  # gray values per electron
     read: float  # e
     bits: int
     black: float
@@ -140,7 +140,7 @@ class Shot:
     y: Array
     light: Array  # (frame,), relative light
     bat: Array  # (frame,), x of the edge that faces the ball [px]
-    contact: tuple[float, float]  # position of the centre [px]
+    contact: tuple[float, float]  # position of the center [px]
     velocity_in: tuple[float, float]  # velocity at contact [m/s]
     velocity_out: tuple[float, float]
 
@@ -342,7 +342,7 @@ def _empty(kind: Kind) -> Image:
 
 
 def _background(kind: Kind, bat: float) -> Image:
-    """Return the mean of frames without a ball [grey values]."""
+    """Return the mean of frames without a ball [gray values]."""
     mean = _empty(kind).copy()
     _lay_bat(mean, kind, bat)
     noise = np.random.default_rng(0).standard_normal(mean.shape, np.float32)

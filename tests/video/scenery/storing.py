@@ -99,7 +99,7 @@ def _film(
     rate: float,
     stamps: NDArray[np.float64],
 ) -> None:
-    """Write a phone's file: with B-frames, a key frame per second, and half the colour."""
+    """Write a phone's file: with B-frames, a key frame per second, and half the color."""
     options = {"crf": str(scene.crf), "preset": "veryfast", "bf": "2", "x265-params": "log-level=0"}
     with av.open(str(path), "w") as file:
         stream = file.add_stream(PHONE[scene.codec], Fraction(rate).limit_denominator(1001))

@@ -1,4 +1,4 @@
-"""Shots rendered for the tests obey closed forms of discs, blur, seams, noise and flight."""
+"""Shots rendered for the tests obey closed forms of disks, blur, seams, noise and flight."""
 
 from dataclasses import replace
 
@@ -33,7 +33,7 @@ def test_a_disc_has_the_right_position_and_area(place: tuple[float, float]) -> N
     centre, spread = moments(share.astype(float))
     assert centre == pytest.approx(place, abs=0.003)
     assert share.sum() == pytest.approx(np.pi * kind.radius**2, rel=1e-3)
-    # variances of the disc, the lens and the pixel
+    # variances of the disk, the lens and the pixel
     assert spread == pytest.approx(kind.radius**2 / 4 + kind.blur**2 + 1 / 12, rel=1e-3)
 
 

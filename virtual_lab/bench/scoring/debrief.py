@@ -131,7 +131,7 @@ class Debrief:
     truth: float | None
     limit: float | None
     right_verdict: str
-    right_because: str  # broken rule or reason for no judgement; or empty
+    right_because: str  # broken rule or reason for no judgment; or empty
     faults: tuple[str, ...]
     found: tuple[str, ...]
     missed: tuple[str, ...]

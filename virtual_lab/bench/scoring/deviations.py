@@ -1,4 +1,4 @@
-"""Judgement of deviations from the procedure: omitted steps, rejected hits, additional checks.
+"""Judgment of deviations from the procedure: omitted steps, rejected hits, additional checks.
 
 A deviation is judged by the readings that the trainee had at that time. If they neither support nor
 contradict the reason, the trainer must judge it, and it costs no points.
@@ -33,7 +33,7 @@ Evidence = tuple[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """A deviation from the procedure, and its judgement."""
+    """A deviation from the procedure, and its judgment."""
 
     entry: int
     what: str  # description
@@ -44,7 +44,7 @@ class Deviation:
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield one judgement per deviation from the procedure, in the order of the entries.
+    """Yield one judgment per deviation from the procedure, in the order of the entries.
 
     Deviations are omissions that the trainee noted, rejections of hits that were within the
     acceptance windows, and additional checks after a reading beyond its limit.
@@ -91,7 +91,7 @@ def anomaly_of(desk: Desk, shot: int) -> str:
 
 
 def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield the judgement of a noted omission, by the evidence for its reason."""
+    """Yield the judgment of a noted omission, by the evidence for its reason."""
     step, day = str(event.arguments["step"]), desk.day
     omitted = [each for each in omitted_steps(day) if each.step == step]
     shots = [each.shot for each in omitted if each.shot is not None]
@@ -120,7 +120,7 @@ def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 
 
 def _judge_rejection(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
-    """Yield the judgement of a rejection, if the hit was within the windows."""
+    """Yield the judgment of a rejection, if the hit was within the windows."""
     shot = int(event.arguments["shot"]) - 1
     if desk.missing or desk.reasons[shot]:
         return

@@ -92,7 +92,7 @@ def frames_u(
 ) -> dict[str, Array]:
     """Return the standard uncertainty of each result, due to errors in single frames, (shot,).
 
-    Noise is independent in every frame. The seam pattern causes similar errors in neighbouring
+    Noise is independent in every frame. The seam pattern causes similar errors in neighboring
     frames. Their correlation depends on the unknown spin, so the least favourable spin is assumed.
     """
     flights = results.flights
@@ -135,7 +135,7 @@ def _u(sightings: Sightings, parts: Array) -> Array:
 
 
 def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tuple[Array, Array]:
-    """Return X and Y of the ball's centre in the rig's axes, (..., shot, frame) [m]."""
+    """Return X and Y of the ball's center in the rig's axes, (..., shot, frame) [m]."""
 
     def of(names: str) -> list[Array]:
         return [np.asarray(x[f"{stage}.camera.{name}"])[..., None] for name in names.split()]
@@ -146,12 +146,12 @@ def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tu
     focal, centre_x, centre_y, *bend = lenses[..., None, None]
     flat = np.stack([(sightings.x - centre_x) / focal, (sightings.y - centre_y) / focal], axis=-1)
     u, v = np.moveaxis(undistort(flat, bend), -1, 0)
-    # factor of the shift of a disc's middle from its centre by lens distortion
+    # factor of the shift of a disk's middle from its center by lens distortion
     bent = 1 + 3 * bend[0] + 9 * bend[1] * (u**2 + v**2)
     u, v, bent = (each[which if columns[0].ndim > 1 else 0] for each in (u, v, bent))
     place_x, place_y, place_z, plane = of("place_x place_y place_z plane")
     below = place_z - plane - height
-    # The image of a sphere is farther from the axis than that of its centre, by 1 / (1 - R²/Z²).
+    # The image of a sphere is farther from the axis than that of its center, by 1 / (1 - R²/Z²).
     shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
     turn = looking_down(np.concatenate(of("tilt_x tilt_y tilt_z"), axis=-1))
     axes = np.moveaxis(turn[..., None, :, :], (-1, -2), (0, 1))

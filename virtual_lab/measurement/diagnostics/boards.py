@@ -161,7 +161,7 @@ class Heights:
     def growth(self, values: Array) -> tuple[Array, Array, Array]:
         """Return the slope of `values` (shot,) over the height at the target, its u, and its dof.
 
-        Each result is (laboratory,). The slope is in units of `values` per metre.
+        Each result is (laboratory,). The slope is in units of `values` per meter.
         """
         evidence, at = self.evidence, self.each(self.at_target)
         mean, _, number = evidence.mean_of(at, self.used)

@@ -24,7 +24,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
     """Yield flags for laboratories in which the diameters measured by the gates are implausible.
 
     A diameter is computed from the time for which the ball breaks a beam. No beam can show more
-    than the diameter, and a single beam off the centre of the ball shows less. A thick beam is
+    than the diameter, and a single beam off the center of the ball shows less. A thick beam is
     broken for longer, by the time that the ball takes to cross its thickness. Two flags are yielded
     for the gates at the wall, and two for those at the bat. The first is raised where a diameter is
     more than 2 % too large, the second where even the large diameters (90 % quantile) are more than
@@ -55,7 +55,7 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
         longest = np.where(finite, flat, 0.0).max(axis=1, initial=0.0)
         is_wide = longest > nominal[owner] * (1 + SIZE)
         yield _too_wide(evidence, where, owner, longest, is_wide, nominal)
-        # A single beam meets most balls off their centre and shows less than the diameter.
+        # A single beam meets most balls off their center and shows less than the diameter.
         size = nominal.copy()
         for laboratory in range(evidence.laboratories):
             values = flat[owner == laboratory]
@@ -122,7 +122,7 @@ def _diameters(
         chords_shown = np.diff(record.times, axis=-1)[..., 0]
         along = chords_shown * speed / constant("clock")[:, None, None]
         return np.asarray(along - through[:, None, None])
-    # A beam above or below the ball's centre shows a shorter chord. Rebounds are left out because
+    # A beam above or below the ball's center shows a shorter chord. Rebounds are left out because
     # they may be steep.
     pitch, lowest = constant("pitch"), constant("lowest")
     beams = lowest[:, None] + pitch[:, None] * np.arange(record.times.shape[3])

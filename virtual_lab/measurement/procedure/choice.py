@@ -1,4 +1,4 @@
-"""Correction of a scan for the possibility that a neighbour of the chosen position is better.
+"""Correction of a scan for the possibility that a neighbor of the chosen position is better.
 
 The measurand is the largest value over the positions. The final hits measure the value at the
 chosen position, which on average is lower. The result is corrected by the mean of this shortfall,

@@ -56,7 +56,7 @@ def judge(
 ) -> Judgement:
     """Return the reason each shot was rejected, (shot,), empty for a valid hit.
 
-    Only the first violated window is named. `percussion` is the distance of the centre of
+    Only the first violated window is named. `percussion` is the distance of the center of
     percussion from the barrel tip [m], and `turn_rate` the angular speed [rad/s] that the procedure
     requires for the measured bat.
     """
@@ -78,7 +78,7 @@ def accept_hits(
 ) -> Mask:
     """Return a mask of the shots that meet all windows of the procedure, (…, shot).
 
-    `percussion` is the distance of the centre of percussion from the barrel tip [m], `turn_rate`
+    `percussion` is the distance of the center of percussion from the barrel tip [m], `turn_rate`
     the angular speed that the procedure requires of a swung bat [rad/s]. Both broadcast over the
     shots. A shot with a needed value of NaN, such as a missed ball, is not accepted.
     """

@@ -78,7 +78,7 @@ def metric_of(
 
 @dataclass(frozen=True, slots=True)
 class Objective(AlignedArrays):
-    """The quantity that a scan maximises, and its derivative by the metric, arrays (..., shot)."""
+    """The quantity that a scan maximizes, and its derivative by the metric, arrays (..., shot)."""
 
     value: Array
     gain: Array
@@ -89,7 +89,7 @@ class Objective(AlignedArrays):
 def objective_of(
     procedure: Procedure, metric: Array, place: Array, bat: BatProperties
 ) -> Objective:
-    """Return the quantity that the scan maximises, with its derivative by the metric.
+    """Return the quantity that the scan maximizes, with its derivative by the metric.
 
     The arrays are (..., shot). If the scan seeks the batted-ball speed, the quantity is v_f [m/s]
     at the speeds of the procedure, and `metric` must be BESR. Otherwise, or without a scan, it is

@@ -95,7 +95,7 @@ def outcomes_of(
         For each shot, (shot,): index of the laboratory, impact position from the tip [m], whether
         the hit is valid, and the metric. The shots of a laboratory are in the order fired.
     objective
-        The quantity that a scan maximises, for the same shots.
+        The quantity that a scan maximizes, for the same shots.
     """
     if procedure.scan is not None:
         shots = ScanShots(owner, place, valid, metric, objective)
@@ -188,7 +188,7 @@ def _tops_of_curves(
 ) -> tuple[Array, Array, Array]:
     """Return weights and effects of hits, (shot,), and positions of the maxima, (laboratory,).
 
-    One polynomial f is fitted to the maximised quantity, another to the metric, which is evaluated
+    One polynomial f is fitted to the maximized quantity, another to the metric, which is evaluated
     at the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its contribution to the
     fit. The results of a laboratory without used hits are NaN.
     """

@@ -21,7 +21,7 @@ LEAST = 1e-9  # rounding [m]
 
 
 class ScanRules(NamedTuple):
-    """Rules of a scan, with lengths in metres."""
+    """Rules of a scan, with lengths in meters."""
 
     low: float
     high: float
@@ -144,7 +144,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
     above = int((rules.high - middle + LEAST) / rules.fine_step)
     fine = middle + rules.fine_step * np.arange(-below, above + 1)
     fine = _hopeful(fine, rules.valid_hits, place, objective, rules.reach)
-    # The fit of a curve needs more positions than the two neighbours of the best one.
+    # The fit of a curve needs more positions than the two neighbors of the best one.
     rings = 1 if rules.final_hits else 2
     settled = False
     while not settled:
@@ -296,7 +296,7 @@ def shortfalls_of_block(
 
 @njit(cache=True)
 def _round_position(place: Array) -> Array:
-    """Return positions rounded to a micrometre, which removes rounding errors of sums."""
+    """Return positions rounded to a micrometer, which removes rounding errors of sums."""
     return np.rint(place * 1e6) / 1e6
 
 

@@ -1,4 +1,4 @@
-"""Impact positions: the centre of percussion, or a scan that approaches the best position.
+"""Impact positions: the center of percussion, or a scan that approaches the best position.
 
 After each round the next impact positions are computed. They depend only on the shots so far, so a
 later reduction of the records gives the same positions.
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
-    """Return the distance of the centre of percussion from the barrel tip [m]. Eq. (11).
+    """Return the distance of the center of percussion from the barrel tip [m]. Eq. (11).
 
     `bat` holds the measured `mass`, `length`, `z_cm` and `inertia_cm` [SI], and `pivot_from_knob`
     is the distance of the pivot from the knob [m].
@@ -31,7 +31,7 @@ def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
 
 
 def to_set(places: Array, *, exact: bool) -> Array:
-    """Return positions as an operator can set them [m]: whole half millimetres.
+    """Return positions as an operator can set them [m]: whole half millimeters.
 
     With `exact` they are returned unchanged. The result has the shape of `places`.
     """
@@ -56,7 +56,7 @@ def next_shots(
     """Return laboratory and impact position of all shots of the next round of a block, (shot,).
 
     A laboratory may have several shots in a round. Without a scan, the round has as many shots at
-    the centre of percussion as valid hits are missing, but no more than the attempts left. With a
+    the center of percussion as valid hits are missing, but no more than the attempts left. With a
     scan, it has the missing hits at the positions that the scan needs next. Positions are distances
     from the barrel tip [m]. There are no shots for a laboratory whose test is complete or has no
     attempts left.
@@ -66,10 +66,10 @@ def next_shots(
     procedure
         Test procedure. Only its numbers of hits and attempts and its scan are used.
     percussion
-        Centre of percussion of each bat as measured, from the tip, (laboratory,) [m].
+        Center of percussion of each bat as measured, from the tip, (laboratory,) [m].
     owner, place, valid, objective
         For each shot so far, in the order fired, (shot,): index of the laboratory, impact position
-        from the tip [m], whether the hit is valid, and the quantity that the scan maximises.
+        from the tip [m], whether the hit is valid, and the quantity that the scan maximizes.
     """
     laboratories = np.arange(percussion.size)
     fired = np.bincount(owner, minlength=percussion.size)

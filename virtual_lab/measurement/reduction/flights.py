@@ -28,9 +28,9 @@ class Flights:
 
     speed_in: Array  # speed at the target [m/s]
     speed_out: Array
-    offset: Array  # height of the ball's centre at the target above the instrument's zero [m]
-    slope_in: Array  # height per metre of distance, incoming
-    slope_out: Array  # height per metre of distance, rebound
+    offset: Array  # height of the ball's center at the target above the instrument's zero [m]
+    slope_in: Array  # height per meter of distance, incoming
+    slope_out: Array  # height per meter of distance, rebound
 
 
 FlightModel = Callable[[Constants, Array], Flights]  # function of constants and drag rate [1/m]

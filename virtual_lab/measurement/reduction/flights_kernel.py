@@ -65,7 +65,7 @@ def fit_heights(
 ) -> None:
     """Fill `out` with the height at the target [m] and the slopes in and out, (3, row, shot).
 
-    The height is that of the incoming ball. The slopes are heights per metre of distance from the
+    The height is that of the incoming ball. The slopes are heights per meter of distance from the
     target, without the effect of gravity. A result is NaN if fewer than two gates detected the ball
     in its direction; the height needs the incoming direction. A row is one set of constants;
     `batch` (row,) is the index of its passages on the first axis of `heights`, (batch, direction,

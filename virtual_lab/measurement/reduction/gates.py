@@ -1,9 +1,9 @@
-"""Gates and boards: from edges to passages of the ball's centre, and from these to flights.
+"""Gates and boards: from edges to passages of the ball's center, and from these to flights.
 
-The times of the two edges of a gate are symmetric about the passage of the ball's centre, whatever
+The times of the two edges of a gate are symmetric about the passage of the ball's center, whatever
 part of the beam triggers and wherever the ball passes. Their mean is therefore the time of passage.
 Each beam of a board measures a chord of the ball. The squared chords as a function of height form a
-parabola with its maximum at the height of the centre. The means of the edges form a straight line,
+parabola with its maximum at the height of the center. The means of the edges form a straight line,
 whose value at this height is the time of passage.
 
 With quadratic drag, the time to a distance is a known function of the distance, divided by the
@@ -41,7 +41,7 @@ THICKNESS = ".gates.thickness"  # ending of a constant's name: thickness of a st
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Passages(AlignedArrays):
-    """Uncorrected times and heights of the ball's centre, (..., shot, direction, gate).
+    """Uncorrected times and heights of the ball's center, (..., shot, direction, gate).
 
     NaN stands for a passage that was not detected.
     """

@@ -87,8 +87,8 @@ def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
 def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
     """Return 1/M_eff = 1/M + d²/I_cm [1/kg] of a free bat. Eq. (8).
 
-    `d` is the distance of the impact from the centre of mass [m], `M` the mass of the bat [kg], and
-    `I_cm` its moment of inertia about the centre of mass [kg m²].
+    `d` is the distance of the impact from the center of mass [m], `M` the mass of the bat [kg], and
+    `I_cm` its moment of inertia about the center of mass [kg m²].
     """
     return 1 / M + d**2 / I_cm
 
@@ -106,7 +106,7 @@ def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
     """Return the recoil factor r of a free bat, dimensionless. Eqs. (7), (8).
 
     `m` and `M` are the masses of ball and bat [kg], `I_cm` is the bat's moment of inertia about its
-    centre of mass [kg m²], and `d` the distance of the impact from there [m].
+    center of mass [kg m²], and `d` the distance of the impact from there [m].
     """
     return recoil_factor(m, inverse_mass_free(M, I_cm, d))
 
@@ -121,7 +121,7 @@ def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
 
 
 def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
-    """Return the inertia I_cm + M d² [kg m²] about an axis `d` [m] from the centre of mass."""
+    """Return the inertia I_cm + M d² [kg m²] about an axis `d` [m] from the center of mass."""
     return I_cm + M * d**2
 
 
@@ -129,7 +129,7 @@ def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats)
     """Return the position at which an impact exerts no force on a pivot at `z_pivot` [m]. Eq. (11).
 
     All positions are distances from the barrel tip; `I_cm` [kg m²] and `M` [kg] are those of the
-    bat. The position tends to infinity as the pivot approaches the centre of mass.
+    bat. The position tends to infinity as the pivot approaches the center of mass.
     """
     return z_cm - I_cm / (M * (z_pivot - z_cm))
 
@@ -171,7 +171,7 @@ def rebound_speed_from_recoil(
 def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    It is `aimed` + `aim` - `along`, all in metres. `aimed` is the planned impact position. `aim` is
+    It is `aimed` + `aim` - `along`, all in meters. `aimed` is the planned impact position. `aim` is
     the offset, along the bat, of the line of fire from its nominal line. `along` is an estimate of
     this offset that `aimed` already includes, so it is subtracted.
     """
@@ -231,8 +231,8 @@ def inverse_effective_mass(
 ) -> Floats:
     """Return 1/M_eff [1/kg] of a bat, free or pivoted at `axis`. Eqs. (8), (9).
 
-    `z_cm`, `axis` and `z` are the distances of centre of mass, pivot and impact from the barrel tip
-    [m], `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the centre of mass
+    `z_cm`, `axis` and `z` are the distances of center of mass, pivot and impact from the barrel tip
+    [m], `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the center of mass
     [kg m²]. For a free bat `axis` has no effect.
     """
     if free:

@@ -93,7 +93,7 @@ class ImpactReadings(AlignedArrays):
 def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     """Return the bat's readings as constants ``bat.…`` with type A u, (laboratory,) [SI].
 
-    The constants are mass, length, barrel radius, balance (distance of the centre of mass from the
+    The constants are mass, length, barrel radius, balance (distance of the center of mass from the
     tip), period, first and last amplitude, and number of swings. The period is that of small
     swings: each release is corrected for its amplitudes. Releases with an odd swing are left out,
     see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,

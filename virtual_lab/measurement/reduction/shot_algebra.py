@@ -97,7 +97,7 @@ class ShotResults(SetResults):
 
     speed: Array  # speed of the ball at the bat [m/s]
     rebound_speed: Array  # rebound speed of the ball along the line of fire [m/s]
-    rebound_slope: Array  # height gained per metre of distance in the rebound [m/m]
+    rebound_slope: Array  # height gained per meter of distance in the rebound [m/m]
     swing_rate: Array  # angular rate of a swung bat at contact; 0 for a bat at rest [rad/s]
     ball_mass: Array  # mass of the ball [kg]
     bat_speed: Array  # speed of the struck point toward the ball; 0 for a bat at rest [m/s]
@@ -127,7 +127,7 @@ class ReductionSettings:
 def bat_properties(x: Constants) -> BatProperties:
     """Return mass, length, balance, inertia and barrel radius from readings and calibrations [SI].
 
-    `z_cm` is the distance of the centre of mass from the tip, and `inertia_cm` refers to the centre
+    `z_cm` is the distance of the center of mass from the tip, and `inertia_cm` refers to the center
     of mass. The values have the shape of the constants: numbers, or columns (..., k, 1).
     """
     mass = (x["bat.mass"] - x["bench.scale.zero"]) / x["bench.scale.span"]
@@ -143,7 +143,7 @@ def bat_properties(x: Constants) -> BatProperties:
 
 
 def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
-    """Return the inertia about the centre of mass, from the period of bat and clamp together."""
+    """Return the inertia about the center of mass, from the period of bat and clamp together."""
     lever = length - x["bench.pendulum.pivot_from_knob"] - z_cm
     sets = _sets_of(x, ("bench.pendulum.amplitude_offset", "bat.first", "bat.last"), ())
     first, last, offset = (

@@ -32,10 +32,10 @@ MARGIN = 40  # number of extra knots at each end; each multiplies the end effect
 
 
 def patch_shape(modes: Modes, z: Array, width: float) -> Array:
-    """Return the mean deflection of each mode over patches centred at `z`, (n, N) [kg^-1/2].
+    """Return the mean deflection of each mode over patches centered at `z`, (n, N) [kg^-1/2].
 
     `z`, (n,) [m], is the distance from the barrel tip. `width` is the full width of the patch [m];
-    0 is a point. The mean is weighted by a cosine, largest at the centre. A patch near an end
+    0 is a point. The mean is weighted by a cosine, largest at the center. A patch near an end
     shrinks on both sides so that it stays on the bat.
     """
     return patch_shapes((modes,), z, width)[0]
@@ -54,7 +54,7 @@ def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
 
 
 def _averages(mesh: Mesh, z: Array, width: float) -> csr_array:
-    """Return the matrix from node values to means over patches centred at `z`, (n, nodes)."""
+    """Return the matrix from node values to means over patches centered at `z`, (n, nodes)."""
     x, gauss = gauss_points(8)
     bounds = mesh.boundaries
     z = z[:, None]

@@ -1,4 +1,4 @@
-"""Powers of many numbers at once: log2 and exp2 as polynomials that compilers can vectorise.
+"""Powers of many numbers at once: log2 and exp2 as polynomials that compilers can vectorize.
 
 ``x^a = exp2(a log2 x)``. A mathematics library processes one number per call, but these functions
 consist of a dozen multiply-adds on numbers in registers. Their error is a thousandth of the

@@ -191,7 +191,7 @@ def _fit(value: Callable[[Array], Array], nodes: tuple[int, ...]) -> Array:
 
 
 def _nodes_needed(value: Callable[[Array], Array], tolerance: float) -> tuple[int, ...]:
-    """Return the number of nodes each axis needs on the line through the centre of the box."""
+    """Return the number of nodes each axis needs on the line through the center of the box."""
     from scipy.fft import dctn
 
     points = np.cos(np.pi * (np.arange(FITTING.line_nodes) + 0.5) / FITTING.line_nodes)

@@ -1,4 +1,4 @@
-"""The catalogue of faults: errors of people and documents, of timing, and of the machine."""
+"""The catalog of faults: errors of people and documents, of timing, and of the machine."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class FaultSet:
 
 
 def faults_at(rig: str) -> list[str]:
-    """Return the names of the faults of the catalogue that an installed impact rig can have."""
+    """Return the names of the faults of the catalog that an installed impact rig can have."""
     installed = find_rig(rig, Stage.IMPACT)
     station = installed.commission(Quiet())
     return [name for name, fault in sorted(CATALOGUE.items()) if fault.befalls(installed, station)]

@@ -12,7 +12,7 @@ from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
 from virtual_lab.simulation.instruments.gate_kernel import WAY, pass_gate
 from virtual_lab.units import Array
 
-CENTRE_PHASES = 64  # number of tabulated positions of a centre between two beams
+CENTRE_PHASES = 64  # number of tabulated positions of a center between two beams
 
 
 class Boards(NamedTuple):
@@ -50,7 +50,7 @@ def write_edges(
     boards
         True constants of the boards.
     reach
-        Distance from the ball's centre at which each beam trips, (board, beam) [m].
+        Distance from the ball's center at which each beam trips, (board, beam) [m].
     """
     sign, edges = 1.0 if out else -1.0, 2 * boards.beams
     passage = np.empty((3, BLOCK))
@@ -153,14 +153,14 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     * u of the height per u of the threshold of a beam.
 
     They are NaN if too few beams were broken. The gains depend on the number of beams that the ball
-    would break beyond the end of a board, and on the position of the ball's centre between two
+    would break beyond the end of a board, and on the position of the ball's center between two
     beams, in `CENTRE_PHASES` steps. A ball near the top of the board has the gains of its mirror
     image near the bottom.
 
     Parameters
     ----------
     centre, radius
-        Height of the ball's centre above the lowest beam, and its radius [pitches], (n,).
+        Height of the ball's center above the lowest beam, and its radius [pitches], (n,).
     beams
         Number of beams of a board.
     memory
@@ -189,7 +189,7 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
 def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, float]:
     """Return the three gains of `fill_gains` if the lowest `missing` beams are missing.
 
-    The squared chords form a parabola, and the height follows from its slope at the centre, by
+    The squared chords form a parabola, and the height follows from its slope at the center, by
     weighted least squares. The weight of a chord is limited to the weight of a tenth of the longest
     chord.
     """

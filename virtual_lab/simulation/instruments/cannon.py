@@ -70,7 +70,7 @@ class Launch:
     speed: Array
     along: Array
     across: Array
-    slope: Array  # height lost per metre of the incoming flight
+    slope: Array  # height lost per meter of the incoming flight
 
 
 @dataclass(frozen=True, slots=True)

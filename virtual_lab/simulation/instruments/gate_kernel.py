@@ -33,7 +33,7 @@ def pass_gate(
 
     All arrays are (shot,), except `flight`, the result of `Passage.way`, (5, shot). The time is
     counted before contact for an incoming ball and after release for a rebound. The height is above
-    the line of fire, and the slope is height per metre of distance.
+    the line of fire, and the slope is height per meter of distance.
     """
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]

@@ -1,7 +1,7 @@
 """Light boards: rows of beams at different heights that time the two edges of a ball.
 
 A ball breaks about ten beams of a board, each along a different chord, so a board measures the time
-and the height of the passage of its centre. Each beam has a fixed threshold that makes it trip
+and the height of the passage of its center. Each beam has a fixed threshold that makes it trip
 early or late. Occasionally a fragment of the sabot crosses the first board just ahead of the ball.
 """
 
@@ -82,7 +82,7 @@ class LightBoardSpec(GateSheet):
         return -self.lowest
 
     def view(self, radius: float) -> tuple[float, float]:
-        """Return the lowest and the highest position of a ball's centre that is detected [m]."""
+        """Return the lowest and the highest position of a ball's center that is detected [m]."""
         return self.lowest - radius, self.highest + radius
 
     def certificate(self) -> dict[str, Estimate]:
@@ -138,7 +138,7 @@ class LightBoards(BallGates[LightBoardSpec]):
         return BoardRecord(times=records)
 
     def sums(self, batch: WatchedBatch) -> PassageRecord:
-        """Return the time and the height of the ball's centre at each board.
+        """Return the time and the height of the ball's center at each board.
 
         The noise is that of a fit to the beams that the ball breaks. For a ball that rises or
         falls, an error of the height also causes an error of the time.

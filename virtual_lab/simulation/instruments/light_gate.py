@@ -2,7 +2,7 @@
 
 The true position of a curtain differs from the surveyed position. The clock of the recorder has a
 rate error, adds jitter to each edge, and counts whole ticks. The mean of the two edges is the
-passage of the ball's centre, whatever the trip level of the curtain is.
+passage of the ball's center, whatever the trip level of the curtain is.
 """
 
 from __future__ import annotations
@@ -179,11 +179,11 @@ class LightGateSpec(GateSheet):
 
     @property
     def room(self) -> float:
-        """Largest depth of a ball's centre below the line of fire that is still detected [m]."""
+        """Largest depth of a ball's center below the line of fire that is still detected [m]."""
         return self.half_height
 
     def view(self, radius: float) -> tuple[float, float]:
-        """Return the lowest and the highest position of a ball's centre that is detected [m]."""
+        """Return the lowest and the highest position of a ball's center that is detected [m]."""
         return -self.half_height, self.half_height
 
 

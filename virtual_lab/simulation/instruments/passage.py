@@ -28,9 +28,9 @@ class Passage:
     drag: Array  # [1/m]
     radius: TrueConstant  # [m]
     gravity: TrueConstant  # [m/s^2]
-    height: Array | float = 0.0  # height of the ball's centre at contact [m]
-    slope_in: Array | float = 0.0  # height per metre of distance, incoming [m/m]
-    slope_out: Array | float = 0.0  # height per metre of distance, rebound [m/m]
+    height: Array | float = 0.0  # height of the ball's center at contact [m]
+    slope_in: Array | float = 0.0  # height per meter of distance, incoming [m/m]
+    slope_out: Array | float = 0.0  # height per meter of distance, rebound [m/m]
     plane: Array | float = 0.0  # distance of the contact from the nominal target [m]
     # position at the release, if it differs from that at first touch [m]
     height_out: Array | None = None

@@ -70,7 +70,7 @@ class Solid(NamedTuple):
     x: int = 0
     low: int = 1  # lower z of the axis
     high: int = 2  # upper z of the axis, equal to `low` for a post
-    reach: int = 3  # distance between the axis and the centre of a touching ball
+    reach: int = 3  # distance between the axis and the center of a touching ball
     restitution: int = 4
     kind: int = 5
     under: int = 6  # height below which a ball passes under the lower bar, NaN for a post

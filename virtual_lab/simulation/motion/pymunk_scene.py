@@ -143,7 +143,7 @@ class _Shot:
         circle = pymunk.Circle(self.ball, float(scene.ball_radius))
         circle.elasticity = 1.0  # pymunk multiplies elasticities; only the object's matters
         circle.filter = pymunk.ShapeFilter(categories=1)  # only the ball meets fixed objects
-        # Centre and moment of inertia refer to the pivot, so the joint does no work.
+        # Center and moment of inertia refer to the pivot, so the joint does no work.
         self.bat = pymunk.Body(1.0, float(scene.bat.inertia))
         self.bat.position = (0.0, float(scene.bat.axis))
         joint = pymunk.PivotJoint(self.space.static_body, self.bat, self.bat.position)

@@ -44,7 +44,7 @@ class Nearness(NamedTuple):
     """Gap and relative motion of ball and bat, each (n,)."""
 
     gap: Array  # distance of the surfaces [m]
-    place: Array  # position of the ball's centre along the bat, from the tip [m]
+    place: Array  # position of the ball's center along the bat, from the tip [m]
     lever: Array  # distance of that position from the pivot [m]
     approach: Array  # normal speed of approach, without the taper [m/s]
     sliding: Array  # rate of change of `place` [m/s]

@@ -1,1 +1,1 @@
-"""Physical models of bat and ball: beam, modes, force law, ageing. True side only."""
+"""Physical models of bat and ball: beam, modes, force law, aging. True side only."""

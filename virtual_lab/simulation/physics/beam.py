@@ -176,7 +176,7 @@ class RigidBat(Generic[Values]):
 
     @property
     def z_cm(self) -> Values:
-        """Centre of mass, from the barrel tip [m]."""
+        """Center of mass, from the barrel tip [m]."""
         return self.first_moment / self.mass
 
     @overload
@@ -189,7 +189,7 @@ class RigidBat(Generic[Values]):
 
     @property
     def inertia_cm(self) -> Values:
-        """Moment of inertia about the centre of mass [kg m^2]."""
+        """Moment of inertia about the center of mass [kg m^2]."""
         return self.inertia(self.z_cm)
 
 

@@ -72,7 +72,7 @@ class Mesh:
 
     @property
     def nodes(self) -> Array:
-        """Positions of all nodes [m], (elements * order + 1,); neighbouring elements share one."""
+        """Positions of all nodes [m], (elements * order + 1,); neighboring elements share one."""
         inner = (self._reference.nodes[1:] + 1) / 2
         starts, sizes = self.boundaries[:-1, None], np.diff(self.boundaries)[:, None]
         nodes = np.concatenate((self.boundaries[:1], (starts + sizes * inner).ravel()))

@@ -83,7 +83,7 @@ class BallFlights(NamedTuple):
 
     flown: FlownShots
     blows: Blows
-    tilt: Array  # angle between the line of centres and the line of fire [rad]
+    tilt: Array  # angle between the line of centers and the line of fire [rad]
     contact: Array  # time at which the ball meets the bat [s]
     leaving: Array  # time at which it leaves the bat [s]
     bat: RestingBat  # bat and its collisions

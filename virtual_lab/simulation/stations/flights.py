@@ -38,7 +38,7 @@ class Surroundings(NamedTuple):
     frame: FrameSpec
     stop: StopSpec
     gates: Array  # distances of gates and their frames, farthest first, ([shot,] gate) [m]
-    # lowest and highest position of a ball's centre that a gate can detect [m]
+    # lowest and highest position of a ball's center that a gate can detect [m]
     view: tuple[TrueConstant, TrueConstant]
 
     def hiding(self, radius: TrueConstant) -> Array:
@@ -61,8 +61,8 @@ class RestingBat(NamedTuple):
     profile: Profile
     axis: Array  # distance of the pivot from the tip [m]
     inertia: Array  # moment of inertia about the pivot [kg m²]
-    place: Array  # position of the ball's centre, from the tip [m]
-    across: Array  # height of the ball's centre above the bat's axis [m]
+    place: Array  # position of the ball's center, from the tip [m]
+    across: Array  # height of the ball's center above the bat's axis [m]
     efficiency: Array  # e_A
     mass: Array  # mass of the ball [kg]
 

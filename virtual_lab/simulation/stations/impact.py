@@ -63,9 +63,9 @@ def scenes_of(
 
 
 def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
-    """Return the angle between the line of fire and the line of centres [rad], (shot,).
+    """Return the angle between the line of fire and the line of centers [rad], (shot,).
 
-    `place` is the impact position from the barrel tip, and `across` the height of the ball's centre
+    `place` is the impact position from the barrel tip, and `across` the height of the ball's center
     above the bat's axis, both (shot,) [m]. The angle has the sign of `across`. It is NaN if the
     ball passes the bat.
     """
@@ -80,7 +80,7 @@ def blows_of(
 
     `at` is a distance [m]. If the instruments record only summary values (`detail`), only e_A is
     computed; the contact time is a typical one, and there is no vibration. A shift of the pivot by
-    a fraction of a millimetre does not change e_A, so in this case the bats of all laboratories are
+    a fraction of a millimeter does not change e_A, so in this case the bats of all laboratories are
     pivoted at the distance `surveyed` from the knob [m].
     """
     body = specimen.bat.body
@@ -156,7 +156,7 @@ def _recoil(
     for body, shots in struck:
         modes = _rigid_modes(body, support)
         place, inverse = np.unique(scenes.impact_position[shots], return_inverse=True)
-        # the mean over a patch is the value at its centre, because rigid modes are straight
+        # the mean over a patch is the value at its center, because rigid modes are straight
         yielding[shots] = np.sum(modes.shape(place) ** 2, axis=1)[inverse]
     bat_speed = impulse * yielding
     ball_speed = impulse / scenes.ball_mass - speed

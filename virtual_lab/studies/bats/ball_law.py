@@ -65,7 +65,7 @@ PANELS = {
     "restitution": "$e$",
     "batted_speed_mph": "$v_f$, mph",
 }  # axis labels keyed by curve name
-LINES = {"power law": ("-", "black"), "Hunt-Crossley": ("--", "0.5")}  # style and colour by law
+LINES = {"power law": ("-", "black"), "Hunt-Crossley": ("--", "0.5")}  # style and color by law
 MARKERS = {1.0: "o", 1.5: "s", 2.0: "^"}  # markers of the peaks by exponent
 
 

@@ -1,4 +1,4 @@
-"""Effect of hits away from the centre of percussion on a pivoted test (the paper's Sec. V B).
+"""Effect of hits away from the center of percussion on a pivoted test (the paper's Sec. V B).
 
 Such hits load the pivot. Each shot is simulated with the installed bearing, with a plain bearing
 and with a loose bearing. The differences show the effect of the bearing on e_A by recoil. e_A by
@@ -88,7 +88,7 @@ class PercussionStudy(StudyResult):
     """Errors of e_A and loads of the axis, one row per impact position."""
 
     bat: str
-    percussion_in: float  # centre of percussion of the nominal bat, from the tip
+    percussion_in: float  # center of percussion of the nominal bat, from the tip
     rows: list[PlaceReadings]
 
     name = "percussion"
@@ -180,7 +180,7 @@ def percussion(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> PercussionStudy:
-    """Show the errors of hits off the centre of percussion of a pivoted bat.
+    """Show the errors of hits off the center of percussion of a pivoted bat.
 
     The table has one row per impact position, 2 to 12 in from the tip.
 
@@ -207,7 +207,7 @@ def percussion(
     Returns
     -------
     PercussionStudy
-        One row per impact position: 2 to 12 in from the tip in steps of 1 in, the centre of
+        One row per impact position: 2 to 12 in from the tip in steps of 1 in, the center of
         percussion, and the positions 0.01 in on each side of it.
 
     Raises

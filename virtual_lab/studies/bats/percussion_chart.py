@@ -23,12 +23,12 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> Page
     table
         Table of the result of `virtual_lab.studies.bats.percussion.percussion`.
     percussion_in
-        Centre of percussion [in from the tip].
+        Center of percussion [in from the tip].
     bat
         Name of the bat, for the title.
     """
     table = table.astype(float)  # None (no detected rebound) becomes NaN
-    # Close to the centre of percussion only a loose bearing has an effect.
+    # Close to the center of percussion only a loose bearing has an effect.
     apart = (table["impact_position_in"] - percussion_in).abs()
     rows = table[~apart.between(1e-6, 0.1, inclusive="neither")]
     z = rows["impact_position_in"]

@@ -238,7 +238,7 @@ def restitution(
 
 
 def centre_of_percussion_in(bat: str) -> float:
-    """Return the centre of percussion [in from the tip] of a bat pivoted 6 in from the knob."""
+    """Return the center of percussion [in from the tip] of a bat pivoted 6 in from the knob."""
     bat_beam = beam(bat)
     pivot = bat_beam.length - 6 * INCH
     return (

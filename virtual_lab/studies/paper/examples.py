@@ -181,7 +181,7 @@ def loads_apart() -> float:
 
 
 def centre_farther() -> float:
-    """Return the distance from tip to centre of mass of EA70 minus that of R161 [in]."""
+    """Return the distance from tip to center of mass of EA70 minus that of R161 [in]."""
     return (beam(ALUMINIUM).z_cm - beam(WOOD).z_cm) / INCH
 
 

@@ -158,7 +158,7 @@ def firmness() -> float:
 def lost_in_cm_frame() -> float:
     """Return the largest absolute deviation of the lost share of energy from 1 - e².
 
-    The energy is that in the centre-of-mass frame of ball and free R161, hit at 2 to 10 in from the
+    The energy is that in the center-of-mass frame of ball and free R161, hit at 2 to 10 in from the
     tip.
     """
     z = np.linspace(2, 10, 9)
@@ -227,9 +227,9 @@ def parallel_axes() -> float:
 
 
 def nearer_is_heavier() -> float:
-    """Return the smallest relative increase of the effective mass toward the centre of mass.
+    """Return the smallest relative increase of the effective mass toward the center of mass.
 
-    The increase is between neighbours of 30 positions on each of the four bats. A result of 0.01
+    The increase is between neighbors of 30 positions on each of the four bats. A result of 0.01
     means 1 %.
     """
     least = np.inf
@@ -324,14 +324,14 @@ def least_energy_gap(support_name: str) -> float:
 
 
 def at_percussion(bat: str) -> float:
-    """Return the absolute change of e at the centre of percussion caused by a pivot, at 60 mph."""
+    """Return the absolute change of e at the center of percussion caused by a pivot, at 60 mph."""
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
     return _worst(gap)
 
 
 def recoils_at_percussion() -> float:
-    """Return the relative change of r at the centre of percussion caused by a pivot, without sign.
+    """Return the relative change of r at the center of percussion caused by a pivot, without sign.
 
     The result is the largest of the four bats, with the pivot 6 in from the knob.
     """
@@ -348,7 +348,7 @@ def recoils_at_percussion() -> float:
 def pivot_speed() -> float:
     """Return the ratio of the speeds of the pivot point and the impact point, just after a hit.
 
-    R161 is free and rigid, and is hit at its centre of percussion for a pivot 6 in from the knob.
+    R161 is free and rigid, and is hit at its center of percussion for a pivot 6 in from the knob.
     This point then stays at rest, so the ratio is 0 up to rounding. It may be negative.
     """
     bat_beam = beam(WOOD)

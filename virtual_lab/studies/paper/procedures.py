@@ -56,7 +56,7 @@ def ends() -> float:
 
 
 def _factor(bat: str) -> float:
-    """Return the BPF of the ASTM method: pivoted, 60 mph, at the centre of percussion."""
+    """Return the BPF of the ASTM method: pivoted, 60 mph, at the center of percussion."""
     place = np.array([centre_of_percussion_in(bat)])
     e_A = peak_of(
         bat, place, support_name="pivoted", speed=60.0, with_ball=BALL
@@ -68,7 +68,7 @@ def _factor(bat: str) -> float:
 def by_recoil() -> float:
     """Return the absolute difference of e_A by the recoil of pivoted R161 and e_A by the ball.
 
-    The bat is hit at its centre of percussion, at 60 mph.
+    The bat is hit at its center of percussion, at 60 mph.
     """
     bat = model(WOOD, "pivoted")
     z, bat_beam = centre_of_percussion_in(WOOD), beam(WOOD)
@@ -85,7 +85,7 @@ def by_recoil() -> float:
 def reaction(distance: float) -> float:
     """Return the absolute ratio of the impulse on the pivot to that on the barrel, for rigid R161.
 
-    The impact is at `distance` [in] from the centre of percussion, positive toward the handle. The
+    The impact is at `distance` [in] from the center of percussion, positive toward the handle. The
     pivot is 6 in from the knob.
     """
     bat_beam, z = beam(WOOD), centre_of_percussion_in(WOOD) + distance
@@ -147,7 +147,7 @@ def below_field(speed: float) -> float:
 
 
 def off_percussion() -> float:
-    """Return the largest distance of a peak of v_f from the centre of percussion [in].
+    """Return the largest distance of a peak of v_f from the center of percussion [in].
 
     "Largest" is over the four bats, with the peaks for swing exponent 0.
     """
@@ -194,7 +194,7 @@ def ncaa_lead(first: str, second: str) -> float:
 def factor_lead(first: str, second: str) -> float:
     """Return the BPF of the first bat minus that of the second.
 
-    Each bat is pivoted 6 in from the knob and hit at its centre of percussion, at 60 mph.
+    Each bat is pivoted 6 in from the knob and hit at its center of percussion, at 60 mph.
     """
     return _factor(first) - _factor(second)
 

@@ -124,7 +124,7 @@ def weight(bat: str) -> float:
 
 
 def balance_point(bat: str) -> float:
-    """Return the distance of the centre of mass of a bat from the knob end [in]."""
+    """Return the distance of the center of mass of a bat from the knob end [in]."""
     return (beam(bat).length - beam(bat).z_cm) / INCH
 
 
@@ -237,7 +237,7 @@ def restitution_change(bat: str, first: str, speed: float) -> float:
 
 
 def procedure_result(bat: str, procedure: str) -> float:
-    """Return the largest metric of a nominal bat, 3 to 9 in from the tip, normalised by the rules.
+    """Return the largest metric of a nominal bat, 3 to 9 in from the tip, normalized by the rules.
 
     The metric is in SI units; ratios are dimensionless. `procedure` is a name in the catalog.
     """

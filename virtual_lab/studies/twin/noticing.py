@@ -1,7 +1,7 @@
-"""Faults of the catalogue that a laboratory would notice, and the smallest size noticed.
+"""Faults of the catalog that a laboratory would notice, and the smallest size noticed.
 
 Each fault is simulated on full days of the twin in several sizes, as a fraction of the fault in the
-catalogue. The results of these days are kept in a file, so that an interrupted study can continue.
+catalog. The results of these days are kept in a file, so that an interrupted study can continue.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.units import Array
 
-SIZES = (0.25, 0.5, 1.0, 2.0)  # sizes of a fault [its size in the catalogue]
+SIZES = (0.25, 0.5, 1.0, 2.0)  # sizes of a fault [its size in the catalog]
 DAYS = 10  # number of days per fault and size
 FIRST = 2**21  # number of the first of these days
 # faults that a twin cannot simulate: its balls have no law of humidity, and its bat no stiffness

@@ -193,7 +193,7 @@ def twin(
         Fewer days are simulated if no reading can become so. For records of summary values there
         are no such days.
     faults
-        Folder for the days of each fault of the catalogue that the rigs can have, in four sizes; if
+        Folder for the days of each fault of the catalog that the rigs can have, in four sizes; if
         it has some of these days, the others are simulated. This takes a few minutes. By default
         no faults are simulated.
     seed

@@ -22,13 +22,13 @@ class BoardView:
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
-    """Return the corners of a board in a grey picture, None if fewer than eight are found.
+    """Return the corners of a board in a gray picture, None if fewer than eight are found.
 
     A chessboard must be completely visible; a board with markers may be visible in part. The first
     square may also be white, as OpenCV before 4.6 printed it if the number of rows was even.
     """
     grey = picture.astype(np.float32)
-    # grey levels above the 99.9th percentile are glints
+    # gray levels above the 99.9th percentile are glints
     dark, bright = float(grey.min()), float(np.percentile(grey, 99.9))
     if bright <= dark:
         return None
@@ -40,7 +40,7 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     clear = (1 - board.marker / board.square) / 2 if board.marker else 0.5
     # half width of the window in which a corner is refined [pixels]. The window ends one pixel
     # before the markers. With more than five pixels the errors of 0.024 pixels do not become
-    # smaller, and the window contains markers and neighbouring corners.
+    # smaller, and the window contains markers and neighboring corners.
     reach = int(np.clip(clear * side - 1.0, 2, 5))
     stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-4)
     start = places.astype(np.float32)

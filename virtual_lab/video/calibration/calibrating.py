@@ -95,7 +95,7 @@ class Calibrated:
 
 
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
-    """Calibrate the camera that took some pictures: name and grey values (row, column), read once.
+    """Calibrate the camera that took some pictures: name and gray values (row, column), read once.
 
     Raises `InputError` if the pictures differ in size, fewer than three show a board, the plane
     view shows none, all boards are parallel, the residuals are too large for a lens, or the plane

@@ -44,7 +44,7 @@ def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
 def _beside_edges(
     picture: NDArray[Any], view: BoardView, board: Board
 ) -> tuple[NDArray[np.intp], Array, Array, float]:
-    """Return edge number, distance and grey value of pixels near edges, and width of the paper."""
+    """Return edge number, distance and gray value of pixels near edges, and width of the paper."""
     places = np.full((*board.shape[::-1], 2), np.nan)
     places.reshape(-1, 2)[view.ids] = view.places
     rows, columns = (places[:, :-1], places[:, 1:]), (places[:-1], places[1:])

@@ -1,4 +1,4 @@
-"""Conversion from pixels to metres in the plane in which the ball moves."""
+"""Conversion from pixels to meters in the plane in which the ball moves."""
 
 from __future__ import annotations
 
@@ -123,8 +123,8 @@ def relative_u_of(camera: CameraModel) -> float:
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
     """Return the points where the rays of pixels meet the ball's plane, (n, 2) [m].
 
-    The image of a sphere is an ellipse. The centre of this ellipse is farther from the optical axis
-    than the image of the sphere's centre, by the factor 1 / (1 - r²/Z²). This is corrected if the
+    The image of a sphere is an ellipse. The center of this ellipse is farther from the optical axis
+    than the image of the sphere's center, by the factor 1 / (1 - r²/Z²). This is corrected if the
     diameter is known.
     """
     rotation, eye = _pose(camera)

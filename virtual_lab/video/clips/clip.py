@@ -45,8 +45,8 @@ class Clip:
     held: Sequence[Frame] = ()  # all frames; empty for a clip that does not stay in memory
     times: NDArray[np.float64]  # (frame,) time [s]
     shape: tuple[int, int]  # rows, columns
-    full_scale: float  # largest grey value of this number of bits [DN]
-    samples: Frame  # (sample, row, column), or (…, 3) with colours, as stored
+    full_scale: float  # largest gray value of this number of bits [DN]
+    samples: Frame  # (sample, row, column), or (…, 3) with colors, as stored
     sampled: NDArray[np.intp]  # numbers of the frames that were sampled
     warnings: tuple[str, ...]
 
@@ -56,11 +56,11 @@ class Clip:
         return len(self.times)
 
     def grey_samples(self, every: int = 1) -> Frame:
-        """Return the grey values of every `every`-th row and column, (sample, row, column)."""
+        """Return the gray values of every `every`-th row and column, (sample, row, column)."""
         return np.stack([grey_of(each) for each in self.samples[:, ::every, ::every]])
 
     def pictures(self) -> Iterator[Frame]:
-        """Return an iterator over all frames as stored, grey or in colour."""
+        """Return an iterator over all frames as stored, gray or in color."""
         return (picture for _, picture in self.chosen(np.arange(self.count)))
 
     def chosen(self, wanted: NDArray[np.intp]) -> Iterator[tuple[int, Frame]]:

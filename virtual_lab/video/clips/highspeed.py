@@ -99,7 +99,7 @@ def mraw(path: Path) -> Source:
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:
-    """Return grey values from packed data: two of 12 bits per three bytes, high bits first."""
+    """Return gray values from packed data: two of 12 bits per three bytes, high bits first."""
     if bits != 12:
         return raw.view(f"<u{bits // 8}")
     one, two, three = raw.reshape(-1, 3).astype(np.uint16).T

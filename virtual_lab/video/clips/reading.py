@@ -31,7 +31,7 @@ LARGEST = 50e6  # largest number of pixels of a picture: a film of 8K has 33 mil
 def open_source(path: Path | Frame) -> Source:
     """Return the source of a clip's frames. Raises `InputError` if none can be read.
 
-    `path` is a file or a folder, or an array of frames, (frame, row, column). Frames in colour have
+    `path` is a file or a folder, or an array of frames, (frame, row, column). Frames in color have
     a last axis in the order of OpenCV, blue first.
     """
     import cv2
@@ -185,7 +185,7 @@ def _capture(path: Path) -> cv2.VideoCapture:
     if not capture.isOpened():
         allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
         raise InputError(str(path), "video", None, allowed)
-    # codes of FFmpeg for grey of 8 and 16 bits; an unknown format is -1
+    # codes of FFmpeg for gray of 8 and 16 bits; an unknown format is -1
     greys = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
     if capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT) in greys:
         capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)  # otherwise 16 bits are reduced to 8
@@ -224,7 +224,7 @@ def _require_sizes(path: Path) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Return a frame as grey values of the same depth, (row, column), without a fourth channel."""
+    """Return a frame as gray values of the same depth, (row, column), without a fourth channel."""
     import cv2
 
     if frame.ndim == 2 or frame.shape[2] == 1:
@@ -233,7 +233,7 @@ def grey_of(frame: Frame) -> Frame:
 
 
 def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
-    """Yield name and grey values (row, column) of every picture in some files and folders.
+    """Yield name and gray values (row, column) of every picture in some files and folders.
 
     The name of a picture from a stack or a clip contains its number, ``clip.mp4:12``. Raises
     `InputError` if a file is missing or cannot be read, or if a folder has no images.

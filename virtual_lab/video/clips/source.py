@@ -36,7 +36,7 @@ class Source:
     read: Callable[[Wanted], Stamped]
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:
-        """Yield frames, grey or in colour, with their time stamps; None for a frame not wanted.
+        """Yield frames, gray or in color, with their time stamps; None for a frame not wanted.
 
         Raises `InputError` if a frame has another size or depth than the first, if fewer frames can
         be read than the file states, or if there is none.

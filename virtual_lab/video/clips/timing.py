@@ -103,7 +103,7 @@ def _rising(stamps: Array) -> Array | None:
     """Return increasing time stamps, (frame,) [s]; None if fewer than half of them can be used.
 
     If a stamp is not larger than the stamp before it, either may be wrong, so both are interpolated
-    between their neighbours.
+    between their neighbors.
     """
     falls = np.flatnonzero(np.diff(stamps) <= 0)
     number = np.arange(len(stamps))

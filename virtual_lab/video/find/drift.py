@@ -1,6 +1,6 @@
 """Drift of a picture from the still frame: shift, growth and turn, by least squares on its edges.
 
-The method is Gauss-Newton on grey values (Lucas and Kanade 1981) with Tukey's biweight: pixels of
+The method is Gauss-Newton on gray values (Lucas and Kanade 1981) with Tukey's biweight: pixels of
 moving objects have a large residual and are left out. Steep edges have the largest weight, because
 a codec keeps flat edges in place. A step that is too large for this method is found by phase
 correlation of small pictures.
@@ -45,7 +45,7 @@ class _Alignment:
 _ALIGN = _Alignment()
 STEEP = 2.0  # smallest steepness of an edge [DN/px]; smaller values are noise
 FAR_OFF = 2.0  # distance beyond which an edge moves by itself, or a picture has leapt [pixels]
-BLACK = 12  # grey level [DN] of a pixel that is not part of the picture
+BLACK = 12  # gray level [DN] of a pixel that is not part of the picture
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +53,8 @@ class Edges:
     """Pixels of a picture at steep edges, (pixel,)."""
 
     places: Array  # (pixel, 1, 2) x and y in the still frame [pixels]
-    value: Array  # grey value [DN]
-    # (pixel, 4), change of the grey value per unit of drift; growth and turn are in pixels at the
+    value: Array  # gray value [DN]
+    # (pixel, 4), change of the gray value per unit of drift; growth and turn are in pixels at the
     # middle of the longer side [DN/px]
     design: Array
 
@@ -79,7 +79,7 @@ class Edges:
         return float(np.fmin(np.abs(self._left(grey, drift)), clip).sum())
 
     def _left(self, grey: Image, drift: Array) -> Array:
-        """Return grey values of a drifted picture minus those of the edges [DN]; NaN outside."""
+        """Return gray values of a drifted picture minus those of the edges [DN]; NaN outside."""
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
         real, (x, y) = grey.astype(np.float32), cv2.split(at)
         view = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()

@@ -60,7 +60,7 @@ class _StillSettings:
     # smallest number of samples that show whether a ball is lighter or darker than the background
     fewest: int = 8
     # quantile, or its complement, for the background of a slow ball. With the median, flights of
-    # balls lit from the side were lost in 3 of 8 clips of a grey camera.
+    # balls lit from the side were lost in 3 of 8 clips of a gray camera.
     side: float = 0.25
     # smallest range of brightness of a pixel that the ball touched [standard deviations of noise]
     touched: float = 8.0
@@ -80,7 +80,7 @@ _STILL = _StillSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Still:
-    """The scene without moving objects, as grey (row, column) or colour (…, 3) pictures of 8 bits.
+    """The scene without moving objects, as gray (row, column) or color (…, 3) pictures of 8 bits.
 
     If the camera drifts, it is larger than a picture, because it contains everything that any
     sample shows.
@@ -189,7 +189,7 @@ def still_of(
     Parameters
     ----------
     samples
-        The pictures, grey or in colour.
+        The pictures, gray or in color.
     depth
         Number of bits of their values.
     apart
@@ -309,7 +309,7 @@ def _change(greys: Sequence[Image], drifts: Array, behind: Image, steep: Mask) -
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
-    """Return a picture reduced from `depth` to 8 bits: with three channels, or grey (row, column).
+    """Return a picture reduced from `depth` to 8 bits: with three channels, or gray (row, column).
 
     A fourth channel is dropped. A picture stored in 8 bits keeps its values.
     """
@@ -350,9 +350,9 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile, 0 to 1, of a pixel's grey values in all pictures that is the background.
+    """Return the quantile, 0 to 1, of a pixel's gray values in all pictures that is the background.
 
-    It is 0.5, the median, except for eight or more pictures of a grey camera, as used in
+    It is 0.5, the median, except for eight or more pictures of a gray camera, as used in
     laboratories. In such a clip a slow ball may cover a pixel for most of the time. Most of the
     pixels that it touches, however, are covered for less than half of the time, and show whether
     the ball is lighter than the background. For a lighter ball the quantile is below 0.5, for a
@@ -417,7 +417,7 @@ def _shrunk(picture: Image, shrink: int) -> Image:
 
 
 def _soft(picture: Image) -> Image:
-    """Return a smoothed grey picture, because noise and the blocks of a codec have steep edges."""
+    """Return a smoothed gray picture, because noise and the blocks of a codec have steep edges."""
     return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
 
 

@@ -17,7 +17,7 @@ from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
 
 # largest change of the drift per frame that a hand can cause [share of the fastest drift]
 LEAP_SHARE = 0.4
-# smallest ratio of second differences of neighbouring rows to those of every other row in an
+# smallest ratio of second differences of neighboring rows to those of every other row in an
 # interlaced clip, and smallest number of free blobs to measure it; interlaced clips have 1.5 to 3,
 # other clips 0.4 to 1
 COMB_RATIO, COMB_BLOBS = 1.25, 3
@@ -124,7 +124,7 @@ def watch(
 def _has_combs(clip: Clip, moving: Blobs) -> bool:
     """Return whether alternate rows of moving blobs show two times (interlaced fields).
 
-    In an interlaced frame a row differs more from its neighbours than from the rows beyond them. In
+    In an interlaced frame a row differs more from its neighbors than from the rows beyond them. In
     other frames it differs less, or equally if there is only noise.
     """
     combed = []
@@ -147,7 +147,7 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 
 
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
-    """Return a mask of the blobs whose centres are in a region of the stabilized frame.
+    """Return a mask of the blobs whose centers are in a region of the stabilized frame.
 
     `region` is x and y of the upper left corner, width and height [pixels]. If it is None, all
     blobs are selected.

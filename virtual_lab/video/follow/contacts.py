@@ -45,7 +45,7 @@ class Contact:
     kind: str  # floor | wall | struck
     restitution: Estimate | None
     place: Array  # (2,) still frame [pixels]
-    metres: Array  # (2,) `place` in metres
+    metres: Array  # (2,) `place` in meters
     metres_u: float
 
 

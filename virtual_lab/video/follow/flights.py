@@ -165,7 +165,7 @@ class _Bend:
         alike = float(np.abs(other.colour - self.colour).max()) < GROWTH.colour
         ratio = max(other.piece.radius, self.piece.radius)
         ratio /= min(other.piece.radius, self.piece.radius)
-        # a ball in two colours may turn and change its colour, but then its size must agree better
+        # a ball in two colors may turn and change its color, but then its size must agree better
         if ratio > (GROWTH.size_ratio if alike else np.sqrt(GROWTH.size_ratio)):
             return False, False
         room = max(FLIGHTS.pull_share * self.size, self.slowed, other.slowed)
@@ -189,7 +189,7 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
         shared = [(each.piece, *one.shares(each)) for each in others]
         like = [piece for piece, _, sure in shared if sure]
         loose = [piece for piece, may, sure in shared if may and not sure]
-        # A short piece may agree with gravity by chance, and so may a turning ball in two colours.
+        # A short piece may agree with gravity by chance, and so may a turning ball in two colors.
         # Such pieces must adjoin a flight.
         while near := [o for o in loose if any(_adjoins(o, e) for e in like)]:
             like += near
@@ -227,7 +227,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
 
 
 def _join(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Return the flights after joining neighbours that are one flight, even across lost frames."""
+    """Return the flights after joining neighbors that are one flight, even across lost frames."""
     joined = flights[:1]
     for other in flights[1:]:
         one = joined[-1]
@@ -375,7 +375,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
     """Return the share, 0 to 1, of the frames with a similar moving ball that the flights span.
 
-    A similar ball has the size and the colour of the ball of the flights, and moves by at least a
+    A similar ball has the size and the color of the ball of the flights, and moves by at least a
     diameter. The share is 1 if no other piece is such a ball.
     """
     blobs = np.concatenate([each.blobs for each in flights])

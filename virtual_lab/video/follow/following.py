@@ -36,7 +36,7 @@ from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """A flight in metres and seconds."""
+    """A flight in meters and seconds."""
 
     first_frame: int
     last_frame: int
@@ -256,7 +256,7 @@ def _flights(
     scale: Ruler,
     step: float,
 ) -> list[Flight]:
-    """Return the flights in metres and seconds."""
+    """Return the flights in meters and seconds."""
     fit = model.fit
     others = [*model.rest, *model.longest]
     unit = scale.metres_per_pixel / step

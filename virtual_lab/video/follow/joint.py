@@ -2,8 +2,8 @@
 
 The camera is assumed to be level, so that its perspective is small. The scene may state g and drag.
 If positions have no u, it is estimated from their scatter. Positions of a calibrated camera have a
-u from noise and a u from the pattern of the ball, which moves the apparent centre slowly as the
-ball turns. The errors that the pattern causes in neighbouring frames are similar, so they do not
+u from noise and a u from the pattern of the ball, which moves the apparent center slowly as the
+ball turns. The errors that the pattern causes in neighboring frames are similar, so they do not
 appear in the residuals, and they affect the speed fully. The size of this effect is computed from
 the pictures, its correlation time from the residuals.
 
@@ -48,10 +48,10 @@ class FlightFit:
     # distance up to which a position has full weight [ball radii], unless FAR_U allows more
     outlier_radii: float = 0.05
     least_spread: float = 0.02  # pixels
-    correlation: float = 0.8  # largest correlation of neighbouring residuals
+    correlation: float = 0.8  # largest correlation of neighboring residuals
     # range of the correlation time of a pattern [durations of the flight]
     lags: tuple[float, float] = (0.02, 30.0)
-    slant_u: float = 0.0035  # u of the slope of a floor or wall relative to g, about 4 mm per metre
+    slant_u: float = 0.0035  # u of the slope of a floor or wall relative to g, about 4 mm per meter
 
 
 FLIGHT_FIT = FlightFit()
@@ -204,7 +204,7 @@ def fit_flights(
     if model.sharp:
         u[k : k + 3] = 0.0
     alike = 1.0
-    # Correlated errors of neighbouring positions reduce the weight of each position.
+    # Correlated errors of neighboring positions reduce the weight of each position.
     for _ in range(1 if model.sharp else 2):
         vector, inverse, room = _solve(model, before, u, k, alike)
         left = model.xy - model.places(vector)
@@ -392,7 +392,7 @@ def _meeting(before: Array, after: Array) -> Array:
 
 
 def _alike(left: Array, of: Ints) -> float:
-    """Return the factor by which correlated errors of neighbouring positions increase variances."""
+    """Return the factor by which correlated errors of neighboring positions increase variances."""
     same = of[1:] == of[:-1]
     power = float((left**2).mean())
     if power == 0:

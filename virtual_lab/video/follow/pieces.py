@@ -37,7 +37,7 @@ class PieceGrowth:
     # and twice as large for the fourth.
     room: tuple[float, float] = (0.25, 0.12)
     size_ratio: float = 1.6  # largest ratio of the radii of one ball's blobs
-    colour: float = 70.0  # largest difference in colour between one ball's blobs [DN]
+    colour: float = 70.0  # largest difference in color between one ball's blobs [DN]
     # largest ratio of the rms misfit of a piece cut at a contact to that of the whole piece
     better: float = 0.5
 
@@ -56,7 +56,7 @@ class Piece:
     radius: float
     # (position,), u of x, and of y, from noise [pixels]; None: estimated from the scatter
     u: Array | None = None
-    # u of x, and of y, from the pattern of the ball, correlated in neighbouring frames [pixels]
+    # u of x, and of y, from the pattern of the ball, correlated in neighboring frames [pixels]
     pattern_u: float = 0.0
 
     @classmethod
@@ -148,7 +148,7 @@ class _Growth:
         return piece if mended else even
 
     def _like(self, one: int, frame: int) -> Ints:
-        """Return the unused blobs of a frame with a size and colour similar to blob `one`."""
+        """Return the unused blobs of a frame with a size and color similar to blob `one`."""
         others = np.arange(self.first[frame], self.first[frame + 1])
         ratio = self.radius[others] / self.radius[one]
         near = ~self.used[others] & (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)

@@ -1,8 +1,8 @@
 """The ball's places in a flight, from its pictures laid over each other.
 
 A wall as bright as one side of a ball hides that part of the outline, so that the hull moves by
-pixels as the ball passes lighter and darker parts of the wall. Here each picture is modelled as the
-background, hidden by a disc, plus the light of the ball, which is the same in all pictures of a
+pixels as the ball passes lighter and darker parts of the wall. Here each picture is modeled as the
+background, hidden by a disk, plus the light of the ball, which is the same in all pictures of a
 flight and moves with the ball. A hidden side then has no weight. Light and places are computed in
 turns: the light is the mean of the pictures without their backgrounds, and each place follows from
 the light by least squares (Gauss and Newton). All places of a flight may be off by the same

@@ -73,7 +73,7 @@ RULER = RulerSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruler(PixelScale):
-    """A scale that converts speeds of a fit to metres per second."""
+    """A scale that converts speeds of a fit to meters per second."""
 
     fall: float | None = None  # g [m/frame²] if gravity is the ruler, otherwise None
     rest_u: float  # relative u that is not part of the u of the fit's parameters

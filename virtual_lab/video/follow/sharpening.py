@@ -42,7 +42,7 @@ class SharpnessSettings:
 
     least_frames: int = 3  # smallest number of frames of a flight
     # range of the ratio of a ball's radius to the expected radius, which excludes other objects.
-    # The hull of a ball lit from the side is half a disc, half a radius wide.
+    # The hull of a ball lit from the side is half a disk, half a radius wide.
     size_ratios: tuple[float, float] = (0.4, 1.45)
     # smallest probability of the distance of a position from its flight; a less likely position is
     # rejected
@@ -265,7 +265,7 @@ def _flatten(
     calibration, plane = knowledge.calibration, ball.plane
     assert calibration is not None
     camera, fit, notes = calibration.camera, fit_flights(scene, ways), []
-    # For an unknown camera the axis passes the centre of the picture, and the distance is infinite.
+    # For an unknown camera the axis passes the center of the picture, and the distance is infinite.
     foot, far, bend = (np.array(scene.size) - 1) / 2, np.inf, 0.0
     if camera:
         *middle, over = foot_of(camera)

@@ -254,7 +254,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     """Return the solution of a cyclic block-tridiagonal system, in the shape of `right`.
 
     `blocks` (block, n, n) are on the diagonal, and `links` couple each block with the next, the
-    last with the first. `right` is (block, n, m). In the order 0, last, 1, last - 1, … neighbours
+    last with the first. `right` is (block, n, m). In the order 0, last, 1, last - 1, … neighbors
     are at most two blocks apart, so the matrix is a band. Raises `LinAlgError` if it is not
     positive definite.
     """
@@ -303,7 +303,7 @@ def _shifts(by_pattern: Array, stiffness: Array) -> Array:
 
 
 def _brightness(region: Array, p: Array, noise: Noise) -> float:
-    """Return the root mean square of the ball's grey values above the black level."""
+    """Return the root mean square of the ball's gray values above the black level."""
     row, col = np.ogrid[: region.shape[0], : region.shape[1]]
     ball = np.hypot(row - p[AT.y], col - p[AT.x]) < 0.9 * p[AT.radius]
     return max(1.0, sqrt(float(np.mean((region[ball] - noise.black) ** 2)))) if ball.any() else 1.0

@@ -44,8 +44,8 @@ def _fill(
 ) -> tuple[float, float]:
     """Fill `row` with the derivatives of a pixel by outline, shading and pattern.
 
-    Return the expected grey value, and the share of the outline in the pixel. (x, y) is measured
-    from the centre at mid exposure, and `light` is the brightness for each column of the table.
+    Return the expected gray value, and the share of the outline in the pixel. (x, y) is measured
+    from the center at mid exposure, and `light` is the brightness for each column of the table.
     """
     table, s = rim.table, rim.width
     columns = light.size
@@ -126,7 +126,7 @@ def sector_sums(
     `sums` is (sector + 1, n, n); the last sector is for pixels off the rim. The n variables are the
     shared parameters, the pattern's knots at the beginning and at the end of the sector (`pattern`,
     (sector, knot)), and the residual of the pixel. `first` is True as long as the model is too
-    inaccurate for the expected grey values to give the noise; then some of the rows are enough.
+    inaccurate for the expected gray values to give the noise; then some of the rows are enough.
     """
     region, back, way = view
     rows, cols = region.shape

@@ -46,7 +46,7 @@ class Located:
     blur_y: Array
     chi_square: Array  # chi^2 per degree of freedom; NaN if the method has none
     flags: NDArray[np.uint16]  # bits of `PlaceFlag`
-    # u of the position from the pattern of the ball, correlated in neighbouring frames [pixels]
+    # u of the position from the pattern of the ball, correlated in neighboring frames [pixels]
     pattern_u: Array
 
     @classmethod
@@ -112,7 +112,7 @@ def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, i
 
 
 def cut(picture: Frame, corners: Array, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the regions of a grey picture at these corners, (region, row, col)."""
+    """Return the regions of a gray picture at these corners, (region, row, col)."""
     left, top = corners.astype(int).T
     views = np.lib.stride_tricks.sliding_window_view(picture, shape)
     return np.asarray(views[top, left], np.float32)

@@ -1,7 +1,7 @@
 """The noise of a camera's pixels by EMVA 1288: variance as a function of the mean.
 
-V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in grey values squared. The terms are photon
-noise, differences between pixels, and noise in the dark, which includes the rounding to whole grey
+V(mu) = K (mu - black) + (prnu (mu - black))^2 + read, in gray values squared. The terms are photon
+noise, differences between pixels, and noise in the dark, which includes the rounding to whole gray
 values.
 """
 
@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from virtual_lab.errors import InputError
 from virtual_lab.units import Array
 
-ROUNDING = 1 / 12  # variance of the rounding to whole grey values [DN^2]
+ROUNDING = 1 / 12  # variance of the rounding to whole gray values [DN^2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """Noise and defects that a camera adds to a picture. Grey values are in DN.
+    """Noise and defects that a camera adds to a picture. Gray values are in DN.
 
     Raises
     ------
@@ -31,9 +31,9 @@ class Noise:
 
     gain: float  # system gain K [DN/e]
     read: float  # variance in the dark: dark current, reading, rounding [DN^2]
-    black: float = 0.0  # grey value without light [DN]
+    black: float = 0.0  # gray value without light [DN]
     prnu: float = 0.0  # relative spread of the pixels' gains
-    full_scale: float = np.inf  # highest grey value [DN]
+    full_scale: float = np.inf  # highest gray value [DN]
 
     def __post_init__(self) -> None:
         sound = min(self.gain, self.prnu) >= 0 < self.read and self.black < self.full_scale
@@ -48,7 +48,7 @@ class Noise:
         return tuple(map(float, (self.gain, self.read, self.black, self.prnu, self.full_scale)))
 
     def variance(self, mean: ArrayLike) -> Array:
-        """Return the variance of pixels with these mean grey values, same shape [DN^2]."""
+        """Return the variance of pixels with these mean gray values, same shape [DN^2]."""
         light = np.maximum(np.asarray(mean, float) - self.black, 0.0)
         return self.gain * light + (self.prnu * light) ** 2 + self.read
 

@@ -15,7 +15,7 @@ from scipy.special import ndtr
 
 from virtual_lab.units import Array
 
-# parameters common to all sectors: centre, radius, oval of the outline (cos 2a, sin 2a), level and
+# parameters common to all sectors: center, radius, oval of the outline (cos 2a, sin 2a), level and
 # slopes of the background, and shading of the ball: a level, and the slopes of brightness with the
 # x, y and camera components of the surface normal
 Shared = namedtuple(

@@ -99,7 +99,7 @@ def on_the_limb(regions: Regions, start: Located) -> Located:
     """Return positions from the lit limb, to a pixel or two; without a limb, those of `start`.
 
     A lamp at the side lights only part of a ball. One side of the outline of this part is the limb
-    of the ball, and the other side is the border of the shade. The position is the centre of the
+    of the ball, and the other side is the border of the shade. The position is the center of the
     circle with the ball's size that contains most of the outline. The motion during an exposure
     must be small compared with the radius, which must be correct to 3 % in `start`.
     """

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 Image = NDArray[np.uint8]
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colours of flights
-NONE = "#ff00ff"  # colour of positions outside flights, visible in front of any wall
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colors of flights
+NONE = "#ff00ff"  # color of positions outside flights, visible in front of any wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,10 +74,10 @@ class Pictures:
         }
 
     def _light(self) -> tuple[float, float]:
-        """Return the grey values to show as black and as white."""
+        """Return the gray values to show as black and as white."""
         samples = self.clip.samples
         if samples.ndim == 4 and samples.dtype == np.uint8:
-            return 0.0, 255.0  # a colour clip keeps its brightness
+            return 0.0, 255.0  # a color clip keeps its brightness
         low, high = np.quantile(samples[:: max(1, len(samples) // 4)], (0.001, 0.9995))
         return float(min(low, 0.2 * high)), float(max(high, low + 1))
 
@@ -207,7 +207,7 @@ def _spread(places: int, count: int) -> NDArray[np.intp]:
 
 
 def _display_image(frame: Frame, size: tuple[int, int], black: float, white: float) -> Image:
-    """Return a frame with 8 bits and three colours, reduced to the given width and height."""
+    """Return a frame with 8 bits and three colors, reduced to the given width and height."""
     way = cv2.INTER_AREA if size[0] < frame.shape[1] else cv2.INTER_LINEAR
     colours = frame if frame.ndim == 2 else np.ascontiguousarray(frame[..., :3])
     small = cv2.resize(colours, size, interpolation=way)

@@ -20,7 +20,7 @@ CONTRAST = 8e-4  # largest error, as a share of the contrast of ball and backgro
 
 
 def folded_spectrum(centre: Array, motion: Array, radius: float, sigma: float, size: int) -> Array:
-    """Return the exact blurred disc at pixel centres, shape (size, size).
+    """Return the exact blurred disk at pixel centers, shape (size, size).
 
     The spectrum is a jinc times a Gaussian, the two sincs of a pixel and the sinc of the motion.
     The picture is periodic, so its spectrum is a sum of lines; it is summed up to three times the
@@ -50,7 +50,7 @@ def folded_spectrum(centre: Array, motion: Array, radius: float, sigma: float, s
 def test_a_plain_ball_has_the_exact_spectrum(
     radius: float, sigma: float, motion: tuple[float, float]
 ) -> None:
-    """Every pixel, at any blur and motion, with the centre between pixels."""
+    """Every pixel, at any blur and motion, with the center between pixels."""
     size = 2 * int(radius) + 48
     centre, travel = np.array([size / 2 + 0.31, size / 2 - 0.17]), np.array(motion)
     path = [[centre - travel / 2, centre + travel / 2]]
@@ -97,7 +97,7 @@ def raster(
     fx, fy = np.meshgrid(f, f)
     blur = np.exp(-2 * np.pi**2 * sigma**2 * (fx**2 + fy**2)) * np.sinc(fx) * np.sinc(fy)
     blur = blur * np.sinc(fx * motion[0] + fy * motion[1])
-    # shift of half a sample, from a sample to the pixel centre
+    # shift of half a sample, from a sample to the pixel center
     shift = np.exp(-1j * np.pi * (fx + fy) / fine)
     image = np.fft.ifft2(np.fft.fft2(picture) * blur * shift).real
     return np.asarray(image[fine // 2 :: fine, fine // 2 :: fine])
@@ -168,7 +168,7 @@ def test_regions_are_windows_on_one_frame() -> None:
 
 
 def test_an_outline_may_be_an_ellipse() -> None:
-    """A disc is sheared: area and second moments, less the blur, are those of an ellipse."""
+    """A disk is sheared: area and second moments, less the blur, are those of an ellipse."""
     warp = np.zeros((1, 2, 5))
     warp[0, :, :2] = [[20.0, 3.0], [-1.0, 16.0]]
     ball = render_balls([[[40.0, 40.0]]], 1.0, [[0, 0]], (81, 81), sigma=0.6, look=PLAIN, warp=warp)

@@ -85,7 +85,7 @@ def test_frames_come_at_the_cameras_rate_and_the_ball_at_its_speed() -> None:
     before = (time < CONTACT).sum(axis=1)
     for shot, many in enumerate(before):
         speed = np.diff(place[shot, :many]) / np.diff(time[shot, :many])
-        assert speed == pytest.approx(SPEED_IN, rel=0.01)  # drag: 0.7 % per metre
+        assert speed == pytest.approx(SPEED_IN, rel=0.01)  # drag: 0.7 % per meter
         assert (np.diff(speed) < 0).all()
 
 
@@ -124,7 +124,7 @@ def test_a_film_keeps_every_frame_and_its_time(tmp_path: Path) -> None:
 
 
 def test_a_preview_plays_every_frame_slowly(tmp_path: Path) -> None:
-    """25 frames per second of the root of the grey values; the brightest are near 255."""
+    """25 frames per second of the root of the gray values; the brightest are near 255."""
     ramp = np.linspace(0, 1000, 32)[None] * np.ones((20, 1))
     write_preview(tmp_path / "film.webp", [ramp * (k + 1) / 5 for k in range(5)], 4095)
     good, picture = cv2.imreadanimation(str(tmp_path / "film.webp"))

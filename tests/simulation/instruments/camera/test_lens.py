@@ -45,7 +45,7 @@ def test_x_runs_right_and_y_up() -> None:
 
 @pytest.mark.parametrize("x", [0.0, 0.3, 0.6])
 def test_the_outline_of_a_sphere_agrees_with_its_tangents(x: float) -> None:
-    """Centre and both half axes from the tangents of the pinhole, at α ± asin(r/D)."""
+    """Center and both half axes from the tangents of the pinhole, at α ± asin(r/D)."""
     radius, depth = 0.0365, 2.0
     far = np.hypot(x, depth)
     alpha, beta = np.arctan2(x, depth), np.arcsin(radius / far)
@@ -53,7 +53,7 @@ def test_the_outline_of_a_sphere_agrees_with_its_tangents(x: float) -> None:
     outline = BARE.outlines([[x, 0.0, 0.0]], radius)
     assert outline.middle[0] == pytest.approx([640 + ends.mean(), 400], abs=1e-4)
     assert outline.centre[0] == pytest.approx([640 + 2000 * x / depth, 400], abs=1e-9)
-    # centre of the outline: x/(1 - r²/Z²)
+    # center of the outline: x/(1 - r²/Z²)
     off_centre = (ends.mean() - 2000 * x / depth) / max(2000 * x / depth, 1e-9)
     if x:
         assert off_centre == pytest.approx(radius**2 / depth**2, rel=1e-3)
@@ -77,7 +77,7 @@ def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
     side /= np.linalg.norm(side)
     angle = np.arange(720)[:, None] * np.pi / 360
     rim = np.cos(angle) * side + np.sin(angle) * np.cross(axis, side)
-    # tangent points: a circle nearer than the centre
+    # tangent points: a circle nearer than the center
     sine = radius / far
     points = place * (1 - sine**2) + radius * np.sqrt(1 - sine**2) * rim
     px, py = lens.drawn(points).T

@@ -44,7 +44,7 @@ def test_mean_and_variance_follow_emva_1288(level: float) -> None:
 
 
 def test_counts_of_dim_pixels_are_poisson() -> None:
-    """Without read noise, the grey values of dim pixels are Poisson counts times the gain."""
+    """Without read noise, the gray values of dim pixels are Poisson counts times the gain."""
     spec = SPEC.ideal()
     counting = Sensor.commission(spec, Quiet(), "s")
     for level in (0.5, 6.0, 20.0):
@@ -72,7 +72,7 @@ def test_saturation_is_full_scale() -> None:
 
 
 def test_quiet_draws_give_the_expected_value() -> None:
-    """Dim or bright pixels show the expected value, to half a grey value."""
+    """Dim or bright pixels show the expected value, to half a gray value."""
     sensor = Sensor.commission(SPEC, Quiet(), "s")
     light = np.linspace(0, 60, 50, dtype=np.float32).reshape(1, 5, 10)
     grey = sensor.expose(light, [[0, 0]], Quiet(), "x")

@@ -50,7 +50,7 @@ def test_opencv_finds_the_corners_and_the_lens() -> None:
     assert rms < 0.06
     assert matrix[0, 0] == pytest.approx(lens.focal, rel=2e-4)
     assert matrix[1, 1] == pytest.approx(lens.focal, rel=2e-4)
-    # distance of two points of the plane, a third of a metre apart, in the solved camera
+    # distance of two points of the plane, a third of a meter apart, in the solved camera
     ends = np.array([[-0.17, 0.0, 0.0], [0.17, 0.05, 0.0]])
     middle = flat[0].mean(axis=0)
     solved = cv2.projectPoints(ends, turns[0], ways[0], matrix, bent)[0].reshape(-1, 2)

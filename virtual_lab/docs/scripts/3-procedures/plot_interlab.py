@@ -3,7 +3,7 @@ Why laboratories differ
 =======================
 
 Scatter of laboratories that test one EA70 by bbcor, each factor alone; dashed: reproducibility s_R.
-Normalising removes the effect of lots and store; stiffness of the balls and wall remain.
+Normalizing removes the effect of lots and store; stiffness of the balls and wall remain.
 """
 
 from pathlib import Path

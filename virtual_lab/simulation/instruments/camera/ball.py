@@ -2,7 +2,7 @@
 
 An opaque ball hides the background, so the image of a region is mu = b (1 - cover) + radiance.
 `cover` is the share of a pixel's background light that the ball blocks, and `radiance` is the light
-of the ball itself. Both are integrals over the disc of the sphere, computed by a quadrature whose
+of the ball itself. Both are integrals over the disk of the sphere, computed by a quadrature whose
 density depends on the blur. The effects of the lens blur (a Gaussian), the square pixel and the
 motion are exact. The shading assumes parallel rays.
 """
@@ -92,7 +92,7 @@ def render_balls(
     Parameters
     ----------
     path
-        Centres of the ball in the frame, (region, point, 2) [px]: one point for a ball at rest,
+        Centers of the ball in the frame, (region, point, 2) [px]: one point for a ball at rest,
         two from the start to the end of the exposure, or more for a path of straight segments.
     radius
         Radius of the ball, () or (region,) [px].
@@ -114,7 +114,7 @@ def render_balls(
         Time of each point of the path, from 0 to 1, (region, point); None means equal steps.
     warp
         Outlines that are not circles, instead of `radius`: coefficients of x, y, x², xy and y²
-        that map the unit disc to pixels about the centre, (region, 2, 5).
+        that map the unit disk to pixels about the center, (region, 2, 5).
     view
         Rotation from the direction (0, 0, -1) to the true direction to the camera, (region, 3, 3).
 
@@ -226,10 +226,10 @@ def _table(sigma: float) -> Pixels:
 
 @cache
 def _nodes(level: int) -> Array:
-    """Return nodes on the unit disc, (node, 4): x, y, height of the sphere, and area.
+    """Return nodes on the unit disk, (node, 4): x, y, height of the sphere, and area.
 
     The rings are Gauss-Legendre points in the squared radius, with equal spacing along each ring.
-    Neighbouring nodes are at most 1 / SAMPLING.step^level apart.
+    Neighboring nodes are at most 1 / SAMPLING.step^level apart.
     """
     fine = SAMPLING.step**level
     rings = ceil(np.pi / 2 * fine) + 3

@@ -1,6 +1,6 @@
 """Compiled rendering of a shaded sphere: its light is spread over a grid, then summed into pixels.
 
-The image of a node of the disc is a Gaussian. Part of its variance is applied when the nodes are
+The image of a node of the disk is a Gaussian. Part of its variance is applied when the nodes are
 spread over a grid of half pixels. The rest, with the square pixel and the motion, is applied when
 the grid points are summed into pixels.
 """
@@ -41,7 +41,7 @@ SEAM = Seam()
 class KernelLook(NamedTuple):
     """Properties common to all balls of a batch."""
 
-    nodes: Array  # (node, 4): x, y, z on the unit sphere, share of the disc
+    nodes: Array  # (node, 4): x, y, z on the unit sphere, share of the disk
     surface: Array  # (4,): albedo; contrast, width and neck of the seam
     table: Pixels  # flat: Gaussian at eight grid points for each phase of a node
     blur: float  # blur of the lens that `table` does not include [px]
@@ -52,7 +52,7 @@ class KernelLook(NamedTuple):
 class ShownBall(NamedTuple):
     """Properties of one ball; the arrays of a batch have a leading axis of regions."""
 
-    warp: Array  # (2, 5), map from the unit disc to the picture [px]
+    warp: Array  # (2, 5), map from the unit disk to the picture [px]
     path: Array  # (point, 2), from the first pixel of the region [px]
     times: Array  # (point,), from 0 to 1
     body: Array  # (3, 3), axes of the ball as rows
@@ -91,7 +91,7 @@ def _albedo(x: float, y: float, z: float, look: Array) -> float:
 
 @njit(**FAST)
 def _spread(warp: Array, body: Array, light: Array, look: KernelLook, grid: Pixels) -> None:
-    """Fill `grid` with rows of the disc and rows of its radiance, in alternation."""
+    """Fill `grid` with rows of the disk and rows of its radiance, in alternation."""
     nodes, surface, table, size = look.nodes, look.surface, look.table, look.size
     for k in range(grid.size):
         grid[k] = 0
@@ -195,7 +195,7 @@ def _gather(
     """Add the weighted grid points to the pixels `out` (channel, row, column).
 
     `planes` (row, channel, parity, column) separates even and odd columns of the grid, so that the
-    points of neighbouring pixels are adjacent in memory.
+    points of neighboring pixels are adjacent in memory.
     """
     size, _, _, columns = planes.shape
     for row in range(size):

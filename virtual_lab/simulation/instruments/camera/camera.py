@@ -73,7 +73,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def frames(
         self, course: Course, draws: Draws, name: str, slots: Slots, *, whole: bool = False
     ) -> Frames:
-        """Return the frames of a batch of shots that show the centre of the ball.
+        """Return the frames of a batch of shots that show the center of the ball.
 
         With `whole` the frames without the ball are returned too. The camera runs freely, so the
         contact occurs at a random time between two frames.
@@ -240,7 +240,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def _track(self, frames: Frames, draws: Draws, name: str, slots: Slots) -> TrackRecord:
         """Return positions as if from an ideal tracker, with 1.1 times the smallest possible u.
 
-        For an edge of contrast C in noise of variance V, the Cramér-Rao bound of a disc is
+        For an edge of contrast C in noise of variance V, the Cramér-Rao bound of a disk is
         V/C² · 2s/(√π R) at rest and V/C² · L/(4R) along a blur L ≫ s. V is the variance of the
         pixels on the edge: 1/V is averaged with the squared slope of the edge as weight.
         """

@@ -30,7 +30,7 @@ def whole_frames(
     bat: FilmedBat | None = None,
     count: int | None = None,
 ) -> Iterator[tuple[float, Frame]]:
-    """Yield time stamp [s] and grey values (row, column) of each frame of the first shot.
+    """Yield time stamp [s] and gray values (row, column) of each frame of the first shot.
 
     All frames that the camera records are yielded, with or without the ball, or only `count` frames
     at equal steps. The time stamps are those of the camera's clock.
@@ -66,7 +66,7 @@ def whole_frames(
 def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
     """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``.
 
-    `frames` yields time stamp [s] and grey values (row, column) of each frame. Raises `InputError`
+    `frames` yields time stamp [s] and gray values (row, column) of each frame. Raises `InputError`
     if there are no frames, or if a file cannot be written or verified.
     """
     import cv2
@@ -85,9 +85,9 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
 
 
 def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> None:
-    """Write grey frames as a lossless film, FFV1 in MP4, with their time stamps in ``NAME.csv``.
+    """Write gray frames as a lossless film, FFV1 in MP4, with their time stamps in ``NAME.csv``.
 
-    `frames` yields the time stamp [s] and the grey values (row, column), of 8 or 16 bits, of each
+    `frames` yields the time stamp [s] and the gray values (row, column), of 8 or 16 bits, of each
     frame. `rate` is the number of frames per second. Because video writers can lose frames without
     an error, the film is read again: its frames are counted, and the first frame is compared.
 
@@ -145,8 +145,8 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
 def write_preview(path: Path, small: Sequence[Frame], full_scale: float) -> None:
     """Write small frames as an animated WebP in slow motion, 25 frames per second.
 
-    `small` holds the frames, (row, column) each, in grey values up to `full_scale`. Tones are the
-    square roots of grey values, scaled so that the brightest pixel of all frames is white. Raises
+    `small` holds the frames, (row, column) each, in gray values up to `full_scale`. Tones are the
+    square roots of gray values, scaled so that the brightest pixel of all frames is white. Raises
     `InputError` if there are no frames, or if the file cannot be written.
     """
     import cv2

@@ -18,7 +18,7 @@ from virtual_lab.units import Array
 class Outlines:
     """Images of n spheres."""
 
-    centre: Array  # (n, 2), image of the sphere's centre [px]
+    centre: Array  # (n, 2), image of the sphere's center [px]
     warp: Array  # (n, 2, 5), argument of `render_balls`
     view: Array  # (n, 3, 3), argument of `render_balls`
 
@@ -27,9 +27,9 @@ class Outlines:
 
     @property
     def middle(self) -> Array:
-        """Centroid of the outline, (n, 2) [px], which is not the image of the sphere's centre.
+        """Centroid of the outline, (n, 2) [px], which is not the image of the sphere's center.
 
-        It is the mean of the mapped disc, weighted by the stretch of the map, with <u²> = 1/4.
+        It is the mean of the mapped disk, weighted by the stretch of the map, with <u²> = 1/4.
         """
         (a, b, aa, ab, bb), (c, d, cc, cd, dd) = self.warp.transpose(1, 2, 0)
         stretch = np.stack(
@@ -83,9 +83,9 @@ class TrueLens:
     def outlines(self, centres: ArrayLike, radius: float) -> Outlines:
         """Return the images of spheres with `centres` (n, 3) in axes of the rig [m].
 
-        A sphere fills a cone about the direction to its centre; the sine of the half angle of this
-        cone is radius / distance. The lens maps the cross-section of the cone, a disc, to pixels.
-        The returned map is exact to second order about the centre, and to third order on the rim.
+        A sphere fills a cone about the direction to its center; the sine of the half angle of this
+        cone is radius / distance. The lens maps the cross-section of the cone, a disk, to pixels.
+        The returned map is exact to second order about the center, and to third order on the rim.
         """
         place = self.to_camera(centres)
         far = np.linalg.norm(place, axis=1)

@@ -1,7 +1,7 @@
-"""The sensor of a camera: from expected electrons to grey values.
+"""The sensor of a camera: from expected electrons to gray values.
 
 The model follows EMVA 1288: Poisson shot noise (Gaussian for many electrons), read noise, dark
-signal, fixed maps of the differences between pixels, full well, gain, and integer grey values up
+signal, fixed maps of the differences between pixels, full well, gain, and integer gray values up
 to full scale.
 """
 
@@ -38,7 +38,7 @@ class Sensor(CalibratedInstrument[SensorSpec]):
 
     @property
     def gain(self) -> float:
-        """Grey values per electron."""
+        """Gray values per electron."""
         return float(self.true["gain"])
 
     def exact(self) -> dict[str, Estimate]:
@@ -60,9 +60,9 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         slots: Slots | None = None,
         exposure: float = 0.0,
     ) -> NDArray[Any]:
-        """Return grey values of regions, (region, row, column).
+        """Return gray values of regions, (region, row, column).
 
-        They are integers of 8 or 16 bits, or floats if the sensor does not digitise. `electrons`
+        They are integers of 8 or 16 bits, or floats if the sensor does not digitize. `electrons`
         are the expected electrons of each pixel [e] in regions whose first pixels (x, y) are
         `corners` (region, 2). The noise of a region depends on its number in `slots`, by default 0,
         1, …. Dark current flows for `exposure` [s].
@@ -102,10 +102,10 @@ class Sensor(CalibratedInstrument[SensorSpec]):
     def mean_of(
         self, electrons: Pixels, count: int, draws: Draws, name: str, exposure: float = 0.0
     ) -> Pixels:
-        """Return the mean grey values of `count` whole frames of one scene, (row, column).
+        """Return the mean gray values of `count` whole frames of one scene, (row, column).
 
         `electrons` and `exposure` are the same as for `expose`. The noise of the mean is drawn
-        once. It is much smaller than one grey value, so rounding is treated as additional variance.
+        once. It is much smaller than one gray value, so rounding is treated as additional variance.
         """
         spec = self.spec
         gathered = electrons * self.response + np.float32(spec.dark_current * exposure)

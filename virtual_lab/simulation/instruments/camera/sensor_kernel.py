@@ -1,4 +1,4 @@
-"""Compiled conversion of expected electrons to noisy grey values, pixel by pixel."""
+"""Compiled conversion of expected electrons to noisy gray values, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ INVERSE = 1 / np.maximum(np.arange(128), 1)
 
 
 class Electronics(NamedTuple):
-    """Constants of the conversion from electrons to grey values [e, DN]."""
+    """Constants of the conversion from electrons to gray values [e, DN]."""
 
     read: float  # read noise
     full_well: float
     gain: float
     black: float
-    whole: bool  # whether grey values are integers
-    top: float  # largest grey value
+    whole: bool  # whether gray values are integers
+    top: float  # largest gray value
 
 
 @njit(**FAST)
@@ -78,7 +78,7 @@ def read_out(
     wired: Electronics,
     out: Any,
 ) -> None:
-    """Fill `out` (region, row, column) with grey values [DN], from 0 to the largest grey value.
+    """Fill `out` (region, row, column) with gray values [DN], from 0 to the largest gray value.
 
     `means` are the expected electrons, in the same shape, `corners` (region, 2) the first column
     and row of each region, and `offset` the map of the dark signal [e]. `normal` and, if any pixel

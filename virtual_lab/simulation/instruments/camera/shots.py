@@ -28,7 +28,7 @@ class Frames:
     time: Array  # middle of the exposure after the trigger [s]
     stamp: Array  # time stamp of the camera's clock [s]
     position: Array  # (n, 3), position of the ball in axes of the rig [m]
-    path: Array  # (n, 4, 2), path of the image of its centre during the exposure [px]
+    path: Array  # (n, 4, 2), path of the image of its center during the exposure [px]
     shares: Array  # (n, 4), time of each point of the path [share of the exposure]
     axes: Array  # (n, 3, 3), axes of the ball as rows, in axes of the rig
     turn: Array  # (n, 3), rotation vector over the exposure, in axes of the rig
@@ -63,7 +63,7 @@ class Frames:
         return {
             "frame_time": self.as_table(self.time),
             "frame_position": self.as_table(self.position),
-            "frame_centre": self.as_table(outlines.centre),  # image of the ball's centre
+            "frame_centre": self.as_table(outlines.centre),  # image of the ball's center
             "frame_outline": self.as_table(outlines.middle),  # centroid of its outline
             "frame_radius": self.as_table(outlines.radius),
             "frame_blur": self.as_table(self.blur),
@@ -87,9 +87,9 @@ class Course:
     stand: Array  # (shot, 3), rotation vector of the ball at contact
 
     def at(self, shot: Ints, time: Array) -> Array:
-        """Return the position of the ball's centre for n pairs of shot and time, (n, 3) [m].
+        """Return the position of the ball's center for n pairs of shot and time, (n, 3) [m].
 
-        During the contact the centre moves on a cubic that has the incoming and the rebound speed
+        During the contact the center moves on a cubic that has the incoming and the rebound speed
         at its ends.
         """
         flight, shots = self.passage, len(self.contact)

@@ -45,19 +45,19 @@ class SensorSpec(CalibratedSpec):
     pixel: PositiveLength
     quantum_efficiency: Annotated[float, Gt(0), Le(1), Dimension("number")]
     full_well: PositiveNumber  # [e]
-    gain: PositiveNumber  # grey values per electron
+    gain: PositiveNumber  # gray values per electron
     gain_u: NonNegative  # relative
     read_noise: NonNegative  # [e]
     dark_current: Annotated[float, Ge(0), Dimension("rate")]  # [e/s]
     photo_response: NonNegative  # PRNU, relative standard deviation between pixels
     dark_signal: NonNegative  # DSNU, standard deviation between pixels [e]
-    black_level: NonNegative  # grey value without light
+    black_level: NonNegative  # gray value without light
     bits: Annotated[int, Ge(1), Le(16), Dimension("number")]
     whole_counts: YesNo = True
 
     @property
     def full_scale(self) -> int:
-        """Largest grey value."""
+        """Largest gray value."""
         return int(2**self.bits - 1)
 
     def certificate(self) -> dict[str, Estimate]:
@@ -86,7 +86,7 @@ class LensSpec(CalibratedSpec):
     centre_u: LengthU
     distortion: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]  # k1, k2, p1, p2, k3
     distortion_u: Annotated[tuple[float, ...], Len(5, 5), Dimension("number")]
-    # principal point relative to the centre of the sensor
+    # principal point relative to the center of the sensor
     centre: Annotated[tuple[float, ...], Len(2, 2), Dimension("length")] = (0.0, 0.0)
     blur: PositiveLength  # standard deviation of the image of a point on the sensor
 
@@ -96,7 +96,7 @@ class PoseSpec(CalibratedSpec):
     """Position and direction of the camera in axes of the rig.
 
     X points with the ball toward the bat, Y along the bat from pivot to tip, Z up. The origin is
-    the ball's centre at contact. Without tilt the camera looks straight down, with X to the right.
+    the ball's center at contact. Without tilt the camera looks straight down, with X to the right.
     """
 
     place: Annotated[tuple[float, ...], Len(3, 3), Dimension("length")]

@@ -42,10 +42,10 @@ LOOK = BoardLook()
 def board_views(
     camera: Camera, board: Board, views: int, draws: Draws, name: str
 ) -> Iterator[tuple[NDArray[Any], Array]]:
-    """Yield `views` pairs: a grey picture (row, column), and the true positions of its corners.
+    """Yield `views` pairs: a gray picture (row, column), and the true positions of its corners.
 
     The corners are (corner, 3) in the calibrated axes [m]. In the first view the board is flat at Z
-    = 0, with its rows along X. In the others it is closer, tilted and off-centre.
+    = 0, with its rows along X. In the others it is closer, tilted and off-center.
     """
     spec = camera.spec
     rays = _rays(camera.lens, (spec.sensor.rows, spec.sensor.columns))
