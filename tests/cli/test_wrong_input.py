@@ -305,12 +305,12 @@ CASES: dict[str, Case] = {
         "profile mine.toml",
         ["nested"],
     ),
-    "metres for inches": (
+    "meters for inches": (
         file("mine.toml", R161.replace('"in"', '"m"')),
         "profile mine.toml",
         ["mine.toml", "body.profile.z", "0 to 1.5 m", "'in'"],
     ),
-    "millimetres for inches": (
+    "millimeters for inches": (
         file("mine.toml", R161.replace('"in"', '"mm"')),
         "profile mine.toml",
         ["is the unit right?"],
@@ -393,7 +393,7 @@ CASES: dict[str, Case] = {
         "show mine.toml",
         ["mine.toml", "more than 20 MB"],
     ),
-    "a bat measured in metres": (
+    "a bat measured in meters": (
         changed("m.toml", MEASURED, ('value = 34, unit = "in"', 'value = 34, unit = "m"')),
         "fit-bat m.toml --out n.toml",
         ["length", "is the unit", "'in'"],

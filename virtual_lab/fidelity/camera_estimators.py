@@ -205,5 +205,5 @@ def _learnt(inputs: EstimatorInput) -> Located:
 
 
 EDGE = "edge fit"
-OURS: dict[str, Estimator] = {EDGE: _edge, "edge fit, noise learnt": _learnt}
+OURS: dict[str, Estimator] = {EDGE: _edge, "edge fit, noise learned": _learnt}
 ESTIMATORS = CV2 | OURS

@@ -46,7 +46,7 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
         title="The whole test: effect of each model on the metric against its time",
         words="r161 by astm-f1881. Effect: mean over laboratories of the metric minus that by the "
         "finest model of the part, over u, with its standard error. For the uncertainty: half the "
-        "length of the interval. For the camera: e_A of one filmed shot over its u. Grey: effects "
+        "length of the interval. For the camera: e_A of one filmed shot over its u. Gray: effects "
         f"below a tenth of u. Filled circles: models for studies of many laboratories; a single "
         f"certificate stores every edge and count, because they are its records. {explanations}.",
         rows=rows,

@@ -41,7 +41,7 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
         name="uncertainty",
         title="Uncertainty of a model: error of each method against its time",
         words="Errors over u; reference: 134 million draws by JCGM 101. For Monte Carlo: rms "
-        "errors over seeds. Errors below 1e-5 are drawn at 1e-5. Grey band: half of the second "
+        "errors over seeds. Errors below 1e-5 are drawn at 1e-5. Gray band: half of the second "
         "digit of u.",
         rows=rows,
         figure=draw_uncertainty,

@@ -78,19 +78,19 @@ class TrackRecord(Record):
         "x": RecordColumn(
             "x_px",
             FRAMES,
-            "column of the ball's centre, not corrected for distortion; empty: no position",
+            "column of the ball's center, not corrected for distortion; empty: no position",
             may_be_missing=True,
         ),
         "y": RecordColumn(
             "y_px",
             FRAMES,
-            "row of the ball's centre, not corrected for distortion; empty: no position",
+            "row of the ball's center, not corrected for distortion; empty: no position",
             may_be_missing=True,
         ),
         "u": RecordColumn(
             "u_px",
             FRAMES,
-            "standard uncertainty of each coordinate of the ball's centre; empty: no position",
+            "standard uncertainty of each coordinate of the ball's center; empty: no position",
             may_be_missing=True,
         ),
     }

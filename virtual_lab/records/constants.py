@@ -79,7 +79,7 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "pendulum.clamp_moment": Constant(
         "moment",
-        "mass of the clamp times the distance of its centre of mass below the axis",
+        "mass of the clamp times the distance of its center of mass below the axis",
         "pendulum, balance of the clamp",
         "g m",
         -10,
@@ -105,7 +105,7 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "gates.distance": Constant(
         "length",
-        "distance of the gate from the ball's centre at contact; gate 0 is the farthest",
+        "distance of the gate from the ball's center at contact; gate 0 is the farthest",
         "light gates, distance of gate {number}",
         "mm",
         0,
@@ -129,7 +129,7 @@ CONSTANTS = {  # key: "instrument.constant"
     ),
     "gates.pitch": Constant(
         "length",
-        "distance between neighbouring beams",
+        "distance between neighboring beams",
         "light boards, pitch of the beams",
         "mm",
         0.0001,

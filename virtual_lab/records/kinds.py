@@ -156,13 +156,13 @@ class PassageRecord(BallRecord):
         "times": RecordColumn(
             "time_s",
             ("shot", "way", "gate"),
-            "time at which the ball's centre passes the gate; empty: no passage was recorded",
+            "time at which the ball's center passes the gate; empty: no passage was recorded",
             may_be_missing=True,
         ),
         "heights": RecordColumn(
             "height_m",
             ("shot", "way", "gate"),
-            "height of the ball's centre above the zero of the gates; empty: not measured",
+            "height of the ball's center above the zero of the gates; empty: not measured",
             may_be_missing=True,
         ),
     }

@@ -120,7 +120,9 @@ class Authoriser(Spec):
 
     def __post_init__(self) -> None:
         if not (self.name and self.role):
-            raise ValueError("needs a name and a role; leave this table out if nobody authorises")
+            raise ValueError(
+                "needs a name and a role; leave this table out if nobody authorizes it"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,7 +241,7 @@ PRINTED = (
     Particular("test.deviations", "Deviations from the procedure"),
     Particular("test.outside_providers", "Outside providers"),
     Particular("test.notes", "Notes"),
-    Particular("authorised_by", "Authorised by"),
+    Particular("authorised_by", "Authorized by"),
     Particular("replaces", "Replaces"),
 )
 IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in the order of time

@@ -86,7 +86,7 @@ class OperatingCurves(Rows[OperatingPoint]):
                     words = "one test" if best_of == 1 else f"best of {best_of}"
                     axes.plot(true, passes, line, color="black", label=words)
                 axes.axvline(limit, color="0.5", linewidth=0.6)
-                words = "vertical line: limit; grey: 95 % interval of the simulation"
+                words = "vertical line: limit; gray: 95 % interval of the simulation"
                 axes.set_title(f"{points[0].bat} by {as_drawn(procedure)}; {words}")
                 axes.set(
                     xlabel=f"true {points[0].metric} {points[0].unit}".rstrip(),

@@ -100,7 +100,7 @@ def laboratory_spec(station: object) -> object:
 
 def test_table_text_and_picture_are_saved(found: PercussionStudy, tmp_path: Path) -> None:
     said = found.text
-    assert "At the centre of percussion, 6.40 in, the impulse on the axis" in said
+    assert "At the center of percussion, 6.40 in, the impulse on the axis" in said
     assert "The gates miss most rebounds at 2, " in said
     found.save(tmp_path / "out")
     assert len(pd.read_csv(tmp_path / "out" / "percussion.csv")) == len(found.rows) == 14

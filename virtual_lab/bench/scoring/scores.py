@@ -46,8 +46,8 @@ def right_verdict(
 ) -> RightVerdict:
     """Return the correct verdict of a day, its reason, and the true metric.
 
-    If the day is `spoilt` by a fault, the verdict is INVALID if the error exceeds U = 2 u. Without
-    a result it is INVALID on a spoiled day and MEASURED on any other. `value` and `u` are the result
+    On a day `spoilt` by a fault the verdict is INVALID if the error exceeds U = 2 u, or if there is
+    no result. Without a fault and without a result it is MEASURED. `value` and `u` are the result
     of the day and its standard uncertainty in SI units, None without a result.
     """
     truth = None

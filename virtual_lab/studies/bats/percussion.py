@@ -96,7 +96,7 @@ class PercussionStudy(StudyResult):
     @property
     def title(self) -> str:
         """Title with the bat."""
-        return f"{self.bat} hit away from its centre of percussion"
+        return f"{self.bat} hit away from its center of percussion"
 
     @property
     def text(self) -> str:
@@ -354,7 +354,7 @@ def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
     far = rows[-1]
     missed_at = [f"{row.impact_position_in:.3g}" for row in rows if row.rebounds_detected < 0.5]
     words = [
-        f"At the centre of percussion, {percussion_in:.2f} in, the impulse on the "
+        f"At the center of percussion, {percussion_in:.2f} in, the impulse on the "
         f"axis is {near.reaction_ns:+.2f} N s. At {worst.impact_position_in:.3g} in it is "
         f"{worst.reaction_ns:+.2f} N s, and a plain bearing shifts e_A by recoil by "
         f"{worst.plain_shift:+.1e}, which is "
@@ -362,7 +362,7 @@ def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
         f"A loose bearing shifts e_A by {loose.loose_shift:+.1e} at "
         f"{loose.impact_position_in:.2f} in and by {far.loose_shift:+.0e} at "
         f"{far.impact_position_in:.3g} in. The clearance changes the "
-        "angle and not the rate, except close to the centre of percussion, where no force "
+        "angle and not the rate, except close to the center of percussion, where no force "
         "takes up the clearance.",
     ]
     if missed_at:

@@ -73,7 +73,7 @@ def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> Page
             axes.grid(True, linewidth=0.3)
             axes.axvline(percussion_in, color="0.6", linewidth=0.8, zorder=0)
         shifts.annotate(
-            "centre of\npercussion",
+            "center of\npercussion",
             (percussion_in, 0.12),
             xycoords=("data", "axes fraction"),
             xytext=(8, 0),

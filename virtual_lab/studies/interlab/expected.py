@@ -70,8 +70,8 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
             terms.setdefault(case, {})[row["term"]] = float(row["simulated"])
     summary = []
     for (bat, procedure, result), sds in terms.items():
-        normalised = (bat, procedure, "normalised") in terms
-        if result == ("normalised" if normalised else "as found"):
+        normalised = (bat, procedure, "normalized") in terms
+        if result == ("normalized" if normalised else "as found"):
             scatter = ExpectedScatter(
                 bat=bat,
                 procedure=procedure,

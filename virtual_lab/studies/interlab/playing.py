@@ -19,7 +19,7 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.studies.interlab.study import NAMES, InterlabStudy, sheets_of
 from virtual_lab.units import Array, Mask
 
-FOUND, NORMALISED = "as found", "normalised"
+FOUND, NORMALISED = "as found", "normalized"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

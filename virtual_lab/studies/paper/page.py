@@ -30,7 +30,7 @@ def draw_page() -> PageFigure:
         above.set_title("Fig. 2: wood, swung at 45 rad/s")
         bare = []
         pairs = (
-            ("Fig. 3: wood and aluminium", WOOD, ALUMINIUM),
+            ("Fig. 3: wood and aluminum", WOOD, ALUMINIUM),
             ("Fig. 4: barrel- and knob-loaded", BARREL, KNOB),
         )
         for part, (title, first, second) in zip(parts[1:], pairs, strict=True):

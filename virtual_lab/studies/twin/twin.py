@@ -54,7 +54,7 @@ QUIET = (
 )
 FAULT_WORDS = (
     "Noticed: by a flag, the verdict INVALID, or records that are refused. Sizes are shares of\n"
-    "the fault in the catalogue; a change of a whole number has its full size at each."
+    "the fault in the catalog; a change of a whole number has its full size at each."
 )
 READING_WORDS = (
     "Tail probability: share of the days with an equally extreme reading; adjusted for the number\n"

@@ -85,7 +85,7 @@ def mraw(path: Path) -> Source:
         shape = int(head["Image Height"]), int(head["Image Width"])
         rate = rate_of(float(head["Record Rate(fps)"]))
     if bits not in {8, 12, 16}:
-        raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: grey of 8, 12 or 16 bits")
+        raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: gray of 8, 12 or 16 bits")
     size = shape[0] * shape[1] * bits // 8
 
     def read(_: Wanted) -> Stamped:

@@ -120,7 +120,7 @@ def _array(path: Path, load: Callable[[], Frame]) -> Source:
         why = f"cannot be read as an array (is it cut short?): {fault}"
         raise InputError(str(path), "array", None, why) from fault
     if len(shape) not in {3, 4}:
-        allowed = "expected (frame, row, column) or (frame, row, column, colour)"
+        allowed = "expected (frame, row, column) or (frame, row, column, color)"
         raise InputError(str(path), "array", f"shape {shape}", allowed)
     _require_size(path, (shape[2], shape[1]))
     return Source(

@@ -61,7 +61,7 @@ def _size(frame: Frame, where: str) -> str:
     """Return size and depth of a frame. Raises `InputError` if unusable or too small for a ball."""
     colours = frame.shape[2:] in ((), (1,), (3,), (4,))
     if frame.dtype not in (np.uint8, np.uint16) or not colours or min(frame.shape[:2]) < 8:
-        allowed = "expected 8 or 16 bits, grey, 3 colours or 4 channels, at least 8 x 8 pixels"
+        allowed = "expected 8 or 16 bits, gray, 3 colors or 4 channels, at least 8 x 8 pixels"
         raise InputError(where, "picture", f"{frame.shape} of {frame.dtype}", allowed)
     return f"{frame.shape[1]} x {frame.shape[0]} of {8 * frame.dtype.itemsize} bits"
 

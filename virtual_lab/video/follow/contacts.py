@@ -210,7 +210,7 @@ def _restitution(
     if ratio.value - CONTACTS.coverage * ratio.u > 1:
         why = (
             f"the ratio of the speeds is {ratio.value:.3g}, but an object at rest cannot return "
-            "more speed than it receives; the object moved, the clip runs backwards, or another "
+            "more speed than it receives; the object moved, the clip runs backward, or another "
             "object was followed. No restitution is stated"
         )
         return None, "ABOVE_ONE", why

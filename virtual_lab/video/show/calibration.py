@@ -70,7 +70,7 @@ def calibration_text(result: Calibrated) -> str:
         f"{fit.board}: {fit.views} pictures, {fit.corners} corners, residuals "
         f"{fit.rms_px:.2g} pixels rms",
         _line("focal length, pixels", *map(with_uncertainty, (fx, fy), fit.focal_u_px)),
-        _line("centre, pixels", *map(with_uncertainty, (cx, cy), fit.centre_u_px)),
+        _line("center, pixels", *map(with_uncertainty, (cx, cy), fit.centre_u_px)),
         _line("k1, k2", k1, k2),
         _line("p1, p2", p1, p2),
         *([_line("k3", k3)] if fit.distortion_u[4] else []),

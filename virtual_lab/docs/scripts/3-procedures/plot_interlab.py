@@ -18,7 +18,7 @@ table = pd.read_csv(next(folder.glob("interlab-2*.csv")))
 table = table.query("bat == 'ea70' & procedure == 'bbcor'")
 causes = ["lot", "stiffness", "store", "calibration", "wall"]
 figure, panels = plt.subplots(1, 2, sharey=True)
-for axes, result in zip(panels, ["as found", "normalised"], strict=True):
+for axes, result in zip(panels, ["as found", "normalized"], strict=True):
     spread = 1e3 * table[table["result"] == result].set_index("term")["simulated"]
     axes.barh(causes, spread[causes], hatch="//", edgecolor="white")
     axes.axvline(spread["s_R"], color="C1", linestyle="--")
