@@ -39,26 +39,26 @@ class ParameterRule:
 
 
 def read_word(value: Any) -> str:
-    """Return a string unchanged; raise `TypeError` for anything else."""
+    """Return a string unchanged. Raise `TypeError` for any other value."""
     if not isinstance(value, str):
         raise TypeError(value)
     return value
 
 
 def read_name(value: Any) -> str:
-    """Return a name or path as a string; raise `TypeError` for anything else."""
+    """Return a name or path as a string. Raise `TypeError` for any other value."""
     return read_word(fspath(value))
 
 
 def read_path(value: Any) -> Path:
-    """Return a name or path as a path; raise `TypeError` for anything else."""
+    """Return a name or path as a `Path`. Raise `TypeError` for any other value."""
     return Path(read_name(value))
 
 
 def read_number(value: Any) -> float:
-    """Return a number of any type as a float, NaN included.
+    """Return a number of any type as a float; NaN is allowed.
 
-    Raises `TypeError` for a string or a boolean.
+    Raises `TypeError` for a string, a boolean, or another value that is not a number.
     """
     if isinstance(value, bool | str):
         raise TypeError(value)
@@ -66,7 +66,7 @@ def read_number(value: Any) -> float:
 
 
 def read_callable(value: Any) -> Any:
-    """Return a function unchanged; raise `TypeError` for anything else."""
+    """Return a function unchanged. Raise `TypeError` for a value that cannot be called."""
     if not callable(value):
         raise TypeError(value)
     return value
@@ -88,10 +88,11 @@ def _yes_or_no(value: Any) -> bool:
 def whole(
     least: int = 0, most: int = 2**63 - 1, words: str = "", python: str = ""
 ) -> ParameterRule:
-    """Return the rule of a whole number from `least` to `most`, both included, of any integer type.
+    """Return the rule for a whole number of any integer type from `least` to `most`, both included.
 
-    `words` replace `least` in the sentence on the allowed values. `python` is the advice for
-    Python.
+    Booleans are rejected. The sentence on the allowed values is "one whole number from `least`". If
+    `words` is not empty, it replaces `least` in this sentence. `python` is advice that is printed
+    only for users of Python.
     """
 
     def read(value: Any) -> int:
@@ -107,7 +108,7 @@ def whole(
 
 
 def between(least: float, most: float, words: str) -> ParameterRule:
-    """Return the rule of a number from `least` to `most`, both included; NaN is rejected.
+    """Return the rule for a number from `least` to `most`, both included; NaN is rejected.
 
     `words` is the sentence on the allowed values.
     """
@@ -122,7 +123,10 @@ def between(least: float, most: float, words: str) -> ParameterRule:
 
 
 def choice(*values: str) -> ParameterRule:
-    """Return the rule of a parameter that is one of the words `values`, at least one."""
+    """Return the rule for a parameter whose value is one of the words `values`.
+
+    Raises `ValueError` if there are no `values`.
+    """
 
     def read(value: Any) -> str:
         if read_word(value) not in values:
@@ -137,10 +141,10 @@ def choice(*values: str) -> ParameterRule:
 
 
 def several(one: ParameterRule, words: str = "") -> ParameterRule:
-    """Return a rule that accepts one value, or a list of at least one, and returns a tuple.
+    """Return the rule for one value, or a list of at least one; both are converted to a tuple.
 
-    Each value is checked and converted by the rule `one`. `words` replace the sentence of `one` on
-    the allowed values, unless they are empty.
+    Each value is checked and converted by the rule `one`. If `words` is not empty, it replaces the
+    sentence of `one` on the allowed values.
     """
 
     def read(value: Any) -> tuple[Any, ...]:
@@ -243,7 +247,7 @@ AnyModel = Annotated[
 
 
 def paths_of(folders: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Return one path, or a list of paths, as a tuple."""
+    """Return one path, or a list of paths, as a tuple of `Path` objects."""
     return (Path(folders),) if isinstance(folders, str | Path) else tuple(map(Path, folders))
 
 

@@ -52,10 +52,10 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 
 
 def to_si(value: float, unit: str, dimension: str) -> float:
-    """Return `value`, which is in `unit`, in the SI unit of `dimension`.
+    """Convert `value` from `unit` to the SI unit of `dimension`, and return it.
 
-    Units are those of `DIMENSIONS`. All are proportional to the SI unit, so °C is not among them.
-    Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.
+    `dimension` is a key of `DIMENSIONS`, such as "speed", and `unit` is one of its units, such as
+    "mph". Degrees Celsius are not among the units. Raises `KeyError` for another dimension or unit.
     """
     return value * DIMENSIONS[dimension][unit]
 
@@ -63,8 +63,8 @@ def to_si(value: float, unit: str, dimension: str) -> float:
 def from_si(value: float, unit: str, dimension: str) -> float:
     """Convert `value` from the SI unit of `dimension` to `unit`, and return it.
 
-    Units are those of `DIMENSIONS`. All are proportional to the SI unit, so °C is not among them.
-    Raises `KeyError` for an unknown dimension, or a unit that is not one of `dimension`.
+    `dimension` is a key of `DIMENSIONS`, such as "speed", and `unit` is one of its units, such as
+    "mph". Degrees Celsius are not among the units. Raises `KeyError` for another dimension or unit.
     """
     return value / DIMENSIONS[dimension][unit]
 
@@ -75,14 +75,18 @@ def suffix(unit: str) -> str:
 
 
 def name_with_unit(name: str, unit: str) -> str:
-    """Return the name of a column whose numbers are in `unit`; "" and "1" are left out."""
+    """Return the name of a column with its unit as the ending, such as ``speed_m_per_s``.
+
+    If `unit` is "" or "1", the name is returned unchanged.
+    """
     return f"{name}_{suffix(unit)}" if unit not in ("", "1") else name
 
 
 def convert(value: float, unit: str, target: str) -> float:
-    """Return `value`, which is in `unit`, in the unit `target` of the same dimension.
+    """Convert `value` from `unit` to `target`, a unit of the same dimension, and return it.
 
-    Units are those of `DIMENSIONS`. Raises `ValueError` for units of different dimensions.
+    Units are those of `DIMENSIONS`. If `unit` and `target` are equal, `value` is returned without a
+    check. Raises `ValueError` for units of different dimensions, and for an unknown unit.
     """
     if unit == target:
         return value
@@ -93,5 +97,5 @@ def convert(value: float, unit: str, target: str) -> float:
 
 
 def miles_per_hour(speed: float) -> float:
-    """Return a speed [m/s] in mph."""
+    """Convert a speed from m/s to mph, and return it."""
     return speed / MPH

@@ -19,9 +19,9 @@ CACHE = "NUMBA_CACHE_DIR"
 def provide_cache(package: Path) -> None:
     """Set numba's cache to a temporary folder if none of the usual folders is writable.
 
-    The usual folders are the one in the variable ``NUMBA_CACHE_DIR``, ``__pycache__`` beside the
-    code of `package`, and the cache in the user's home. A line on stderr names the temporary folder
-    if it is used. On Windows nothing is done.
+    The usual folders are the one in the variable ``NUMBA_CACHE_DIR``, ``__pycache__`` in the folder
+    `package`, and the cache in the user's home. When the temporary folder is created, a line on
+    stderr names it. On Windows nothing is done.
     """
     named, home = os.environ.get(CACHE), Path("~/.cache").expanduser()
     usual = [package / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or home, "numba")]
@@ -40,7 +40,7 @@ def provide_cache(package: Path) -> None:
 
 
 def one_process_at_a_time(compiled: Decorator) -> Decorator:
-    """Return a decorator that compiles as `compiled` does, by one process at a time.
+    """Return a decorator that compiles like `compiled`, but in only one process at a time.
 
     Other processes wait for a lock on the source file. Numba stores a generalized ufunc
     (`guvectorize`) in two files, one for its loop and one for the wrapper that calls it. If two

@@ -337,8 +337,8 @@ ENDINGS = {  # meaning of a name with this ending, from that of the name without
 def column_meaning(name: str) -> ColumnMeaning | None:
     """Return meaning and unit of a column, or None for a name that is not in the dictionary.
 
-    A name with an ending such as ``_u``, before its unit if it has one, follows from the name
-    without it.
+    A name may contain an ending such as ``_u``, placed before its unit. The meaning of
+    ``speed_u_mph``, for example, follows from that of ``speed_mph``.
     """
     unit = unit_of(name)
     if name in COLUMNS:
@@ -363,10 +363,12 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 
 
 def with_units(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with the units of its columns in ``attrs["units"]``.
+    """Store the units of a table's columns in its ``attrs["units"]``, and return the same table.
 
-    The unit is empty for strings and counts, and "1" for pure numbers. Where all rows have the same
-    `unit`, columns in this unit get it; otherwise their unit is ``of the row``.
+    The units are keyed by column name. A unit is "" for strings and counts, and "1" for pure
+    numbers. Columns that are not in the dictionary are left out. Some columns have their unit in
+    the column ``unit`` of the same row. If all rows have the same unit, this is the unit of these
+    columns; otherwise their unit is ``of the row``.
     """
     units = units_of(map(str, table.columns))
     stated = set(table["unit"]) if "unit" in table else set()

@@ -33,10 +33,10 @@ SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
 def read_bytes(path: Path, *, most: float = 2e9, last: int | None = None) -> bytes:
-    """Return the content of a file, or its `last` bytes.
+    """Return the content of a file, or only its `last` bytes if stated.
 
-    A file of fewer than `last` bytes is returned whole. Raises `InputError` for a file that is
-    missing, unreadable, no regular file, or larger than `most` bytes.
+    If the file has fewer than `last` bytes, all of it is returned. Raises `InputError` for a file
+    that is missing, unreadable, not a regular file, or larger than `most` bytes in total.
     """
     try:
         status = path.stat()
@@ -69,8 +69,8 @@ def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file.
 
     Raises `InputError` if the file cannot be read, does not contain exactly one object, contains a
-    key twice, the words NaN or Infinity or a number too large for a float, such as 1e999, or is
-    nested more than 32 levels deep.
+    key twice, the words NaN or Infinity or a decimal number too large for a float, such as 1e999,
+    or is nested more than 32 levels deep.
     """
     return parse_json(read_text(path), str(path))
 
@@ -149,8 +149,8 @@ def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
 def inside(folder: Path, name: str, where: str, key: str) -> Path:
     """Return the path of the file `name` in a folder, whether it exists or not.
 
-    Raises `InputError`, which names the file `where` and the `key`, if the path leads out of the
-    folder by ``..`` or by a link.
+    Raises `InputError` if the path leads out of the folder by ``..`` or by a link, or if it cannot
+    be resolved. The message of the error names the file `where` and the `key` that contain `name`.
     """
     path = folder / name
     try:
@@ -173,8 +173,9 @@ KINDS = (
 def contents(folder: Path) -> dict[str, str]:
     """Return the kind of each entry of a folder and its subfolders, by relative path, sorted.
 
-    A kind is ``file``, ``folder`` (an empty one), ``link`` (to files or folders, not followed),
-    ``pipe``, ``socket`` or ``device``.
+    A kind is ``file``, ``folder``, ``link`` (to files or folders, not followed), ``pipe``,
+    ``socket`` or ``device``. Only an empty folder has an entry of its own. A missing folder gives
+    an empty result.
     """
     kinds = {}
     for root, folders, files in os.walk(folder):
@@ -191,8 +192,10 @@ def contents(folder: Path) -> dict[str, str]:
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
     """Return the table in a CSV file, one column per name in the header.
 
-    Raises `InputError` if the file cannot be read, is not UTF-8 text, has no rows, has another
-    delimiter, has a column name twice, or has rows whose length differs from the header.
+    An empty cell is a missing value. Raises `InputError` if the file cannot be read, is not UTF-8
+    text, has no rows, has another delimiter, has a column name twice, or has rows whose length
+    differs from the header. Rows that are too short are not detected in a file that contains
+    quotes.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -232,10 +235,11 @@ def parse_table(
 
 
 def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of a CSV file of numbers keyed by name; an empty cell is NaN.
+    """Return the columns of a CSV file of numbers, keyed by name; an empty cell is NaN.
 
-    If the file has a fault or contains cells that are not numbers, it is read by `parse_table`,
-    which loads pandas, with the same results and errors.
+    `data` is the content of the file, and `where` names the file in errors. A column with other
+    text is returned as an array of Python objects. Raises `InputError` in the cases of
+    `read_table`.
     """
     import numpy as np
 
@@ -291,7 +295,8 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
 def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
     """Raise `InputError` unless `target` can become a new folder: absent or empty, and writable.
 
-    With `overwrite` it may also be a result folder, which is known by its ``settings.toml``.
+    With `overwrite` it may also be a result folder, which contains a ``settings.toml``. The current
+    folder is never allowed.
     """
     try:
         linked = stat.S_ISLNK(target.lstat().st_mode)
@@ -322,10 +327,11 @@ def _is_result(folder: Path) -> bool:
 
 
 def check_writable(target: Path, key: str) -> None:
-    """Raise `InputError` unless a file or folder can be made at `target`; `key` is for the message.
+    """Raise `InputError` unless a file or folder can be created at `target`.
 
-    The check creates a draft and removes it, because a system may report a folder as writable
-    although no file can be created in it, such as ``/proc``.
+    `key` is the word for the target in the message. The check creates a temporary folder and
+    removes it, because a system may report a folder as writable although no file can be created in
+    it, such as ``/proc``.
     """
     existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
     try:
@@ -349,11 +355,17 @@ def first_free(target: Path) -> Path:
 def new_folder(target: Path, settings: str = "", *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a temporary folder to fill, which is renamed to `target` if no error occurs.
 
-    `settings` is the text of the file ``settings.toml``, the arguments of the call that made the
-    result; no file is written if it is empty. With `overwrite` the new folder replaces an earlier
-    result folder as a whole. Raises `InputError` if `target` exists and is neither an empty folder
-    nor, with `overwrite`, a result folder, or if it cannot be written. After an error no new file
-    is left, and the earlier folder is unchanged.
+    `settings` is the text of the file ``settings.toml``, which holds the arguments of the call that
+    made the result. If it is empty, no such file is written. With `overwrite` the new folder
+    replaces an earlier result folder as a whole. After an error no new file is left, and the
+    earlier folder is unchanged.
+
+    Raises
+    ------
+    InputError
+        `target` is the current folder; it exists and is neither an empty folder nor, with
+        `overwrite`, a result folder; it cannot be written; or an `OSError` occurs within the
+        context.
     """
     check_new_folder(target, overwrite=overwrite)
     try:
@@ -386,10 +398,11 @@ def _exchange(draft: Path, target: Path) -> None:
 
 @contextmanager
 def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Yield a folder to fill, whose files are moved into `folder` if no error occurs.
+    """Yield a temporary folder to fill, whose files are moved into `folder` if no error occurs.
 
-    Raises `InputError` if `folder` cannot be written or already contains one of the files. With
-    `overwrite` the files in `folder` are replaced.
+    Raises `InputError` if `folder` cannot be written, or if it already contains one of the files.
+    With `overwrite` the files in `folder` are replaced. An `OSError` within the context becomes an
+    `InputError`.
     """
     try:
         with draft_in(folder) as draft:
@@ -407,8 +420,8 @@ def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Yield a temporary file to write, which replaces `path` if no error occurs.
 
-    The content is on disk before the file gets its name. Raises `OSError` if the folder cannot be
-    written.
+    A missing folder is created. The content is on disk before the file gets its name. Raises
+    `OSError` if the folder cannot be written.
     """
     with draft_in(path.parent) as draft:
         with open(draft / path.name, "wb") as file:

@@ -20,11 +20,11 @@ open_drafts: set[Path] = set()  # drafts of this process, removed if it must end
 
 @contextmanager
 def draft_in(folder: Path) -> Iterator[Path]:
-    """Yield a new folder for a draft in `folder`, which is created if missing.
+    """Yield a new temporary folder within `folder`; `folder` is created if it is missing.
 
-    When the context ends, the draft is deleted with all files that were not moved out of it. Drafts
-    that ended processes have left are deleted at the start. Raises `OSError` if `folder` cannot be
-    written.
+    When the context ends, the temporary folder is deleted with all files that were not moved out of
+    it. Temporary folders left by ended processes are deleted at the start. Raises `OSError` if
+    `folder` cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     _sweep(folder)
@@ -43,7 +43,7 @@ def draft_in(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts() -> None:
-    """Remove all drafts of this process, before it ends; errors are ignored."""
+    """Remove all temporary folders (drafts) of this process, before it ends; errors are ignored."""
     for draft in tuple(open_drafts):
         shutil.rmtree(draft, ignore_errors=True)
 

@@ -39,7 +39,7 @@ def write_csv(columns: pd.DataFrame | Mapping[str, ArrayLike], path: Path) -> No
 def csv_text(columns: pd.DataFrame | Mapping[str, ArrayLike]) -> str:
     """Return columns of equal length, keyed by name, as CSV text with a header.
 
-    Texts are quoted so that no spreadsheet interprets them as formulas. A missing value, None or
+    Strings are quoted so that no spreadsheet interprets them as formulas. A missing value, None or
     NaN, is an empty cell. A number has all its digits. Raises `ValueError` for columns of different
     lengths.
     """

@@ -41,7 +41,8 @@ def film_board(
     Raises
     ------
     InputError
-        The camera is unknown, the folder is not empty, or there are too few or too many pictures.
+        The camera is unknown, the seed is not between 0 and 2^128 - 1, there are too few or too
+        many pictures, or the folder is not empty or cannot be written.
     """
     import cv2
 

@@ -32,7 +32,8 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 def require_rig(rig: Rig, procedure: Procedure) -> None:
     """Raise `InputError` for a rig that does not suit a procedure.
 
-    Such a rig lacks a record that the procedure needs, or swings a bat that must be at rest.
+    Such a rig lacks a record that the procedure needs, or it swings the bat although the procedure
+    tests a bat at rest.
     """
     if lacking := _lacking(rig, procedure):
         able = [
@@ -74,7 +75,10 @@ def require_camera(rig: Rig) -> None:
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Raise `InputError` for a scan that reaches or exceeds the tip or the pivot of a bat."""
+    """Raise `InputError` for a scan that reaches or exceeds the tip or the pivot of a bat.
+
+    A procedure without a scan is always accepted.
+    """
     if procedure.scan is None:
         return
     axis = bat.body.length - procedure.pivot_from_knob
@@ -90,9 +94,9 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Raise `InputError` for windows of mass or e0 that exclude the nominal ball.
+    """Raise `InputError` if a nominal ball is outside a procedure's window of ball mass or e0.
 
-    With such windows most balls would be set aside.
+    A window is a range of allowed values. With such a window most balls would be rejected.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
@@ -124,10 +128,10 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
 
 
 def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
-    """Yield name and identity of each instrument of some rigs whose data sheet states an identity.
+    """Yield name and identity of each instrument of `rigs` whose data sheet states an identity.
 
-    Nothing is yielded for rigs of other packages. Raises `InputError` for an identity with a wrong
-    entry.
+    An instrument of two rigs is yielded twice. Nothing is yielded for rigs of other packages.
+    Raises `InputError` for an identity with a wrong entry.
     """
     instruments = catalog.names("instruments")
     for rig in rigs:

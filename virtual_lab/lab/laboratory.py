@@ -192,8 +192,8 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
     """Return the collision models for individual bats of a design in tests by a procedure.
 
     `rung` names the model to use; None selects the fastest one that is accurate enough. The same
-    arguments return the same object, so the choice is made once. Raises `InputError` for an unknown
-    model.
+    arguments return the same object, so the choice is made once. The choice is made when the result
+    is first used; only then an unknown model raises `InputError`.
     """
     speed = rules.ball_speed + (rules.bat_speed or 0.0)
     return Ladder(
@@ -219,7 +219,7 @@ def constant_name(stage: Stage, name: str) -> str:
 def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
     """Return the constants of a lot known before its balls are measured, keyed by name [SI].
 
-    They are ``ball.radius`` and ``ball.restitution_slope``, the slope of e0 over speed [s/m].
+    They are ``ball.radius`` [m] and ``ball.restitution_slope``, the slope of e0 over speed [s/m].
     """
     return {
         "ball.radius": Estimate(value=ball.radius, u=ball.radius_u),

@@ -36,11 +36,15 @@ def measurands(
 ) -> dict[str, Array]:
     """Return the true ``metric`` and other true quantities, keyed by name, (laboratory,) [SI].
 
-    The other quantities refer to the impact position on the certificate, so they are averaged with
-    the `weights` of its hits, (shot,). For a scan, the result also holds the metric at the maximum
-    of the continuous curve. If the procedure states a `width_drop`, it also holds the width of the
-    curve of the metric [m] at this drop below that maximum. `control` is the true ratio of e of the
-    control bat to its known e. Values are NaN for a test without a result.
+    `weights` (shot,) are the weights of the hits in the result on the certificate; NaN counts as 0.
+    The other quantities are means of the true values at the impact positions of the hits, with
+    these weights. They therefore refer to the impact position on the certificate.
+
+    For a scan, the result also holds the metric at the maximum of the continuous curve. If the
+    procedure states a `width_drop`, it also holds the width of the curve of the metric [m] at this
+    drop below that maximum. If the procedure normalizes the metric, the result also holds the
+    metric without normalization. `control` is the true ratio of e of the control bat to its known
+    e. All values are NaN in a laboratory without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories
@@ -157,8 +161,9 @@ def true_curve(
 ) -> TrueCurve:
     """Return the true results at `places` for the procedure's nominal speeds, arrays (place,).
 
-    `places` are distances from the barrel tip [m]. If several laboratories are simulated as a
-    block, `owner` is the laboratory whose bat and balls are used at each position, (place,).
+    `places` are distances from the barrel tip [m]. For a block of laboratories, `owner` is the
+    index of the laboratory whose bat and balls are used at each position, (place,). For a single
+    laboratory `owner` is `...`.
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

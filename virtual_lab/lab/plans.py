@@ -22,10 +22,10 @@ ALONE = ()  # shape of a single laboratory; (n,) for a block
 
 
 def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotPlan:
-    """Return the plan to weigh every ball of the lot once, for each laboratory in turn, (ball,).
+    """Return the plan to weigh every ball of the lot once, in each laboratory.
 
-    `laboratories` is the shape of the block: (n,), or () for one laboratory. Speed and position of
-    the plan are NaN.
+    `laboratories` is the shape of the block: (n,), or () for one laboratory. The arrays of the plan
+    have one entry per laboratory and ball, sorted by laboratory. Speed and position are NaN.
     """
     owner, ball = in_turn(laboratories, rules.balls)
     nothing = np.full(ball.shape, np.nan)
@@ -35,12 +35,12 @@ def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotP
 def wall_plan(
     rules: Procedure, detail: RecordDetail, laboratories: tuple[int, ...] = ALONE
 ) -> ShotPlan:
-    """Return the plan to fire every ball at the wall at each of the procedure's speeds, (shot,).
+    """Return the plan to fire every ball at the wall at each of the procedure's speeds.
 
-    Each speed [m/s] is fired `rules.wall_hits` times per ball. The shots are sorted by laboratory
-    and ball, and all positions are 0. `detail` states whether the instruments record every reading
-    or only summary values. `laboratories` is the shape of the block: (n,), or () for one
-    laboratory.
+    Each speed [m/s] is fired `rules.wall_hits` times per ball. The arrays of the plan are (shot,).
+    The shots are sorted by laboratory and ball, and all positions are 0. `detail` states whether
+    the instruments record every reading or only summary values. `laboratories` is the shape of the
+    block: (n,), or () for one laboratory.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)
@@ -64,11 +64,12 @@ class BeforeShots(NamedTuple):
 
 
 def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
-    """Return the plan to fire one ball at each requested position, (shot,), with the balls in turn.
+    """Return the plan to fire one ball at each requested impact position, with the balls in turn.
 
-    Balls that were set aside are not used. The planned position, from the barrel tip [m], is the
-    requested position minus the known error of the aim. It is rounded to the step in which the rig
-    can be set, except in an ideal laboratory.
+    The arrays of the plan are (shot,). Rejected balls are not used; each laboratory must have a
+    ball that was not rejected. The planned position is the distance from the barrel tip [m]. It is
+    the requested position minus the known error of the aim, which is positive toward the knob. It
+    is rounded to 0.5 mm, the step in which the rig can be set, except in an ideal laboratory.
     """
     owner = shots.owner
     turn, counts = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
@@ -95,9 +96,9 @@ def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
-    """Return the records of a stage by channel, with the shots of all rounds in a row.
+    """Return the records of a stage, keyed by channel, with the shots of all rounds in order.
 
-    Raises `IndexError` without a round.
+    Raises `IndexError` if there is no round.
     """
     return {
         channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
@@ -105,8 +106,8 @@ def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
 
 
 def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
-    """Return the session with the records of a stage added, or replaced if it has some.
+    """Return the session with the records of a stage added; earlier records of it are replaced.
 
-    The shots of all rounds are in a row.
+    The shots of all rounds are joined in order. Raises `IndexError` if there is no round.
     """
     return replace(session, records={**session.records, stage.value: stage_records(rounds)})

@@ -214,8 +214,7 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
 def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     """Measure bat and balls and reduce their records. Return the test day before the first shot.
 
-    Each step returns a new day; `laboratory` is not changed.
-    `progress` is called with a sentence before each stage.
+    `laboratory` is not changed. `progress` is called with a sentence before each stage.
     """
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")

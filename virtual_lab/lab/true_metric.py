@@ -116,10 +116,15 @@ def results_of_curves(
 ) -> Array:
     """Return the procedure's result in each laboratory from exact curves, (laboratory,).
 
-    `objective` and `metric` are values of the exact curves at the position of each shot, (shot,);
-    the result has the unit of `metric`. Without a scan it is the mean over the valid hits. With a
-    scan it is the value at the best position, or at the maximum of a curve fitted near it. It is
-    NaN without a valid hit, or if no position of a scan has all its hits.
+    `objective` is the quantity that a scan maximizes, and `metric` is the quantity of the result.
+    Both are values of the exact curves at the position of each shot, (shot,). The result has the
+    unit of `metric`.
+
+    Without a scan the result is the mean of `metric` over the valid hits, NaN if there are none. A
+    scan uses only positions with all valid hits that the procedure requires; the result is NaN if
+    there are none. If the procedure has final hits, the result is the `metric` at the position with
+    the largest `objective`. Otherwise it is the `metric` at the maximum of a curve fitted to the
+    `objective` near this position.
     """
     owner, place, valid = visits
     if procedure.scan is None:

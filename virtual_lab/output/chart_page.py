@@ -23,7 +23,7 @@ def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[st
         Figure, inserted as SVG.
     rows
         Rows of the table, at least one, all with the same keys. The keys are the column heads.
-        Numbers are rounded to three digits; None gives an empty cell.
+        Numbers are rounded to three significant digits; None gives an empty cell.
     """
     from markupsafe import Markup
     from matplotlib import rc_context

@@ -30,18 +30,18 @@ def draw_intervals(
     words: str = "",
     hollow: str = "",
 ) -> PageFigure:
-    """Return a figure of intervals, the first on top.
+    """Return a figure of values with their intervals, one line per interval, the first on top.
 
     Parameters
     ----------
     intervals
-        Values with their limits, all in one unit. Lines with the same name are kept apart.
+        Values with their limits, all in one unit. Intervals with the same name have separate lines.
     title, label
         Title, and label of the horizontal axis.
     references
-        Values of dashed vertical lines.
+        Values marked by dashed vertical lines.
     words, hollow
-        Words of the legend for these lines, and for hollow markers.
+        Texts of the legend for the dashed lines, and for hollow markers.
     """
     with page_figure(1.2 + 0.19 * max(len(intervals), 2)) as figure:
         axes = figure.subplots()

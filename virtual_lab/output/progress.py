@@ -44,7 +44,7 @@ quiet = _Quiet()
 def show_progress(stream: TextIO | None = None) -> Iterator[Progress]:
     """Yield a `Progress` that writes to a stream, by default stderr, until the context ends.
 
-    Without a stream, as in a program without a terminal, nothing is written.
+    If there is no stderr, as in a program without a terminal, nothing is written.
     """
     stream = stream or sys.stderr
     if stream is None:  # a program without a terminal has no stderr

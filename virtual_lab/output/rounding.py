@@ -10,7 +10,8 @@ LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 def decimals(u: float) -> int:
     """Return the number of decimal places, at least 0, that prints `u` with two significant digits.
 
-    The number is 6 if u is NaN, 0, or so small that it is only rounding error.
+    The number is 6 if `u` is NaN or at most `LEAST`. It is 0 if `u` rounds to 10 or more, so a `u`
+    of 100 or more is printed with more than two digits. Raises `OverflowError` if `u` is inf.
     """
     if not u > LEAST:
         return 6
@@ -20,15 +21,20 @@ def decimals(u: float) -> int:
 
 
 def digits(u: float) -> str:
-    """Return an uncertainty as text with two significant digits; ``0`` for rounding error only."""
+    """Return an uncertainty as text with two significant digits, from 100 on as a whole number.
+
+    The text is ``0`` if `u` is at most 1e-9, whatever its unit, and ``nan`` if it is NaN. Raises
+    `OverflowError` if `u` is inf.
+    """
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 
 
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
 
-    Both have as many decimals as `u` needs for two significant digits. `word` is printed
-    instead of ``u``. For a u of 0 the value has six decimals and the text ends in ``(u 0)``.
+    Both have as many decimals as `u` needs for two significant digits. `word` is printed instead of
+    ``u``. If `u` is at most 1e-9, the value has six decimals and the text ends in ``(u 0)``. Raises
+    `OverflowError` if `u` is inf.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 
@@ -40,12 +46,12 @@ def beyond(text: str, value: float, low: float, high: float, places: int) -> str
     ----------
     text
         Format string with ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` and ``{2:.{d}f}`` for the
-        limits.
+        lower and upper limit.
     value, low, high
-        Value and limits in the unit of the text. A value within the limits is printed with `places`
-        decimals.
+        Value and limits in the unit of the text. A value that is within the limits or NaN is
+        printed with `places` decimals.
     places
-        Fewest decimal places.
+        Smallest number of decimals.
     """
     digits = places
     while low <= float(f"{value:.{digits}f}") <= high and not low <= value <= high:

@@ -33,9 +33,9 @@ INTERVAL_GREY = "0.85"  # gray of an interval; markers on it stay visible in gre
 
 
 def as_drawn(name: str) -> str:
-    """Return a user's text escaped for Matplotlib, where $ begins a formula and _ hides a label.
+    """Return a user's text escaped for Matplotlib, in which $ begins a formula and _ hides a label.
 
-    A text that begins with _ gets a space before it.
+    A dollar sign gets a backslash, and a text that begins with _ gets a space before it.
     """
     return f"{' ' if name.startswith('_') else ''}{name}".replace("$", r"\$")
 

@@ -41,12 +41,15 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
 
 
 def description_of(figure: str) -> str:
-    """Return the alternative text of a figure that `figure` made; it may be empty."""
+    """Return the description in an SVG element made by `figure`; it may be empty."""
     return unescape(figure.partition('-description">')[2].partition("</desc>")[0])
 
 
 def symbol_markup(text: str) -> str:
-    """Return a string escaped for SVG, with the index of its first symbol (``e_A``) lowered."""
+    """Return a string escaped for SVG, with its first symbol, such as ``e_A``, in print.
+
+    The letter of the symbol is in italics, and its index is a subscript.
+    """
     match = re.search(r"\b([A-Za-z])_(\w)\b", text)
     if match is None:
         return escape(text)

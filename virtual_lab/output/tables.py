@@ -68,7 +68,7 @@ def _of_part(name: str, column: Column) -> Column:
 
 
 def record(row: Any) -> Mapping[str, Any]:
-    """Return the values of a row by key; the row is a dataclass or a mapping.
+    """Return the values of a row, a dataclass or a mapping, keyed by column.
 
     A mapping is returned unchanged. If a field of the dataclass is itself a dataclass or a mapping,
     it is flattened: its keys get the name of the field as a prefix, ``recoil_rms``, unless the
@@ -95,7 +95,7 @@ def table_text(
 ) -> str:
     """Return rows of one type as a text table with a header and fitted column widths.
 
-    Without rows the text is ``nothing``. A value None is an empty cell.
+    Without rows the text is the word ``nothing``. A value None is an empty cell.
 
     Parameters
     ----------

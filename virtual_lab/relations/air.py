@@ -20,7 +20,7 @@ ZERO_CELSIUS = 273.15  # [K]
 def air_density(
     temperature: Array | float, humidity: Array | float, pressure: Array | float
 ) -> Array:
-    """Return the density of moist air [kg/m³], in the common shape of the arguments.
+    """Return the density of moist air [kg/m³] by CIPM-2007, in the common shape of the arguments.
 
     `temperature` is in K, `pressure` in Pa, and `humidity` is the relative humidity from 0 to 1.
     The formula is also applied to values outside its range; no error is raised.

@@ -54,15 +54,15 @@ def board_of(text: str) -> Board:
     """Return the board described by a string like ``charuco:14x9:40mm:30mm``.
 
     The parts after the kind are the numbers of squares in a row and in a column, the side of a
-    square, and the side of a marker. One more part can name the dictionary, by default
+    square, and the side of a marker. One more part can name the ArUco dictionary, by default
     ``4X4_1000``. A plain chessboard has no marker: ``chessboard:14x9:40mm``.
 
     Raises
     ------
     InputError
-        The text has another form, there are fewer than 4 x 3 squares, the size of a square is not
-        allowed, the board is longer than 10 m, a marker does not fit, or the dictionary has too few
-        markers.
+        The text has another form, there are fewer than 4 x 3 squares, the side of a square is not
+        between 1 mm and 1 m, the board is longer than 10 m, a marker is not smaller than a square,
+        or the dictionary is unknown or has too few markers.
     """
     key, (kind, *parts) = "--board", text.strip().split(":")
     charuco = kind == "charuco"

@@ -70,7 +70,7 @@ def slowest_within(distance: ArrayLike, drop: float) -> Array:
     """Return the lowest speed [m/s] at which a ball falls at most `drop` [m] over `distance` [m].
 
     The ball starts horizontally and flies without air, so this speed is x √(g / 2h) with `distance`
-    x, `drop` h and the standard g. The result has the shape of `distance`.
+    x, `drop` h and the standard g. `drop` must be above 0. The result has the shape of `distance`.
     """
     return np.asarray(np.asarray(distance) * np.sqrt(STANDARD_GRAVITY / (2 * drop)))
 

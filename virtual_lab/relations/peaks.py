@@ -26,6 +26,11 @@ def peak(places: Array, values: Array) -> Peak:
     places, values
         Positions in increasing order, and the values of the curve there, shape (n,) with n ≥ 4. For
         a step h between positions, the error is of order h⁴ in the value and h³ in the position.
+
+    Raises
+    ------
+    ValueError
+        The positions do not increase, or a position or value is not finite.
     """
     from scipy.interpolate import CubicSpline
 

@@ -32,9 +32,9 @@ def inertia_from_period(period: ArrayLike, moment: ArrayLike, gravity: ArrayLike
 
 
 def amplitude_factor(amplitude: ArrayLike) -> Array:
-    """Return the ratio of the period to that of small swings, 1 + θ²/16 + 11 θ⁴/3072.
+    """Return the ratio of a pendulum's period to that of small swings, 1 + θ²/16 + 11 θ⁴/3072.
 
-    `amplitude` is θ [rad], and the result has its shape. The error is 1e-7 at 20°.
+    `amplitude` is θ [rad], and the result has its shape and no unit. The error is 1e-7 at 20°.
     """
     square = np.square(amplitude)
     return np.asarray(1 + square / 16 + 11 * np.square(square) / 3072)

@@ -79,7 +79,10 @@ def project_points(
 
 
 def rotation(vector: ArrayLike) -> Array:
-    """Return the rotation matrices, (…, 3, 3), of rotation vectors (…, 3) [rad] (Rodrigues)."""
+    """Return the rotation matrices, (…, 3, 3), of rotation vectors (…, 3) [rad] (Rodrigues).
+
+    A zero vector gives the identity matrix.
+    """
     turn = np.asarray(vector, dtype=np.float64)
     angle = np.linalg.norm(turn, axis=-1)[..., None, None]
     x, y, z = np.moveaxis(turn, -1, 0)

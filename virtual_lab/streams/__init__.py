@@ -53,7 +53,7 @@ LABORATORIES = 2**32  # largest number of laboratories in one study
 
 
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
-    """Return the value of the laboratory of each shot, (shot, ...), from values (laboratory, ...).
+    """Return one value per shot, (shot, ...), from one value per laboratory, (laboratory, ...).
 
     `owner` is the index of the laboratory of each shot, (shot,). If `owner` is `...`, there is a
     single laboratory, and its values are returned unchanged; a number remains a number.
@@ -64,9 +64,10 @@ def of_owners(values: ArrayLike, owner: Owner) -> Any:
 def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
     """Return owner and slot of `count` consecutive readings in each laboratory of a block.
 
-    Both are (n · count,): the index of the laboratory of each reading, and the slots 0 to `count` -
-    1, repeated for each laboratory. `laboratories` is the shape of the block: (n,), or () for a
-    single laboratory, whose owner is `...`.
+    `laboratories` is the shape of the block: (n,), or () for a single laboratory. For a block, both
+    results have the shape (n · count,). The owner is the index of the laboratory of a reading, and
+    the slots are 0 to `count` - 1, repeated for each laboratory. For a single laboratory the owner
+    is `...`, and the slots have the shape (count,).
     """
     slots = np.tile(np.arange(count), laboratories)
     return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots
@@ -215,8 +216,8 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
 def salt_of(seed: int | None) -> bytes:
     """Return the salt for the commitment to a seed, 16 bytes.
 
-    It is random if the seed is None, that is, if the program draws the seed and seals it. A seed
-    chosen by the user is not secret. Its salt is computed from it, so that a repeated test has
+    If the seed is None, that is, if the program draws the seed and seals it, the salt is random. A
+    seed chosen by the user is not secret. Its salt is computed from it, so that a repeated test has
     identical files.
     """
     if seed is None:
@@ -241,9 +242,9 @@ def commitment(salt: bytes, seed: int) -> str:
 def generator(seed: int, name: str, block: int) -> np.random.Generator:
     """Return a numpy generator for the random numbers of one block, addressed by seed and name.
 
-    It is used for distributions that numpy samples by rejection. The same arguments give the same
-    numbers. Generators that differ in seed, name or block are independent. Raises `InputError` for
-    a seed that is not between 0 and 2^128 - 1.
+    It is used for distributions that numpy samples by rejection. `block` is a whole number from 0.
+    The same arguments give the same numbers. Generators that differ in seed, name or block are
+    independent. Raises `InputError` for a seed that is not between 0 and 2^128 - 1.
     """
     require_seed(seed)
     digest = hashlib.blake2b(f"{seed}/{name}".encode(), digest_size=16).digest()

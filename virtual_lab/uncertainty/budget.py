@@ -262,8 +262,8 @@ def combine_components(value: Array, components: Components) -> Budgets:
     """Return the combined uncertainties of results, with value, u and dof as arrays (laboratory,).
 
     `value` is (laboratory,). Contributions add in quadrature, and the degrees of freedom are those
-    of Welch and Satterthwaite (GUM G.4.1), inf without uncertainty. The components of a pool share
-    their degrees of freedom and count as one term.
+    of Welch and Satterthwaite (GUM G.4.1), inf if u is 0. Components whose u comes from one common
+    scatter form a pool. They share their degrees of freedom and count as one term.
     """
     from virtual_lab.uncertainty.budget_kernel import welch_satterthwaite
 
@@ -287,12 +287,17 @@ def means_of_hits(
 
     Parameters
     ----------
-    variants, hits
-        Variants of the constants, and the model's output of each hit for variant k,
-        (laboratory, k, hit). Variant 0 has all constants at their values.
-    weights, places, effects
-        Weight of each hit in the result, its impact position, and the derivative of the result with
-        respect to the hit, (laboratory, hit). Weight and effect are 0 for a missing hit.
+    variants
+        Variants of the constants.
+    hits
+        Output of the model for each hit and variant k of the constants, (laboratory, k, hit).
+        Variant 0 has all constants at their values.
+    weights
+        Weight of each hit in the result, (laboratory, hit); 0 for a missing hit.
+    places
+        Impact position of each hit, (laboratory, hit). Scatter is that within a position.
+    effects
+        Derivative of the result with respect to each hit, (laboratory, hit); 0 for a missing hit.
     earlier
         Variance of a hit in earlier tests of each laboratory, which is pooled with that of this
         test. `Budgets.scatter` contains the scatter of this test alone.
@@ -352,7 +357,8 @@ def _pool_lines(components: Sequence[Component]) -> list[Component]:
 def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
     """Return one source of type A as components, arrays (laboratory, 1).
 
-    `value` and `u` are (laboratory,), in the unit of the result, so the sensitivity is 1.
+    `value` and `u` are (laboratory,), in the unit of the result, so the sensitivity is 1. `dof` are
+    the degrees of freedom, (laboratory,) or one number for all.
     """
     column = (len(u), 1)
     return Components(
@@ -379,7 +385,8 @@ def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
 def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
     """Return the coverage factor t of Student's distribution, dimensionless, in the shape of `dof`.
 
-    The interval ± t u contains `probability`; `dof` are the degrees of freedom of u, up to inf.
+    The interval ± t u contains `probability`. `dof` are the degrees of freedom of u, up to inf. The
+    factor is NaN if they are NaN or not above 0.
     """
     from scipy.special import stdtrit  # takes half a second to load, too long for a page
 

@@ -45,7 +45,8 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
     * this variance minus the part explained by constants, which can be negative;
     * degrees of freedom of the variance.
 
-    A hit of weight 0 is left out. The variances of a laboratory without hits are NaN.
+    The variance is that within an impact position. A hit of weight 0 is left out. The variances of
+    a laboratory without hits are NaN.
 
     Parameters
     ----------

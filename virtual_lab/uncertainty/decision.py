@@ -113,7 +113,8 @@ def conformity(
     Raises
     ------
     InputError
-        A value, u or dof that is not allowed, no limit, or limits in the wrong order.
+        `value` or `u` is not finite, `u` or `dof` is not above 0, there is no limit, or the limits
+        are in the wrong order.
     """
     _require_u(u, dof)
     if not isfinite(value):
@@ -144,13 +145,14 @@ def global_risk(
     lower, upper
         Tolerance limits, in the unit of the prior; at least one of them.
     guard
-        Guard band w of each limit; a positive one moves the limit inward.
+        Width w of the guard band at each limit, in the unit of the prior. A positive width moves
+        the acceptance limits inward from the tolerance limits.
 
     Raises
     ------
     InputError
-        A prior or u that is not allowed, no limit, limits in the wrong order, or a guard band that
-        leaves nothing between the limits.
+        The prior is not a valid `Input` with an uncertainty, `u` or `dof` is not above 0, there is
+        no limit, the limits are in the wrong order, or the guard band leaves nothing between them.
     """
     _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
@@ -176,12 +178,13 @@ def guard_band(
     u, dof, lower, upper
         As for `risk`.
     r
-        Guard band over U: w = r U with U = k u for 95 % (k = 2 with infinite `dof`). With r = 1
-        only items that certainly conform are accepted, r = 0 is simple acceptance, and with r = -1
-        only items that certainly do not conform are rejected.
+        Guard band over U: w = r U, where U = k u is the expanded uncertainty for 95 % (k = 2 with
+        infinite `dof`). With r = 0 an item is accepted if its measured value conforms (simple
+        acceptance), r = 1 is guarded acceptance, and r = -1 is guarded rejection.
     target
-        Largest consumer's risk, in place of r: with a `prior` the joint risk of all items, without
-        one the specific risk of an item at the acceptance limit.
+        Largest consumer's risk, between 0 and 1, instead of `r`. With a `prior` it is the joint
+        risk of all items. Without a `prior` it is the specific risk of an item at the acceptance
+        limit.
     prior
         As for `risk`.
 

@@ -83,7 +83,8 @@ def means_of_readings(
 ) -> Estimates:
     """Return the means of repeated readings with type A uncertainties, (laboratory,).
 
-    The degrees of freedom are n - 1, and inf where `least_u` exceeds the u from the scatter.
+    The degrees of freedom are n - 1, and inf where `least_u` exceeds the u from the scatter. With
+    only one used reading, u is NaN. With none, the mean is NaN too.
 
     Parameters
     ----------

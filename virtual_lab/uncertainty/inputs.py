@@ -127,8 +127,8 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
     A value of `entries` is an `Input`, an `Estimate`, a number without uncertainty, or readings
     (n,). For readings, the mean and its scatter are used (type A). Readings (n, m) taken together
     have a tuple of m names as their key. `correlations` are the correlation coefficients of pairs
-    of inputs; the coefficients of all other pairs are 0. Raises `InputError`, which names the input
-    that cannot be used.
+    of inputs, keyed by the two names; all others are 0. Raises `InputError` for an input or a
+    correlation that cannot be used; its message names it.
     """
     if not isinstance(entries, Mapping) or not entries:
         raise InputError("", "inputs", entries, "allowed: names and inputs, {'d': vl.Input(…)}")
@@ -189,8 +189,8 @@ def _readings(name: str, readings: Array) -> tuple[float, float]:
 def source_of(name: str, entry: Input) -> InputSource:
     """Return the value, u and distribution of an input.
 
-    Raises `InputError`, which names the input `name`, if it is no `Input`, is not valid, or has no
-    uncertainty.
+    Raises `InputError` if it is not an `Input`, is not valid, or has no uncertainty. The message
+    calls the input `name`.
     """
     if not isinstance(entry, Input):
         raise InputError("", name, entry, "allowed: vl.Input(…)")

@@ -97,15 +97,14 @@ class NestedStudy:
 
 
 def nested_study(values: ArrayLike) -> NestedStudy:
-    """Return variances within and between laboratories and lots, and statistics of consistency.
+    """Return variances within and between laboratories, and statistics of their consistency.
 
-    The results are arrays (...), one entry per data set, in the unit of the values or its square;
-    h, k and Cochran's statistic are dimensionless, h and k are (..., laboratory). The design is
-    balanced: every laboratory has the same number of lots, and repeats the test with each lot
-    equally often. With one lot, the results are those of ISO 5725-2 and ASTM E691, and
-    `group_study` gives the same standard deviations. Variances are unbiased estimates, so those
-    between laboratories and between lots can be negative; their standard deviations are then 0.
-    With one lot per laboratory, `lot_variance` is NaN.
+    The results are arrays (...), one entry per data set, in the unit of the values or its square.
+    The statistics h and k are (..., laboratory); h, k and Cochran's statistic are dimensionless.
+    The design is balanced: every laboratory has the same number of lots, and repeats the test with
+    each lot equally often. Variances are unbiased estimates, so those between laboratories and
+    between lots can be negative; their standard deviations are then 0. With one lot per laboratory,
+    `lot_variance` is NaN. The results are then those of ISO 5725-2 and ASTM E691.
 
     Parameters
     ----------
@@ -166,7 +165,8 @@ def cochran_limit(groups: int, dof: int, level: float) -> float:
     """Return the critical value of Cochran's test (ISO 5725-2), dimensionless.
 
     The statistic is the largest of `groups` variances over their sum, each variance with `dof`
-    degrees of freedom. It exceeds the limit by chance with a probability of `level`.
+    degrees of freedom. It exceeds the limit by chance with a probability of `level`. The limit is
+    NaN for a single group.
     """
     from scipy.stats import f
 
@@ -203,7 +203,8 @@ def k_limit(groups: int, dof: int, level: float) -> float:
 
     The test examines one group out of `groups`. The statistic k is the standard deviation within
     this group, with `dof` degrees of freedom, divided by the pooled standard deviation of all
-    groups. By chance, k exceeds the limit with a probability of `level`.
+    groups. By chance, k exceeds the limit with a probability of `level`. The limit is NaN for a
+    single group.
     """
     from scipy.stats import f
 

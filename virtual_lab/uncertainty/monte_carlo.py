@@ -146,7 +146,7 @@ class Batches:
 def tolerance(u: float, digits: int) -> float:
     """Return half a unit of the last significant digit of `u`, in its unit (JCGM 101, 7.9.2).
 
-    `digits` is the number of significant digits. The tolerance is inf for a `u` of 0 or inf.
+    `digits` is the number of significant digits. The tolerance is inf if `u` is 0, inf or NaN.
     """
     return float(0.5 * 10.0 ** (floor(log10(u)) - digits + 1)) if 0 < u < inf else inf
 
@@ -165,13 +165,12 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
-    """Draw in two stages; the scatter of the first determines the size of the second.
+    """Make draws in two stages; the scatter of the first determines the size of the second.
 
     Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
     output. This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia
     47, 2010, 317). All numbers of all outputs meet their tolerances with a probability of 95 %
-    (Bonferroni). If u is infinite (`infinite`), only the ends of the interval have a
-    tolerance. Raises
+    (Bonferroni). If u is infinite (`infinite`), the tolerances of mean and u are inf. Raises
     `InputError` if too many draws are needed.
     """
     from scipy.special import stdtrit
@@ -190,11 +189,10 @@ def stein(batches: Batches, infinite: bool) -> Array:
 
 
 def standard_rule(batches: Batches, infinite: bool) -> Array:
-    """Draw batch by batch until two standard errors are within the tolerance (JCGM 101, 7.9.4).
+    """Make draws until two standard errors are within the tolerance (JCGM 101, 7.9.4).
 
     Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
-    output. If u is infinite (`infinite`), only the ends of the interval have a
-    tolerance. The draws end at
+    output. If u is infinite (`infinite`), the tolerances of mean and u are inf. The draws end at
     `MOST_DRAWS` even if the tolerances are not met.
     """
     batches.draw_to(2)
@@ -212,9 +210,10 @@ RULES: dict[str, Callable[[Batches, bool], Array]] = {"stein": stein, "7.9": sta
 def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagated:
     """Return value, u and intervals of the outputs of a model by draws (JCGM 101).
 
-    `linear` is the first-order result; `verdict` of each outcome states whether it is valid. If an
-    input has at most 2 degrees of freedom, u is inf and the value is the median. Raises
-    `InputError` if correlated inputs cannot be drawn, or if too many draws are needed.
+    `linear` is the first-order result. The `verdict` of each outcome states whether that result is
+    valid. `drawing` states the number of draws, or the rule for it. If an input has at most 2
+    degrees of freedom, u is inf and the value is the median. Raises `InputError` if correlated
+    inputs cannot be drawn, or if too many draws are needed.
     """
     _require_drawable(model.inputs)
     few = min(_draw_dof(model.inputs), default=inf)

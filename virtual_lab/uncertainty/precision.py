@@ -83,14 +83,14 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
     values
         Readings, shape (n,), in any one unit; the results have the same unit.
     groups
-        Label of the group of each reading, length n, for example its laboratory. Groups may
-        differ in size.
+        Label of the group of each reading, length n, for example its laboratory. Groups may differ
+        in size.
 
     Raises
     ------
     InputError
-        Fewer than two groups, no group with two readings, readings that are not finite, or
-        readings that are all equal.
+        Fewer than two groups, no group with two readings, another number of labels than of
+        readings, readings that are not finite, or readings that are all equal.
     """
     readings, (which,) = _read(values, [groups])
     counts = np.bincount(which)
@@ -119,8 +119,8 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
 def gauge_study(values: ArrayLike, parts: Sequence[Any], operators: Sequence[Any]) -> GaugeStudy:
     """Return the gauge repeatability and reproducibility of readings (AIAG MSA, crossed design).
 
-    Each operator measures each part equally often. The interaction of part and operator is
-    pooled with the repeatability if its p-value is above 0.25.
+    Each operator measures each part equally often. The interaction of part and operator is pooled
+    with the repeatability if its p-value is above 0.25.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def gauge_study(values: ArrayLike, parts: Sequence[Any], operators: Sequence[Any
     ------
     InputError
         A part that an operator did not measure as often as the others, fewer than two parts,
-        operators or repeats, readings that are not finite, or readings that are all equal.
+        operators or repeats, another number of labels than of readings, readings that are not
+        finite, or readings that are all equal.
     """
     from scipy.special import fdtrc
 

@@ -160,7 +160,10 @@ class Propagated:
 
 
 def beyond_rounding(u: float, value: float) -> float:
-    """Return `u`, or 0 if it is at most 2^-44 of the value and thus only its rounding error."""
+    """Return `u`, or 0 if it is at most 2^-44 of the value and thus only its rounding error.
+
+    A `u` of NaN also gives 0.
+    """
     return u if u > LAST_BITS * abs(value) else 0.0
 
 

@@ -50,10 +50,10 @@ def propagate_inputs(
     Parameters
     ----------
     model
-        A function of named inputs that returns one number, or a mapping of names to numbers.
-        It is called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it
-        is called row by row, and a note says so. An input with groups of n observations is
-        passed as an array (k, n), or as (n,) if the function is called row by row.
+        A function of named inputs that returns one number, or a mapping of names to numbers. It is
+        called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it is called
+        row by row, and a note says so. An input with groups of n observations is passed as an array
+        (k, n), or as (n,) if the function is called row by row.
     inputs
         The value for a name is an `Input`, a number without uncertainty, or readings (n,), whose
         mean and standard uncertainty of the mean are used. For a tuple of m names, the value is
@@ -61,23 +61,23 @@ def propagate_inputs(
     correlations
         Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method
-        ``first-order``: GUM 5.1 with differences over ± u, and Welch–Satterthwaite.
-        ``second-order``: mean and variance with the terms of GUM 5.1.2, note.
-        ``monte-carlo``: JCGM 101, with the probabilistically symmetric and the shortest
-        interval; JCGM 102 for several outputs.
+        ``first-order`` is GUM 5.1 with differences over ± u, and Welch–Satterthwaite.
+        ``second-order`` adds the terms of GUM 5.1.2, note, to mean and variance.
+        ``monte-carlo`` is JCGM 101, with the probabilistically symmetric and the shortest interval,
+        and JCGM 102 for several outputs.
     probability
         Coverage probability of the interval, between 0 and 1.
     digits
-        Number of significant digits of u. Without `draws`, Monte Carlo draws until value, u
-        and ends of the interval are accurate to half a unit of the last of these digits.
+        Number of significant digits of u, 1 to 15. Without `draws`, Monte Carlo draws until value,
+        u and ends of the interval are accurate to half a unit of the last of these digits.
     draws
         Number of Monte Carlo draws, rounded up to a multiple of 16 384, and at least 32 768.
     rule
-        Rule for the number of draws: ``stein`` meets the tolerance for all numbers together
-        with a probability of 95 %; ``7.9`` is the rule of the standard.
+        Rule for the number of draws: ``stein`` meets the tolerance for all numbers together with a
+        probability of 95 %; ``7.9`` is the rule of the standard.
     validate
-        Whether Monte Carlo draws until it is five times as accurate as `digits` requires.
-        JCGM 101, clause 8, demands this to judge whether the first-order result is valid.
+        Whether Monte Carlo draws until it is five times as accurate as `digits` requires. JCGM 101,
+        clause 8, demands this to judge whether the first-order result is valid.
     seed
         Seed of the draws.
     progress
@@ -87,8 +87,9 @@ def propagate_inputs(
     Raises
     ------
     InputError
-        An input, a correlation or an output of the model cannot be used, or the model gives
-        different results for the same inputs.
+        An argument is not allowed, an input, a correlation or an output of the model cannot be
+        used, no input has an uncertainty, too many draws are needed, or the model gives different
+        results for the same inputs.
     """
     named_method(method, "method")
     if not 0 < probability < 1:

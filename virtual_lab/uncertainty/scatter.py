@@ -137,8 +137,8 @@ def larger_today(today: Estimate, earlier: Estimate) -> bool:
 def bartlett_p(variances: Array, dof: Array) -> float:
     """Return the p-value of Bartlett's test that several variances are equal, without unit.
 
-    `variances` and their degrees of freedom `dof` are (n,) with n of at least 2. The variances are
-    those of samples from normal distributions.
+    `variances` (n,), all above 0, and their degrees of freedom `dof` (n,) have at least two
+    entries. The variances are those of samples from normal distributions.
     """
     from scipy.special import chdtrc
 
