@@ -103,10 +103,10 @@ def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iter
     """Yield the claims of a CSV table, in the order of its rows.
 
     The column `find` holds the name of one of the `finders` and its arguments. The result of a
-    claim is computed later, on request. A printed number has the symmetric tolerance `within`.
-    Other claims have the limits `low` and `high`; an empty limit is infinite. The column `lost`
-    holds the reason of a known disagreement. Raises `KeyError` for an unknown finder or a missing
-    column.
+    claim is not computed before its `row` is called. A printed number has the symmetric tolerance
+    `within`. Other claims have the limits `low` and `high`; an empty limit is infinite. The column
+    `lost` holds the reason of a known disagreement. Raises `KeyError` for an unknown finder or a
+    missing column, and `ValueError` for a number that cannot be read.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):

@@ -41,7 +41,7 @@ Z = np.arange(3.0, 8.01, 0.25)  # impact positions from the tip [in]
 
 @lru_cache
 def game() -> GameConditions:
-    """Return the paper's game in SI units: pitch and angular speed, reference inertia, balls."""
+    """Return the paper's standard game in SI units: pitch, swing, and the names of the balls."""
     return catalog.load("conditions", CONDITIONS, GameConditions).spec
 
 
@@ -56,7 +56,10 @@ def paper_ball(name: str = GAME_BALL) -> BallSpec:
 
 @lru_cache
 def rules(procedure: str) -> Procedure:
-    """Return a procedure of the catalog in SI units, by name. Raises `InputError` if unknown."""
+    """Return the procedure of the catalog with the name `procedure`, in SI units.
+
+    Raises `InputError` for an unknown procedure.
+    """
     return catalog.load("procedures", procedure, Procedure).spec
 
 
@@ -80,10 +83,11 @@ def beam(bat: str) -> Beam:
 
 @lru_cache
 def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
-    """Return the profiles of a bat in the standard game, by exponent n of the swing law.
+    """Return the profiles of a bat in the standard game, keyed by the exponent n of the swing law.
 
-    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. I0 of both
-    loaded bats is that of the barrel-loaded bat, as in the paper.
+    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. For both
+    loaded bats the reference inertia of the law is that of the barrel-loaded bat, as in the paper.
+    Raises `InputError` for an unknown bat.
     """
     reference = BARREL if bat in (BARREL, KNOB) else None
     bat_profiles = profiles(bat, swings=SWINGS, reference_inertia=reference)
@@ -92,12 +96,12 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
 
 @lru_cache
 def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
-    """Return the largest value of a curve of a bat in the standard game, and its position [in].
+    """Return the largest value of a curve of a bat in the standard game, and its position.
 
-    `curve` is the column of e, BPF, e_A (all dimensionless) or v_f [mph]. The position is the
-    distance from
-    the tip, at most 12 in. `swing` is the exponent n, 0 to 0.5 in steps of 0.1; None stands for the
-    law of constant energy. Raises `KeyError` for another curve or exponent.
+    `curve` is ``restitution`` (e), ``bat_performance_factor`` (BPF), ``collision_efficiency`` (e_A)
+    or ``batted_speed_mph`` (v_f in mph). The position is in inches from the tip, 0.5 to 12. `swing`
+    is the exponent n of the swing law, 0 to 0.5 in steps of 0.1; None stands for constant energy.
+    Raises `KeyError` for another curve or exponent, and `InputError` for an unknown bat.
     """
     return profiles_by_swing(bat)[swing].peaks[curve]
 
@@ -105,7 +109,9 @@ def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
 def peak_value(bat: str, curve: str) -> float:
     """Return the largest value of a curve of a bat in the standard game, for swing exponent 0.
 
-    `curve` is the column of e, BPF, e_A (all dimensionless) or v_f [mph], as in `top`.
+    `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` (all
+    dimensionless) or ``batted_speed_mph`` [mph]. The positions are 0.5 to 12 in from the tip.
+    Raises `KeyError` for another curve, and `InputError` for an unknown bat.
     """
     return top(bat, curve).value
 
@@ -113,20 +119,26 @@ def peak_value(bat: str, curve: str) -> float:
 def peak_place(bat: str, curve: str) -> float:
     """Return the position of the largest value of a curve [in from the tip], for swing exponent 0.
 
-    `curve` is the column of e, BPF, e_A or v_f, as in `top`.
+    The curve is that of a bat in the standard game, 0.5 to 12 in from the tip. `curve` is
+    ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``.
+    Raises `KeyError` for another curve, and `InputError` for an unknown bat.
     """
     return top(bat, curve).place
 
 
 def ball_restitution(name: str, speed: float) -> float:
-    """Return e0 of a ball of the catalog on a rigid wall, at a speed [mph]."""
+    """Return e0 of a ball of the catalog on a rigid wall, at an impact speed [mph].
+
+    Raises `InputError` for an unknown ball.
+    """
     return float(paper_ball(name).restitution.at(speed * MPH))
 
 
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
-    """Return the peak v_f of the first bat minus that of the second [mph].
+    """Return the peak v_f of the first bat minus that of the second [mph], in the standard game.
 
-    `swing` is the exponent n of the swing law, as in `top`.
+    `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1; None stands for constant
+    energy. Raises `KeyError` for another exponent, and `InputError` for an unknown bat.
     """
     return (
         top(first, "batted_speed_mph", swing).value - top(second, "batted_speed_mph", swing).value
@@ -152,7 +164,8 @@ def support(name: str) -> Support:
 def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> ModalModel:
     """Return the modal model of a bat of the catalog, with a number of bending modes.
 
-    `support_name` is free, pivoted, clamped or held, as in `support`.
+    `support_name` is free, pivoted, clamped or held, as in `support`. Raises `InputError` for an
+    unknown bat, and `KeyError` for another support.
     """
     if support_name == "free" and modes == BENDING_MODES:
         return free_model(body(bat))
@@ -167,7 +180,7 @@ def peak_of(
     speed: ArrayLike = 160.0,
     with_ball: str = GAME_BALL,
 ) -> Collisions:
-    """Return the collisions of a ball with a bat at rest, one per position, in SI units.
+    """Return the collisions of a ball with a bat at rest, one per impact position, in SI units.
 
     Parameters
     ----------
@@ -179,9 +192,16 @@ def peak_of(
         Support of a bat given by name: free, pivoted, clamped or held. It is ignored for a model,
         which contains its support.
     speed
-        Relative speed of ball and bat [mph], for all positions or for each.
+        Relative speed of ball and bat [mph], one number or shape (position,).
     with_ball
         Name of the ball in the catalog.
+
+    Raises
+    ------
+    InputError
+        The bat or the ball is unknown, or a position is beyond the bat.
+    KeyError
+        The support has another name.
     """
     places = np.atleast_1d(np.asarray(z, dtype=float))
     scenes = Scenes.with_ball(
@@ -193,9 +213,9 @@ def peak_of(
 
 
 def energy_loss(collisions: Collisions) -> Array:
-    """Return the sum of the energy lost in bending, hoop mode and ball, (position,).
+    """Return the energy lost in bending, in the hoop mode and in the ball, (position,).
 
-    It is a share of the ball's initial energy.
+    It is a share of the ball's initial energy, 0 to 1.
     """
     return np.asarray(
         collisions.energy.bending + collisions.energy.hoop + collisions.energy.hysteresis
@@ -205,8 +225,8 @@ def energy_loss(collisions: Collisions) -> Array:
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
     """Return the recoil factor r of a bat at positions `z` [in from the tip], with their shape.
 
-    The ball is that of the paper's game. `support_name` is pivoted (6 in from the knob) or clamped
-    (r is 0); for any other name the bat is free.
+    The ball is that of the standard game. `support_name` is pivoted (6 in from the knob) or clamped
+    (r is 0). For any other name the bat is free. Raises `InputError` for an unknown bat.
     """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
@@ -226,10 +246,11 @@ def restitution(
     speed: float = 160.0,
     with_ball: str = GAME_BALL,
 ) -> Array:
-    """Return e by Eq. (6) at positions `z` [in from the tip], shape (position,).
+    """Return the bat-ball restitution e by Eq. (6) at positions `z` [in from the tip], (position,).
 
-    `support_name` is free, pivoted or clamped, and `speed` the relative speed of ball and bat
-    [mph].
+    `support_name` is free, pivoted or clamped. `speed` is the relative speed of ball and bat [mph],
+    and `with_ball` is the ball's name in the catalog. Raises `InputError` for an unknown bat or
+    ball, and for a position beyond the bat.
     """
     efficiency = peak_of(
         bat, z, support_name=support_name, speed=speed, with_ball=with_ball
@@ -249,9 +270,9 @@ def centre_of_percussion_in(bat: str) -> float:
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
     """Return the largest v_f by Eq. (3) [mph] and its position [in from the tip].
 
-    `z` are at least four positions [in from the tip], shape (position,), at which `e_A` and
-    `bat_speed` are known. The speeds of pitch and bat are in mph; the bat speed may be one number
-    for all positions. Between positions v_f is interpolated by a spline.
+    `z` are at least four increasing positions [in from the tip], shape (position,). `e_A` and
+    `bat_speed` are the values at these positions; `bat_speed` may be a single number. The speeds of
+    pitch and bat are in mph. Between positions v_f is interpolated by a spline.
     """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
@@ -261,7 +282,9 @@ def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat speed in the standard game [mph] at positions `z`, with their shape.
 
     `z` are distances from the tip [in]. The speed is interpolated from 0.5 to 16 in; beyond this
-    range it has the value at its end. `swing` is the exponent n, as in `top`.
+    range it has the value at its end. `swing` is the exponent n of the swing law, 0 to 0.5 in steps
+    of 0.1; None stands for constant energy. Raises `KeyError` for another exponent, and
+    `InputError` for an unknown bat.
     """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(

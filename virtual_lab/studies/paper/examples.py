@@ -100,9 +100,10 @@ def of_drawing(bat: str, name: str) -> float:
 
 
 def added_weight(bat: str) -> float:
-    """Return the mass of the last weight that was added to a bat [oz].
+    """Return the mass of the last item in a bat's list of added weights, such as an end cap [oz].
 
-    Raises `IndexError` for a bat without an added weight.
+    Raises `IndexError` for a bat whose data sheet has no added weight, and `InputError` for an
+    unknown bat.
     """
     return body(bat).lumps[-1].mass / OUNCE
 
@@ -110,39 +111,46 @@ def added_weight(bat: str) -> float:
 def percent(curve: str, first: str, second: str) -> float:
     """Return the peak of a curve of the first bat relative to that of the second, minus 1 [%].
 
-    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0. The result
-    is negative if the first bat
-    has the lower peak.
+    `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
+    ``batted_speed_mph``, in the standard game with swing exponent 0. The result is negative if the
+    first bat has the lower peak.
     """
     return 100 * (top(first, curve).value / top(second, curve).value - 1)
 
 
 def farther(curve: str) -> float:
-    """Return how much farther from the tip a curve peaks on EA70 than on R161 [in].
+    """Return the peak position of a curve on EA70 minus that on R161 [in].
 
-    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0.
+    It is positive if the peak of EA70 is farther from the tip. `curve` is ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the standard
+    game with swing exponent 0.
     """
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
 def slower_there(curve: str) -> float:
-    """Return the bat speed of R161 minus that of EA70, each at its peak of `curve` [mph].
+    """Return the bat speed of R161 minus that of EA70 [mph], each at the position of its peak.
 
-    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0.
+    The peak is that of `curve`: ``restitution``, ``bat_performance_factor``,
+    ``collision_efficiency`` or ``batted_speed_mph``, in the standard game with swing exponent 0.
     """
     speeds = [float(nominal(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
 
 
 def mass_share(light: str, heavy: str) -> float:
-    """Return the ratio of the effective masses of light and heavy bat, 6 in from the tip."""
+    """Return the effective mass of the light bat divided by that of the heavy bat.
+
+    Both bats are free, and the impact is 6 in from the tip.
+    """
     return float(recoil(heavy, 6.0) / recoil(light, 6.0))
 
 
 def thinner_is_livelier() -> float:
-    """Return the increase of peak BPF of EA70 if it had the thinner wall of the loaded bats.
+    """Return the increase of the peak BPF if EA70 had the thinner wall of the loaded bats.
 
-    The bat is free, hit at 3 to 8 in from the tip and 160 mph by the game's ball.
+    With the thinner wall, the bat is free and hit 3 to 8 in from the tip at 160 mph by the ball of
+    the standard game. The peak BPF with its own wall is that in the standard game.
     """
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
@@ -166,9 +174,10 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
-    """Return the position of a barrel node of EA70 minus that of R161, from the tip [in].
+    """Return the position of a barrel node of EA70 minus that of R161 [in].
 
-    `i` is 0 for the first bending mode and 1 for the second.
+    It is positive if the node of EA70 is farther from the tip. `i` is 0 for the first bending mode
+    and 1 for the second.
     """
     return (
         profiles_by_swing(ALUMINIUM)[0.0].nodes[i] - profiles_by_swing(WOOD)[0.0].nodes[i]
@@ -186,22 +195,27 @@ def centre_farther() -> float:
 
 
 def least_lead(first: str, second: str, *swings: float) -> float:
-    """Return the smallest lead of the first bat in peak v_f over the exponents `swings` [mph].
+    """Return the smallest lead of the first bat in peak v_f over several swing exponents [mph].
 
-    The lead is negative if the first bat has the lower v_f.
+    The lead is the peak v_f of the first bat minus that of the second, in the standard game.
+    `swings` are 0 to 0.5 in steps of 0.1. Raises `ValueError` without an exponent, `KeyError` for
+    another exponent, and `InputError` for an unknown bat.
     """
     return min(lead(first, second, n) for n in swings)
 
 
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
-    """Return the first bat's lead in peak v_f at exponent `n` minus that at `n_second` [mph]."""
+    """Return the first bat's lead in peak v_f at swing exponent `n` minus that at `n_second` [mph].
+
+    The lead is the peak v_f of the first bat minus that of the second, in the standard game.
+    """
     return lead(first, second, n) - lead(first, second, n_second)
 
 
 def by_restitution_alone() -> float:
-    """Return the absolute error of v_f of R161 [mph] if it is computed with the r of EA70.
+    """Return the absolute error of v_f of R161 [mph] if the recoil factor r of EA70 is used for it.
 
-    The impact is 6 in from the tip, the pitch has 90 mph and the bat 70 mph.
+    The impact is 6 in from the tip. The pitch speed is 90 mph, and the bat speed is 70 mph.
     """
     e = restitution(WOOD, [6.0])
     speeds = [
@@ -214,8 +228,9 @@ def by_restitution_alone() -> float:
 def contradictions(curve: str) -> float:
     """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
 
-    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0. Pairs with a tie are not
-    counted.
+    The bats are ranked by their peaks in the standard game with swing exponent 0. `curve` is
+    ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``.
+    Pairs with a tie are not counted.
     """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0
@@ -224,15 +239,20 @@ def contradictions(curve: str) -> float:
 
 
 def with_speed() -> float:
-    """Return the peak e of free R161 at 60 mph minus that at 160 mph, with a real baseball."""
+    """Return the peak e of free R161 at 60 mph minus that at 160 mph.
+
+    The peak is the largest e 3 to 8 in from the tip. The ball is ``baseball-2003``, whose e0
+    decreases with speed.
+    """
     slow, fast = (restitution(WOOD, Z, speed=v, with_ball=BALL).max() for v in (60.0, 160.0))
     return float(slow - fast)
 
 
 def with_ball() -> float:
-    """Return the increase of peak e of R161 at 60 mph if e0 of the ball rises from 0.525 to 0.555.
+    """Return the increase of the peak e of free R161 if e0 of the ball rises from 0.525 to 0.555.
 
-    These are the limits of the NCAA for e0.
+    These are the limits of the NCAA for e0. The peak is the largest e 3 to 8 in from the tip, at a
+    relative speed of 60 mph.
     """
 
     def peak_e(e0: float) -> float:

@@ -50,8 +50,8 @@ def _worst(values: Array) -> float:
 def frames() -> float:
     """Return the largest absolute difference of e_A by Eq. (2) between the frames of field and bat.
 
-    R161 is hit 3 to 8 in from the tip at a relative speed of 160 mph, for eight speeds of the bat.
-    The result is a rounding error.
+    R161 is hit 3 to 8 in from the tip at a relative speed of 160 mph, for bat speeds from -50 to
+    160 mph. The result is a rounding error.
     """
     e_A = peak_of(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
@@ -62,7 +62,7 @@ def frames() -> float:
 def round_trip() -> float:
     """Return the largest absolute error of e_A by Eq. (2) from v_f by Eq. (3): a rounding error.
 
-    e_A is -0.2 to 0.6, the pitch has 90 mph and the bat 70 mph.
+    e_A is -0.2 to 0.6. The pitch speed is 90 mph, and the bat speed is 70 mph.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
     v_f = batted_speed(e_A, 90.0, 70.0)
@@ -72,7 +72,8 @@ def round_trip() -> float:
 def symmetrical() -> float:
     """Return the largest absolute difference between v_f from BESR and v_f from e_A [mph].
 
-    e_A is -0.2 to 0.6, the pitch has 90 mph and the bat 70 mph. The result is a rounding error.
+    e_A is -0.2 to 0.6. The pitch speed is 90 mph, and the bat speed is 70 mph. The result is a
+    rounding error.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
     factor = np.asarray(besr(e_A))
@@ -98,8 +99,8 @@ def explicit_share(v: str) -> float:
     """Return the share of the explicit factor of Eq. (3) in the change of v_f with a speed, 0 to 1.
 
     The explicit factor is e_A if `v` is ``ball`` (speed of the ball), otherwise 1 + e_A (speed of
-    the bat). The rest comes from the change of e_A with the relative speed, without sign. The bat
-    is R161.
+    the bat). The other part of the change, taken as positive, comes from the dependence of e_A on
+    the relative speed. The bat is R161, at its peak e_A.
     """
     e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -109,9 +110,9 @@ def explicit_share(v: str) -> float:
 def drop(bat: str, curve: str, side: float) -> float:
     """Return the decrease of a curve from its peak to a position `side` [in] away from the peak.
 
-    `curve` is the column of e, BPF, e_A or v_f, for swing exponent 0; the result has its
-    unit. A positive
-    `side` is toward the handle.
+    A positive `side` is toward the handle. `curve` is ``restitution``, ``bat_performance_factor``,
+    ``collision_efficiency`` (all dimensionless) or ``batted_speed_mph`` [mph], in the standard game
+    with swing exponent 0.
     """
     summit, table = top(bat, curve), profiles_by_swing(bat)[0.0].table
     return summit.value - float(
@@ -122,7 +123,8 @@ def drop(bat: str, curve: str, side: float) -> float:
 def node_gap() -> float:
     """Return the distance between the peak of e_A and the closest barrel node [in].
 
-    The result is the largest of the four bats, with the peaks for swing exponent 0.
+    The largest distance of the paper's four bats is returned. The peaks are those in the standard
+    game.
     """
     return max(
         min(
@@ -134,10 +136,11 @@ def node_gap() -> float:
 
 
 def effect_of_support(bat: str, support_name: str) -> float:
-    """Return the largest absolute change of e_A of a bat if a support holds it.
+    """Return the largest absolute change of e_A of a bat when the free bat gets a support.
 
-    The bat is hit at 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted, clamped or
-    held, as in `support`.
+    The bat is hit 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held
+    (by a spring), as in `support`. Raises `KeyError` for another support, and `InputError` for an
+    unknown bat.
     """
     gap = (
         peak_of(bat, Z, support_name=support_name).collision_efficiency
@@ -147,9 +150,10 @@ def effect_of_support(bat: str, support_name: str) -> float:
 
 
 def firmness() -> float:
-    """Return the largest absolute difference of v_f [mph] of R161 between spring and clamp.
+    """Return the largest absolute difference of v_f of R161 between a spring and a clamp [mph].
 
-    The bat is held by a spring or clamped, at rest, and hit 3 to 8 in from the tip at 160 mph.
+    The handle is held by the spring or by the clamp. The bat is at rest and is hit 3 to 8 in from
+    the tip at 160 mph.
     """
     on_spring = peak_of(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(on_spring - peak_of(WOOD, Z, support_name="clamped").collision_efficiency)
@@ -158,8 +162,8 @@ def firmness() -> float:
 def lost_in_cm_frame() -> float:
     """Return the largest absolute deviation of the lost share of energy from 1 - e².
 
-    The energy is that in the center-of-mass frame of ball and free R161, hit at 2 to 10 in from the
-    tip.
+    The energy is that in the center-of-mass frame of the ball and free R161. The bat is hit 2 to 10
+    in from the tip, at 160 mph.
     """
     z = np.linspace(2, 10, 9)
     collisions, r = peak_of(WOOD, z), recoil(WOOD, z)
@@ -170,8 +174,8 @@ def lost_in_cm_frame() -> float:
 def fractions(name: str) -> float:
     """Return the largest absolute deviation of a share of energy in the model from Eqs. (10).
 
-    `name` is ``ball``, ``bat`` or ``dissipated``. Both R161 and EA70 are hit at 2 to 10 in from the
-    tip. Raises `KeyError` for another name.
+    `name` is ``ball``, ``bat`` or ``dissipated``. Free R161 and EA70 are hit 2 to 10 in from the
+    tip, at 160 mph. Raises `KeyError` for another name.
     """
     z = np.linspace(2, 10, 9)
     gaps = []
@@ -190,7 +194,7 @@ def fractions(name: str) -> float:
 
 
 def sum_of_shares() -> float:
-    """Return the sum of the three shares of Eqs. (10), the value that is farthest from 1.
+    """Return the sum of the three shares of Eqs. (10) that is farthest from 1.
 
     The sum is computed for e from 0 to 1 and r from 0 to 0.5.
     """
@@ -229,8 +233,8 @@ def parallel_axes() -> float:
 def nearer_is_heavier() -> float:
     """Return the smallest relative increase of the effective mass toward the center of mass.
 
-    The increase is between neighbors of 30 positions on each of the four bats. A result of 0.01
-    means 1 %.
+    The increase is between neighbors of 30 positions from the tip to the center of mass, on each of
+    the paper's four bats. A result of 0.01 means 1 %.
     """
     least = np.inf
     for bat in BATS:
@@ -240,16 +244,20 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest change of e_A if r decreases by 0.05; positive if e_A always rises.
+    """Return the smallest change of e_A if r decreases by 0.05.
 
-    The change is computed for e from 0 to 1 and r from 0 to 0.5.
+    It is positive if e_A always rises. The change is computed by Eq. (6) for e from 0 to 1 and r
+    from 0 to 0.5.
     """
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 
 
 def below_restitution() -> float:
-    """Return the largest e_A - e along the four bats; negative if e_A is less than e everywhere."""
+    """Return the largest e_A - e of the four bats, 0.5 to 16 in from the tip.
+
+    It is negative if e_A is less than e at all of these positions.
+    """
     curves = [profiles_by_swing(bat)[0.0].table for bat in BATS]
     return max(
         float((curve["collision_efficiency"] - curve["restitution"]).max()) for curve in curves
@@ -262,9 +270,10 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return the error of v_f [mph] at 160 mph if the e measured at `speed` [mph] is used for it.
+    """Return the error of v_f at 160 mph if it is computed with the e measured at `speed` [mph].
 
-    e decreases from 0.55 at 60 mph to 0.45 at 160 mph, and r is 0.25.
+    The error and `speed` are in mph. e decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph,
+    and r is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
@@ -276,7 +285,7 @@ def overestimate_of_model(speed: float) -> float:
 
 
 def speed_gain(v_rel: float) -> float:
-    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55; r = 0.25.
+    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55, for r = 0.25.
 
     `v_rel` is the relative speed of ball and bat [mph].
     """
@@ -302,8 +311,8 @@ def energy_with_vibration(support_name: str) -> float:
     """Return the largest absolute difference in energy between a supported bat and a free bat.
 
     The energy is the sum of the bat's rigid motion, bending and hoop vibration, and the loss in the
-    ball, as a fraction of the ball's initial energy. R161 is hit at 3 to 8 in from the tip.
-    `support_name` is pivoted, clamped or held.
+    ball, as a share of the ball's initial energy. R161 is hit 3 to 8 in from the tip, at 160 mph.
+    `support_name` is pivoted, clamped or held. Raises `KeyError` for another support.
     """
 
     def total(name: str) -> Array:
@@ -316,24 +325,29 @@ def energy_with_vibration(support_name: str) -> float:
 def least_energy_gap(support_name: str) -> float:
     """Return the smallest absolute difference in energy between a supported bat and a free bat.
 
-    The energy is that of rigid motion, as a fraction of the ball's initial energy. R161 is hit
-    at 3 to 4.75 in from the tip. `support_name` is pivoted, clamped or held.
+    The energy is that of rigid motion, as a share of the ball's initial energy. R161 is hit 3 to
+    4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held. Raises `KeyError`
+    for another support.
     """
     gap = peak_of(WOOD, Z, support_name=support_name).energy.rigid - peak_of(WOOD, Z).energy.rigid
     return float(np.abs(gap[Z < 5]).min())
 
 
 def at_percussion(bat: str) -> float:
-    """Return the absolute change of e at the center of percussion caused by a pivot, at 60 mph."""
+    """Return the absolute change of e at the center of percussion caused by a pivot, at 60 mph.
+
+    The pivot is 6 in from the knob; without it the bat is free. Raises `InputError` for an unknown
+    bat.
+    """
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
     return _worst(gap)
 
 
 def recoils_at_percussion() -> float:
-    """Return the relative change of r at the center of percussion caused by a pivot, without sign.
+    """Return the absolute relative change of r at the center of percussion caused by a pivot.
 
-    The result is the largest of the four bats, with the pivot 6 in from the knob.
+    The pivot is 6 in from the knob. The largest change of the paper's four bats is returned.
     """
     return max(
         _worst(
@@ -349,7 +363,7 @@ def pivot_speed() -> float:
     """Return the ratio of the speeds of the pivot point and the impact point, just after a hit.
 
     R161 is free and rigid, and is hit at its center of percussion for a pivot 6 in from the knob.
-    This point then stays at rest, so the ratio is 0 up to rounding. It may be negative.
+    The pivot point then stays at rest, so the ratio is 0 up to rounding. It may be negative.
     """
     bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)
@@ -361,7 +375,10 @@ def pivot_speed() -> float:
 
 
 def without_hoop() -> float:
-    """Return the peak BPF of EA70 minus that of EA70 with a rigid shell."""
+    """Return the peak BPF of EA70 minus that of EA70 with a rigid shell.
+
+    The first is that in the standard game, the second is that at 160 mph.
+    """
     return top(ALUMINIUM, "bat_performance_factor").value - dead_shell_factor()
 
 
@@ -408,7 +425,7 @@ def energy_fraction(name: str, e: float, r: float) -> float:
 
 
 def sweet_spot_restitution() -> float:
-    """Return the mean e of free R161 from 4 to 6 in from the tip, at 160 mph."""
+    """Return the mean bat-ball restitution e of free R161, 4 to 6 in from the tip, at 160 mph."""
     return float(restitution(WOOD, np.linspace(4, 6, 9)).mean())
 
 
@@ -423,12 +440,12 @@ def restitution_by_support() -> float:
 def restitution_lost_clamped() -> float:
     """Return the smallest loss of e caused by clamping the handle of R161.
 
-    The loss is e of the free bat minus e of the clamped bat at a relative speed of 160 mph; it is
-    negative for a gain. The smallest loss of impact positions 3 to 8 in from the tip is returned.
+    The loss is e of the free bat minus e of the clamped bat, at 160 mph. It is negative for a gain.
+    The smallest loss over impact positions 3 to 8 in from the tip is returned.
     """
     return float((restitution(WOOD, Z) - restitution(WOOD, Z, "clamped")).min())
 
 
 def recoil_at_peak(bat: str) -> float:
-    """Return r of a free bat at the position of its peak e_A."""
+    """Return r of a free bat at the position of its peak e_A in the standard game."""
     return float(recoil(bat, top(bat, "collision_efficiency").place))

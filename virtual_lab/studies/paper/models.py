@@ -53,7 +53,7 @@ def wall_time() -> float:
 def modes_left_out(count: int) -> float:
     """Return the peak e_A of free R161 with `count` bending modes minus that with all modes.
 
-    "All modes" are those that this program uses by default. The speed is 160 mph.
+    "All modes" are those that this program uses by default. The relative speed is 160 mph.
     """
     few = peak_of(model(WOOD, "free", count), Z).collision_efficiency.max()
     return float(few - peak_of(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
@@ -70,8 +70,8 @@ def bending_frequency(count: int) -> float:
 def less_lost() -> float:
     """Return the smallest lost share of energy on EA70 minus the smallest lost share on R161.
 
-    The share is a fraction of the ball's initial energy. The smallest value is that for impacts 3
-    to 8 in from the tip. The result is negative if EA70 loses less.
+    The share is a fraction of the ball's initial energy. For each free bat, the smallest share over
+    impacts 3 to 8 in from the tip at 160 mph is used. The result is negative if EA70 loses less.
     """
     aluminium, wood = (float(energy_loss(peak_of(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
@@ -85,35 +85,39 @@ def shell_frequency() -> float:
 
 
 def shell_turns() -> float:
-    """Return the contact time of EA70 in periods of its hoop mode, 6 in from the tip at 160 mph."""
+    """Return the number of periods of the hoop mode of EA70 during the contact with a ball.
+
+    The bat is free and is hit 6 in from the tip, at 160 mph.
+    """
     return 1e3 * shell_frequency() * float(peak_of(ALUMINIUM, [6.0]).contact_time[0])
 
 
 def same_speed() -> float:
     """Return the relative spread of the angular speeds of the measured swings, by the swing law.
 
-    It is the largest minus the smallest speed, divided by the mean. The exponent of the law is 0,
-    so the result is 0.
+    It is the largest minus the smallest speed, divided by the mean, for moments of inertia of 15000
+    to 20000 oz in^2. The exponent of the law is 0, so the result is 0.
     """
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
 
 
 def variation_of_power(power: float, exponent: float) -> float:
-    """Return largest minus smallest I omega^power of the measured swings, relative to their mean.
+    """Return the relative variation of I omega^power over the bats of the measured swings.
 
-    Eq. (13) gives the angular speed omega for the swing exponent `exponent`. The moment of inertia
-    I is 15000 to 20000 oz in^2.
+    It is the largest minus the smallest value, divided by the mean. The moment of inertia I is
+    15000 to 20000 oz in^2. Eq. (13) gives the angular speed omega for the swing exponent
+    `exponent`.
     """
     quantity = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
     return float(np.ptp(quantity) / quantity.mean())
 
 
 def best_mass(exponent: float) -> float:
-    """Return the mass of a bat with the largest v_f [oz], from 8 to 124 oz in steps of 0.5 oz.
+    """Return the mass of the bat with the largest v_f [oz], from 8 to 124 oz in steps of 0.5 oz.
 
-    The bat has the shape of R161 and e = 0.5, and is hit 6 in from the tip. `exponent` is that of
-    the swing law.
+    The bats have the shape of R161 and e = 0.5, and are hit 6 in from the tip. The pitch speed is
+    90 mph. `exponent` is the n of the swing law.
     """
     mass = np.arange(8.0, 124.1, 0.5)
     r = float(recoil(WOOD, 6.0)) * 31.0 / mass
@@ -127,7 +131,8 @@ def best_mass(exponent: float) -> float:
 def energy_speeds() -> np.ndarray:
     """Return the angular speed for a swing of constant energy [rad/s], shape (11,).
 
-    The bats have the shape of R161 and the moments of inertia `INERTIAS`.
+    The bats are copies of R161 with scaled moments of inertia: 11 values from 15000 to 20000 oz
+    in^2, about an axis 33 in from the tip.
     """
     law, bat_beam = game().swing(None), beam(WOOD)
     about_body = bat_beam.inertia(bat_beam.length + law.axis_beyond_knob)
@@ -154,9 +159,10 @@ def laws_apart() -> float:
 
 
 def without_inertia() -> float:
-    """Return the ratio of the angular speed of a bat without inertia to that of the game.
+    """Return the angular speed of a bat without inertia, divided by the angular speed of the game.
 
-    The swing has constant energy.
+    Both swings have the same energy. The angular speed of the game is that of a bat with the
+    reference inertia.
     """
     law = game().swing(None)
     return float(law.angular_speed(0.0)) / game().angular_speed
@@ -165,8 +171,8 @@ def without_inertia() -> float:
 def follows() -> float:
     """Return the correlation coefficient of the curves e_A and e of R161 near their peaks.
 
-    The curves are shifted so that their peaks coincide, and compared within 3 in of the peak, for
-    swing exponent 0.
+    The curves are shifted so that their peaks coincide. They are compared within 3 in of the peak,
+    in the standard game with swing exponent 0.
     """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
@@ -177,7 +183,7 @@ def follows() -> float:
 
 
 def flat_swing() -> float:
-    """Return the peak position of v_f minus that of e_A on R161 [in], without rotation.
+    """Return the peak position of v_f minus that of e_A on R161 [in], for a swing without rotation.
 
     The pitch speed is 90 mph, and every point of the bat moves at 70 mph. A positive result is
     toward the handle.
@@ -188,13 +194,19 @@ def flat_swing() -> float:
 
 
 def least_recoil() -> float:
-    """Return the position of the smallest r of free R161 [in from the tip], 6 to 18 in."""
+    """Return the position of the smallest r of free R161 [in from the tip].
+
+    It is searched from 6 to 17.75 in from the tip.
+    """
     z = np.arange(6, 18, 0.25)
     return peak(z, -recoil(WOOD, z)).place
 
 
 def contact_time(bat: str) -> float:
-    """Return the contact time of a ball and a free bat, 6 in from the tip at 160 mph [ms]."""
+    """Return the contact time of a ball and a free bat, 6 in from the tip at 160 mph [ms].
+
+    Raises `InputError` for an unknown bat.
+    """
     return float(peak_of(bat, [6.0]).contact_time[0]) * 1e3
 
 
@@ -221,15 +233,18 @@ def swing_speed() -> float:
 def peaks_apart(farther: str, nearer: str) -> float:
     """Return the peak position of the curve `farther` on R161 minus that of `nearer` [in].
 
-    The curves are columns of e, BPF, e_A or v_f, for swing exponent 0. A positive result
-    is toward the
-    handle.
+    A positive result is toward the handle. Both curves are ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the standard
+    game with swing exponent 0. Raises `KeyError` for another curve.
     """
     return top(WOOD, farther).place - top(WOOD, nearer).place
 
 
 def speed_lost_inward() -> float:
-    """Return the bat speed of R161 at 3 in from the tip minus that at 9 in [mph], for n = 0."""
+    """Return the bat speed of R161 at 3 in from the tip minus that at 9 in [mph].
+
+    The bat is swung in the standard game with swing exponent 0.
+    """
     return float(nominal(WOOD, 3) - nominal(WOOD, 9))
 
 

@@ -38,7 +38,8 @@ def rest_prediction_error(bat: str, n: float) -> float:
     """Return the peak v_f predicted from e_A of a bat at rest, minus the true peak v_f [mph].
 
     e_A is that of the free bat at 160 mph, 3 to 9 in from the tip. `n` is the swing exponent, 0 to
-    0.5 in steps of 0.1.
+    0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an unknown
+    bat.
     """
     e_A = peak_of(bat, PLACES, speed=160.0).collision_efficiency
     highest = top_of(PLACES, e_A, 90.0, nominal(bat, PLACES, n))
@@ -48,8 +49,8 @@ def rest_prediction_error(bat: str, n: float) -> float:
 def ends() -> float:
     """Return the smallest distance of a peak of v_f from an end of the scanned range [in].
 
-    The range is 3 to 9 in from the tip. The smallest distance of the four bats and of the swing
-    exponents 0 and 0.5 is returned.
+    The range is 3 to 9 in from the tip. The peaks are those of the paper's four bats, for the swing
+    exponents 0 and 0.5.
     """
     places = [top(bat, "batted_speed_mph", n).place for bat in BATS for n in (0.0, 0.5)]
     return min(min(place - float(PLACES[0]), float(PLACES[-1]) - place) for place in places)
@@ -66,9 +67,9 @@ def _factor(bat: str) -> float:
 
 
 def by_recoil() -> float:
-    """Return the absolute difference of e_A by the recoil of pivoted R161 and e_A by the ball.
+    """Return the absolute difference between e_A from the recoil of R161 and e_A from the ball.
 
-    The bat is hit at its center of percussion, at 60 mph.
+    The bat is pivoted 6 in from the knob and is hit at its center of percussion, at 60 mph.
     """
     bat = model(WOOD, "pivoted")
     z, bat_beam = centre_of_percussion_in(WOOD), beam(WOOD)
@@ -112,7 +113,7 @@ def _ncaa(bat: str) -> float:
 
 
 def exponent_of_mass() -> float:
-    """Return the exponent of the bat's mass in the swing law of procedure asa.
+    """Return the exponent of the bat's mass in the swing law of the procedure ``asa``.
 
     The law gives the bat speed in the game. The result is NaN if the procedure uses the moment of
     inertia or has no swing law.
@@ -141,7 +142,8 @@ def besr_at_limit(place: float) -> float:
 def below_field(speed: float) -> float:
     """Return the relative speed of ball and R161 in the field minus `speed` [mph].
 
-    The speed in the field is that at the peak of v_f, for swing exponent 0.
+    The relative speed in the field is that at the peak of v_f, for a pitch of 90 mph and swing
+    exponent 0.
     """
     return 90 + float(nominal(WOOD, top(WOOD, "batted_speed_mph").place)) - speed
 
@@ -149,7 +151,8 @@ def below_field(speed: float) -> float:
 def off_percussion() -> float:
     """Return the largest distance of a peak of v_f from the center of percussion [in].
 
-    "Largest" is over the four bats, with the peaks for swing exponent 0.
+    It is the largest of the paper's four bats, with the peaks for swing exponent 0 and the pivot 6
+    in from the knob.
     """
     return max(
         abs(centre_of_percussion_in(bat) - top(bat, "batted_speed_mph").place) for bat in BATS
@@ -159,7 +162,9 @@ def off_percussion() -> float:
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
     """Return the bat speed of the light bat relative to that of the heavy one, minus 1 [%].
 
-    `swing` is the exponent n, 0 to 0.5 in steps of 0.1; None stands for the law of constant energy.
+    The speeds are those 0.5 in from the tip, in the standard game. `swing` is the exponent n, 0 to
+    0.5 in steps of 0.1; None stands for the law of constant energy. Raises `KeyError` for another
+    exponent, and `InputError` for an unknown bat.
     """
     speeds = [
         float(profiles_by_swing(bat)[swing].table["bat_speed_mph"][0]) for bat in (light, heavy)
@@ -168,7 +173,7 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
 
 def swing_matters() -> float:
-    """Return the change of peak v_f of EA70 if the swing exponent rises from 0 to 0.5 [mph]."""
+    """Return the peak v_f of EA70 for swing exponent 0.5 minus that for exponent 0 [mph]."""
     return (
         top(ALUMINIUM, "batted_speed_mph", 0.5).value
         - top(ALUMINIUM, "batted_speed_mph", 0.0).value
@@ -186,7 +191,8 @@ def metrics_alike() -> float:
 def ncaa_lead(first: str, second: str) -> float:
     """Return the NCAA metric of the first bat minus that of the second [mph].
 
-    The NCAA metric is the peak v_f at the speeds of the NCAA rig.
+    The NCAA metric is the peak v_f at the speeds of the NCAA rig. Raises `InputError` for an
+    unknown bat.
     """
     return _ncaa(first) - _ncaa(second)
 
@@ -194,7 +200,8 @@ def ncaa_lead(first: str, second: str) -> float:
 def factor_lead(first: str, second: str) -> float:
     """Return the BPF of the first bat minus that of the second.
 
-    Each bat is pivoted 6 in from the knob and hit at its center of percussion, at 60 mph.
+    Each bat is pivoted 6 in from the knob and hit at its center of percussion, at 60 mph. Raises
+    `InputError` for an unknown bat.
     """
     return _factor(first) - _factor(second)
 
