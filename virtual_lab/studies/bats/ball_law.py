@@ -99,8 +99,10 @@ class LawTable(Rows[LawRow]):
 def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
     """Show how the results of a bat depend on the force law of the ball.
 
-    The table has one row per force law. It states the impact of the ball on a wall, and the peaks
-    of the free bat in the standard game.
+    The table has one row per force law. It has the contact time [ms] and the largest force [kN] of
+    the ball on a wall. It also has the largest e, BPF, e_A and v_f [mph] of the free bat in the
+    standard game, each with its position [in from the tip]. The speed at the wall is the relative
+    speed of ball and bat 6 in from the tip.
 
     Parameters
     ----------

@@ -200,9 +200,10 @@ def fit(
     measured
         The measurements.
     target
-        Preferred parameters; by default the typical ones of the template.
+        Preferred parameters of the template in SI, (parameter,). Values beyond the template's
+        limits are moved to the limits. By default the typical parameters of the template.
     start
-        Initial parameters; by default `target`.
+        Initial parameters of the search in SI, (parameter,); by default `target`.
 
     Raises
     ------
@@ -256,10 +257,10 @@ def fit(
 def compute_quantities(
     body: BatBody, axis: float, *, frequencies: int, nodes: int
 ) -> dict[str, float]:
-    """Return computed quantities of a bat in SI units, by the names of `BatMeasurements.goals`.
+    """Return quantities of a bat in SI units, keyed by the names in `BatMeasurements.goals`.
 
-    These are mass, z_cm (balance point from the tip), inertia about `axis`, bending frequencies f1,
-    f2, … [Hz] of the free bat, and barrel nodes node1, node2 [m from the tip].
+    The quantities are mass, z_cm (balance point from the tip), inertia about `axis`, bending
+    frequencies f1, f2, … of the free bat [Hz], and barrel nodes node1, node2, … [m from the tip].
 
     Parameters
     ----------
@@ -268,7 +269,7 @@ def compute_quantities(
     axis
         Axis of the moment of inertia [m from the tip].
     frequencies, nodes
-        Numbers of frequencies and of nodes to compute, from 0.
+        Numbers of bending frequencies and of nodes to compute; 0 for none.
     """
     beam = beam_of(body, Free(), **COARSE)  # type: ignore[arg-type]  # elements as for the modes
     values = {"mass": beam.mass, "z_cm": beam.z_cm, "inertia": beam.inertia(axis)}
@@ -283,9 +284,10 @@ def compute_quantities(
 
 
 def hoop_quantities(body: BatBody) -> dict[str, float]:
-    """Return frequency [Hz] and modal mass [kg] of the hoop mode, empty for a bat without one.
+    """Return frequency [Hz] and modal mass [kg] of the hoop mode of a bat.
 
-    The keys are ``hoop frequency`` and ``hoop modal mass``, as in `BatMeasurements.goals`.
+    The keys are ``hoop frequency`` and ``hoop modal mass``, as in `BatMeasurements.goals`. The
+    result is empty for a bat without a hoop mode.
     """
     if body.hoop is None:
         return {}
@@ -295,8 +297,9 @@ def hoop_quantities(body: BatBody) -> dict[str, float]:
 def require_plausible_hoop(measured: BatMeasurements) -> None:
     """Raise `InputError` if a measured modal mass of the hoop mode is implausible.
 
-    It is implausible below half or above twice the modal mass of a shell with outline and wall of
-    the bat that fits all other measurements. Nothing is raised if no modal mass was measured.
+    It is implausible below half or above twice the modal mass of a shell. The shell has the outline
+    and wall of the bat that fits all other measurements. `InputError` is also raised if no bat fits
+    them. Nothing is raised if no modal mass was measured.
     """
     mass = measured.hoop_modal_mass
     if mass is None:

@@ -22,12 +22,12 @@ PLACE = "impact position from the barrel tip $z$, in"
 def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
     """Draw Fig. 2 of the paper: e, r and e_A in the upper panel, e_A, v_bat and v_f in the lower.
 
-    The positions are 1 to 12 in from the tip, the speeds are in mph.
+    The positions are 1 to 12 in from the tip, and the speeds are in mph.
 
     Parameters
     ----------
     table
-        Columns of `BatProfile.table`.
+        The `BatProfile.table`, one row per impact position.
     title
         Title of the figure.
     """
@@ -39,9 +39,10 @@ def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
 
 
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
-    """Plot e, r and e_A in `above`, and e_A, v_bat and v_f in `below`, like `draw_profile`.
+    """Plot e, r and e_A in `above`, and e_A, v_bat and v_f in `below`.
 
-    `table` has the columns of `draw_profile`. Only positions 1 to 12 in from the tip are plotted.
+    `table` is the `BatProfile.table`. The speeds are in mph. Only positions 1 to 12 in from the tip
+    are plotted.
     """
     rows = table[table["impact_position_in"].between(*SHOWN_IN)]
     z = rows["impact_position_in"]
@@ -71,15 +72,14 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 def draw_comparison(curves: pd.DataFrame) -> PageFigure:
     """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
-    The positions are 1 to 12 in from the tip, v_f is in mph. BPF and e_A are drawn for the first
-    exponent n. They do not depend on n if the restitution of the ball does not depend on speed, as
-    for the standard ball.
+    The positions are 1 to 12 in from the tip, and v_f is in mph. BPF and e_A are drawn for the
+    first exponent n only. They do not depend on n if the restitution of the ball does not depend on
+    speed, as for the standard ball.
 
     Parameters
     ----------
     curves
-        Columns of `BatComparison.curves`; the swing exponent is None for the law of constant
-        energy.
+        The `BatComparison.curves`. The swing exponent is None for the law of constant energy.
     """
     with page_figure(8.0, 7.2) as figure:
         panels = figure.subplots(3, 1, sharex=True)
@@ -90,10 +90,10 @@ def draw_comparison(curves: pd.DataFrame) -> PageFigure:
 
 
 def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
-    """Plot BPF, e_A and v_f [mph] in three panels, from top to bottom, like `draw_comparison`.
+    """Plot BPF, e_A and v_f [mph] of several bats in three panels, from top to bottom.
 
-    `curves` has the same columns as for `draw_comparison`. Only positions 1 to 12 in from the tip
-    are plotted.
+    `curves` are the `BatComparison.curves`. BPF and e_A are plotted for the first swing exponent
+    only. Only positions 1 to 12 in from the tip are plotted.
     """
     from pandas import isna
 

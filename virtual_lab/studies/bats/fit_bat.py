@@ -200,8 +200,9 @@ def fit_bat(
     Raises
     ------
     InputError
-        The file cannot be used, no bat of the template fits the data, or the modal mass of the hoop
-        mode is below half or above twice that of a shell with the bat's outline.
+        The file cannot be used, `members` is below 2, no bat of the template fits the data, or the
+        modal mass of the hoop mode is below half or above twice that of a shell with the bat's
+        outline.
     """
     path = str(path)
     if not path.endswith(".toml"):
@@ -276,8 +277,9 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 def remark_on(quantity: str, *values: float) -> str:
     """Return a remark if a peak position is at an end of the range, otherwise an empty string.
 
-    `values` are the values of the `quantity` for several bats. For the peak position they are in
-    inches from the tip, and the range is 2 to 10 in. Other quantities have no remark.
+    `quantity` is the name of a quantity, and `values` are its values for several bats. Only the
+    position of the peak e_A can have a remark. It is in inches from the tip, and the range is 2 to
+    10 in.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):

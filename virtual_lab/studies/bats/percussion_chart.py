@@ -16,12 +16,12 @@ COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose
 
 
 def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> PageFigure:
-    """Draw three panels against the impact position: errors of e_A, shifts of e_A, loads.
+    """Draw errors of e_A, shifts of e_A, and loads on the axis against the impact position.
 
     Parameters
     ----------
     table
-        Table of the result of `virtual_lab.studies.bats.percussion.percussion`.
+        Table of the `PercussionStudy`, one row per impact position.
     percussion_in
         Center of percussion [in from the tip].
     bat

@@ -245,11 +245,14 @@ def curves_of(
 
     Parameters
     ----------
-    scenes, e_A, recoil
-        Collisions along the bat, and their e_A and r, each of shape (position,).
-    pitch, moving
-        Speed of the pitched ball [m/s], and speed of the bat [m/s] at each position, shape
-        (position,).
+    scenes
+        Collisions along the bat, with impact positions and e0 of the ball.
+    e_A, recoil
+        e_A and the recoil factor r at each position, (position,).
+    pitch
+        Speed of the pitched ball [m/s].
+    moving
+        Speed of the bat at each position, (position,) [m/s].
     """
     e = np.asarray(restitution_from_efficiency(e_A, recoil))
     v_f = np.asarray(batted_speed(e_A, pitch, moving))
@@ -267,9 +270,11 @@ def curves_of(
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
     """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position.
 
-    The keys are those of `PEAKS`. A position is in inches from the tip, and the barrel ends
-    at 12 in: farther from the tip a heavy ball may touch the bat twice, and e_A is then larger than
-    anywhere on the barrel. The peaks are those of cubic splines through the curves.
+    `curves` are those of `curves_of`. The keys of the result are ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` and ``batted_speed_mph``. A position is in
+    inches from the tip. Positions beyond 12 in are not searched, because there a heavy ball may
+    touch the bat twice, and e_A may be larger than on the barrel. The peaks are those of cubic
+    splines through the curves.
     """
     barrel = curves["impact_position_in"] <= BARREL_END
     return {
@@ -279,7 +284,7 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
 
 @lru_cache(maxsize=16)
 def free_model(body: BatBody) -> ModalModel:
-    """Return the modal model of a free bat; the last 16 models are cached."""
+    """Return the modal model of a free bat. The last 16 models are cached."""
     return ModalModel.of(body, Free())
 
 
@@ -288,7 +293,7 @@ def swing_exponents(
 ) -> tuple[float | None, ...]:
     """Return the exponents n of the swing law without repetitions, or (None,) for constant energy.
 
-    For the law ``power``, `usual` is returned if `swings` is empty. The values of the exponents are
+    For the law ``power`` these are the `swings`, or `usual` if `swings` is empty. The values are
     not checked. Raises `InputError` for another law than ``power`` and ``energy``, and for an
     exponent with ``energy``.
     """
@@ -304,13 +309,14 @@ def swing_exponents(
 def read_inertia(text: str, axis_beyond_knob: float) -> float:
     """Return a moment of inertia [kg m^2], stated as the name of a bat or as a number with a unit.
 
-    The moment of inertia of a bat is about an axis at the distance `axis_beyond_knob` [m] beyond
-    the knob.
+    For a bat, the moment of inertia is that about an axis at the distance `axis_beyond_knob` [m]
+    beyond the knob end; a negative distance is on the bat. For a number, this axis is not used.
 
     Raises
     ------
     InputError
-        The unit is missing or wrong, the number is out of range, or the bat is unknown.
+        The unit is missing or wrong, the number is outside 0.01 to 10 kg m^2, or the bat is
+        unknown.
     """
     if text.endswith(".toml") or not re.match(r"[\s.+-]*(\d|inf|nan)", text):
         return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)

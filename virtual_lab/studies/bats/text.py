@@ -70,10 +70,11 @@ class LawRow:
 
 
 def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
-    """Return largest values and their positions by key.
+    """Return the largest values of several curves and their positions, keyed by name.
 
-    The keys are ``peak_restitution``, ``peak_restitution_position_in``, and so on. The units are
-    those of `peaks`: positions in inches from the tip, v_f in mph.
+    For a curve ``restitution`` the keys are ``peak_restitution`` and
+    ``peak_restitution_position_in``. The units are those of `peaks`: positions in inches from the
+    tip, v_f in mph.
     """
     return {
         key: number
@@ -83,7 +84,10 @@ def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
 
 
 def peak_position(name: str) -> str:
-    """Return the key of the position of the largest value of a curve."""
+    """Return the key of the position of a peak, such as ``peak_restitution_position_in``.
+
+    `name` is the name of the curve; its ending ``_mph`` is dropped.
+    """
     return f"peak_{name.removesuffix('_mph')}_position_in"
 
 
@@ -97,9 +101,9 @@ def profile_text(
     Parameters
     ----------
     document
-        Document of the `BatProfile`.
+        `BatProfile.document`, with lengths in inches and speeds in mph.
     curve
-        Rows of its table, one per impact position.
+        `BatProfile.rows`, one per impact position.
     published
         Published properties, which are printed beside the computed ones; None if there are none.
     """
@@ -173,7 +177,8 @@ def comparison_text(
 ) -> str:
     """Return two tables as text: peaks of several bats, and differences from the first bat.
 
-    `balls` maps the name of a bat to that of its ball. `differences` must not be empty.
+    `balls` maps the name of a bat to that of its ball. Raises `IndexError` if `differences` is
+    empty.
     """
     swung = {"swing_exponent": Column("swing", form=lambda row: swing_text(row.swing_exponent))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS
@@ -186,9 +191,10 @@ def comparison_text(
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:
-    """Return a sentence on the spread of each peak value and its position [in] over the force laws.
+    """Return a sentence with the spread of each peak, and of its position [in], over force laws.
 
-    The spread is the largest minus the smallest value.
+    The spread is the largest minus the smallest value. `rows` has one row per force law, at least
+    one.
     """
     spreads = (
         f"{symbol} {_spread(rows, f'peak_{name}'):{form}}{f' {unit}' if unit else ''} "

@@ -280,7 +280,11 @@ def overestimate(speed: float) -> float:
 
 
 def overestimate_of_model(speed: float) -> float:
-    """Return the error of v_f of R161 [mph] at 160 mph if e_A at `speed` [mph] is used for it."""
+    """Return the error of v_f of R161 at 160 mph if it is computed with the e_A at another speed.
+
+    The error and `speed` are in mph. e_A is the largest value 3 to 8 in from the tip of the free
+    bat, at the relative speed `speed`. The e0 of the ball decreases with speed.
+    """
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 

@@ -141,7 +141,7 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
 
 
 def compare_number(number: Published) -> ReferenceRow:
-    """Return a published number beside our result, computed by this call, in the published unit.
+    """Compute our result for a published number, and return both in the published unit.
 
     Result and difference are None for a number that the laboratory does not represent. The
     difference is our result minus the published number; inside a published range it is 0.

@@ -63,7 +63,7 @@ def read_published() -> tuple[Published, ...]:
 def published_value(quantity: str) -> float:
     """Return the published number of a quantity in its unit of publication.
 
-    Raises `ValueError` if the quantity is unknown, occurs twice, or is published as words or a
+    Raises `ValueError` if the quantity is unknown, occurs twice, or is published as words or as a
     range.
     """
     (row,) = (row for row in read_published() if row.quantity == quantity)
@@ -71,10 +71,10 @@ def published_value(quantity: str) -> float:
 
 
 def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Callable[[], float]:
-    """Return a function without arguments that computes our result for a row.
+    """Return a function without arguments that computes our result for a published number.
 
-    `finders` are functions keyed by name. Raises `KeyError` for an unknown name, and `ValueError`
-    for a row without one.
+    `row` states the name of one of the `finders` and its arguments. Raises `KeyError` for a name
+    that `finders` does not have, and `ValueError` for a row without a name.
     """
     name, *arguments = row.find.split()
     return partial(finders[name], *map(_argument, arguments))

@@ -57,8 +57,8 @@ def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> fl
     """Return the number with the key `key` in a catalog file, converted to `unit`.
 
     The file is the entry `name` of the folder `kind`, such as ``balls``. `index` selects from a
-    list and is ignored for a single number. Raises `InputError` for an unknown file, and
-    `ValueError` for an unknown key or a unit of another dimension.
+    list and is ignored for a single number. Raises `InputError` for an unknown file, `ValueError`
+    for an unknown key or a unit of another dimension, and `IndexError` beyond the list.
     """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     value = datum.value[index] if isinstance(datum.value, list) else datum.value
@@ -71,7 +71,9 @@ def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> fl
 def entries(kind: str, name: str, key: str) -> float:
     """Return the number of items of a list in a catalog file.
 
-    Raises `InputError` for an unknown file, and `ValueError` for an unknown key.
+    The list has the key `key` in the entry `name` of the folder `kind`, such as ``balls``. Raises
+    `InputError` for an unknown file, `ValueError` for an unknown key, and `TypeError` for a single
+    number.
     """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     return len(datum.value)
@@ -80,7 +82,8 @@ def entries(kind: str, name: str, key: str) -> float:
 def half_width(name: str, key: str) -> float:
     """Return the half width [in] of a rectangular distribution: √3 times its standard uncertainty.
 
-    `name` is the instrument in the catalog and `key` the key of the standard uncertainty.
+    `name` is the instrument in the catalog and `key` the key of the standard uncertainty. Raises
+    `InputError` for an unknown instrument, and `ValueError` for an unknown key.
     """
     return entry("instruments", name, key, "in") * 3**0.5
 
@@ -90,18 +93,28 @@ def _in_feet(length_in: float) -> float:
 
 
 def gate_distance(name: str) -> float:
-    """Return the distance between the first two gates of an instrument of the catalog [ft]."""
+    """Return the distance between the first two gates of an instrument of the catalog [ft].
+
+    Raises `InputError` for an unknown instrument, and `ValueError` for one without gates.
+    """
     near, far = (entry("instruments", name, "distances", "in", index) for index in (1, 0))
     return _in_feet(far - near)
 
 
 def nearest_gate(name: str) -> float:
-    """Return the distance of the nearest gate of an instrument from the bat or the wall [ft]."""
+    """Return the distance of the second gate of an instrument from the bat or the wall [ft].
+
+    Of a pair of gates this is the nearer one. Raises `InputError` for an unknown instrument, and
+    `ValueError` for one without gates.
+    """
     return _in_feet(entry("instruments", name, "distances", "in", 1))
 
 
 def limit_in_feet_per_second(procedure: str) -> float:
-    """Return the limit of the batted-ball speed of a procedure [ft/s]."""
+    """Return the limit of the batted-ball speed of a procedure [ft/s].
+
+    Raises `InputError` for an unknown procedure, and `ValueError` for one without this limit.
+    """
     return entry("procedures", procedure, "speed_limit", "m/s") / FOOT
 
 
@@ -134,7 +147,10 @@ def pivot_inertia(bat: str) -> float:
 
 
 def inertia_ratio(bat: str) -> float:
-    """Return the ratio of the moments of inertia about the knob end and an axis 6 in from it."""
+    """Return the moment of inertia of a bat about the knob end divided by that about its pivot.
+
+    The pivot is 6 in from the knob end.
+    """
     return beam(bat).inertia(beam(bat).length) / OZ_IN2 / pivot_inertia(bat)
 
 
@@ -169,15 +185,16 @@ def _body(bat: str | float) -> BatBody:
 def frequency(bat: str | float, mode: int) -> float:
     """Return a bending frequency of a free bat [Hz].
 
-    `bat` is a name, or the length [in] to which R161 is shortened; `mode` counts from 1.
+    `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` counts
+    from 1.
     """
     return float(free_model(_body(bat)).modes.bending_frequencies[mode - 1])
 
 
 def node(bat: str | float, mode: int) -> float:
-    """Return the barrel node of a bending mode of the free bat [in from the tip].
+    """Return the node of a bending mode that is nearest to the tip of a free bat [in from the tip].
 
-    `bat` is a name, or the length [in] to which R161 is shortened; `mode` is 1 or 2.
+    `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` is 1 or 2.
     """
     return barrel_nodes(free_model(_body(bat)).modes)[mode - 1] / INCH
 
@@ -217,29 +234,37 @@ def _restitution_peak(bat: BatBody, speed: float, ball: BallSpec | None = None) 
 def peak_restitution(bat: str, speed: float) -> float:
     """Return the peak BBCOR of a bat over impacts 3 to 9 in from the tip.
 
-    `speed` is the relative speed of ball and bat [mph]. The bat is pivoted 6 in from the knob, and
-    the ball is the nominal baseball.
+    `speed` is the relative speed of ball and bat [mph]. The ball is the nominal baseball. e_A is
+    that of the free bat, and r is that of the rigid bat pivoted 6 in from the knob. Raises
+    `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).value
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the peak BBCOR [in from the tip], at a relative speed [mph]."""
+    """Return the position of the peak BBCOR, 3 to 9 in from the tip [in].
+
+    `speed` is the relative speed of ball and bat [mph], as in `peak_restitution`. Raises
+    `InputError` for an unknown bat.
+    """
     return _restitution_peak(body(bat), speed).place
 
 
 def restitution_change(bat: str, first: str, speed: float) -> float:
     """Return the peak BBCOR of `bat` minus that of `first`.
 
-    `speed` is the relative speed of ball and bat [mph], as in `peak_restitution`.
+    `speed` is the relative speed of ball and bat [mph], as in `peak_restitution`. Raises
+    `InputError` for an unknown bat.
     """
     return peak_restitution(bat, speed) - peak_restitution(first, speed)
 
 
 def procedure_result(bat: str, procedure: str) -> float:
-    """Return the largest metric of a nominal bat, 3 to 9 in from the tip, normalized by the rules.
+    """Return the largest metric of a nominal bat by a procedure, 3 to 9 in from the tip.
 
-    The metric is in SI units; ratios are dimensionless. `procedure` is a name in the catalog.
+    The result is converted to the standard ball if the procedure has one. It is in SI units; ratios
+    are dimensionless. `procedure` is a name in the catalog. Raises `InputError` for an unknown bat
+    or procedure.
     """
     rule = rules(procedure)
     recoil, collisions, scenes = _collide(body(bat), rule.ball_speed / MPH)
@@ -259,7 +284,7 @@ def procedure_result(bat: str, procedure: str) -> float:
 def hit_scatter(bat: str, speed: float) -> float:
     """Return the standard deviation of BBCOR between hits, each with a new ball.
 
-    `speed` is the relative speed [mph].
+    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
     """
     ball = paper_ball(BALL)
     step = 0.005  # change of e0 for the slope, small beside the curvature of e(e0)
@@ -278,22 +303,30 @@ def hit_scatter(bat: str, speed: float) -> float:
 
 
 def peak_efficiency(bat: str, speed: float) -> float:
-    """Return the largest e_A of a bat, 3 to 9 in from the tip, at a relative speed [mph]."""
+    """Return the largest e_A of a free bat, 3 to 9 in from the tip.
+
+    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    """
     return peak(Z, _collide(body(bat), speed)[1].collision_efficiency).value
 
 
 def peak_contact_time(bat: str, speed: float) -> float:
-    """Return the contact time [s] at the position of the largest e_A, at a speed [mph]."""
+    """Return the contact time of a ball and a free bat [s], at the position of the largest e_A.
+
+    The position is the best of 3 to 9 in from the tip in steps of 0.25 in. `speed` is the relative
+    speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    """
     collisions = _collide(body(bat), speed)[1]
     return float(collisions.contact_time[np.argmax(collisions.collision_efficiency)])
 
 
 def barrel_travel(bat: str, speed: float) -> float:
-    """Return the travel of the barrel during contact [in], half its final speed times contact time.
+    """Return the travel of the barrel during contact [in]: half its final speed times contact time.
 
-    The factor of one half is exact for a force that is symmetric in time. `speed` is the relative
-    speed of ball and bat [mph]. The bat is rigid and pivoted, and hit at the position of its
-    largest e_A.
+    The factor of one half is exact for a force that is symmetric in time. e_A and contact time are
+    those of the free bat, at the position of its largest e_A 3 to 9 in from the tip. The final
+    speed is that of the rigid bat pivoted 6 in from the knob. `speed` is the relative speed of ball
+    and bat [mph]. Raises `InputError` for an unknown bat.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
     best = int(np.argmax(collisions.collision_efficiency))
@@ -302,9 +335,10 @@ def barrel_travel(bat: str, speed: float) -> float:
 
 
 def soft_ball(bat: str, speed: float) -> float:
-    """Return the change of the peak BBCOR if the ball has a tenth of the stiffness, same e0.
+    """Return the change of the peak BBCOR if the ball had a tenth of its stiffness and the same e0.
 
-    `speed` is the relative speed [mph]. A positive result is a higher BBCOR with the soft ball.
+    A positive result is a higher BBCOR with the soft ball. `speed` is the relative speed of ball
+    and bat [mph]. Raises `InputError` for an unknown bat.
     """
     ball = paper_ball(BALL)
     soft = replace(ball, stiffness=ball.stiffness / 10)
@@ -312,10 +346,11 @@ def soft_ball(bat: str, speed: float) -> float:
 
 
 def hoop_trend(bat: str, speed: float) -> float:
-    """Return the rank correlation between peak BBCOR and hoop frequency, from -1 to 1.
+    """Return the rank correlation (Spearman) of peak BBCOR and hoop frequency, from -1 to 1.
 
     The frequency is varied from 1000 to 3000 Hz at constant modal mass. `speed` is the relative
-    speed [mph]. The bat must have a hoop mode.
+    speed of ball and bat [mph]. The bat must have a hoop mode. Raises `InputError` for an unknown
+    bat.
     """
     hoop = body(bat).hoop
     assert hoop is not None
@@ -331,14 +366,19 @@ def hoop_trend(bat: str, speed: float) -> float:
 def length_trend(speed: float) -> float:
     """Return the slope of the peak BBCOR with the length of R161 [1/in].
 
-    R161 is shortened to 31 to 34 in. `speed` is the relative speed [mph].
+    It is the slope of a line through lengths of 31, 32, 33 and 34 in. `speed` is the relative speed
+    of ball and bat [mph].
     """
     tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])
 
 
 def restitution_on_wall(ball: str, feet_per_second: float) -> float:
-    """Return e0 of a ball of the catalog at a speed [ft/s]."""
+    """Return e0 of a ball of the catalog on a rigid wall, at an impact speed [ft/s].
+
+    The line of the ball's sheet is extrapolated to any speed, but e0 is never below its floor.
+    Raises `InputError` for an unknown ball.
+    """
     return float(paper_ball(ball).restitution.at(feet_per_second * FOOT))
 
 
@@ -358,9 +398,10 @@ def _swing_test(bat: str, procedure: str) -> float:
 
 
 def best_wood(procedure: str) -> float:
-    """Return the largest v_f [mph] of the wood baseball bats in `WOODEN` on a swing machine.
+    """Return the largest v_f of the wood baseball bats in `WOODEN` on a swing machine [mph].
 
-    `procedure` is the name of the procedure that sets the speeds of the swing machine.
+    `procedure` is the name of the procedure that sets the speeds of the swing machine. Raises
+    `InputError` for an unknown procedure.
     """
     return max(_swing_test(bat, procedure) for bat in WOODEN)
 
@@ -368,7 +409,8 @@ def best_wood(procedure: str) -> float:
 def expanded_speed_u(bat: str, procedure: str) -> float:
     """Return the half width of the 95 % interval of v_f [mph] in one test on the swing machine.
 
-    The test is simulated with seed 1; it must have a result.
+    The test is simulated with seed 1, and it must have a result. Raises `InputError` for an unknown
+    bat or procedure.
     """
     metric = certify_bat(TestSetup.of(bat, procedure=procedure, seed=1)).certification.metric
     rule = rules(procedure)
@@ -379,9 +421,10 @@ def expanded_speed_u(bat: str, procedure: str) -> float:
 
 
 def batted_lead(first: str, second: str, exponent: float) -> float:
-    """Return the largest v_f of the first bat minus that of the second [mph].
+    """Return the peak v_f of the first bat minus that of the second [mph], in the standard game.
 
-    Both are in the standard game. `exponent` is the n of the swing law.
+    `exponent` is the n of the swing law. Raises `InputError` for an exponent outside 0 to 0.5, and
+    for an unknown bat.
     """
     tops = [
         profiles(bat, swings=(exponent,))[0].peaks["batted_speed_mph"].value
@@ -391,10 +434,10 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
 
 
 def cage_speed(exponent: float) -> float:
-    """Return the bat speed of the metal bat in the cage [mph], computed from the wood bat's speed.
+    """Return the bat speed of the metal bat in the batting cage [mph], from that of the wood bat.
 
-    `exponent` is the n of the swing law: the angular speed is proportional to I^-n. For both bats
-    the impact position is assumed to be 6 in from the tip.
+    The angular speed is proportional to I^-n, where n is `exponent`. For both bats the impact
+    position is assumed to be 6 in from the tip.
     """
     bats = {name: _cage_bat(name) for name in ("wood", "metal")}
     law = PowerLawSwing(angular_speed_0=1.0, inertia_0=bats["wood"].inertia, exponent=exponent)
