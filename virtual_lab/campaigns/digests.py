@@ -28,10 +28,10 @@ class ChangedPartError(Exception):
 
 
 def with_digests(file: bytes) -> bytes:
-    """Return a Parquet file with the digests of data and footer in place of zeros in the footer.
+    """Return a Parquet file with the digests of its data and of its footer.
 
-    Raises `ChangedPartError` if the file is not a Parquet file or its footer has no space for the
-    digests.
+    The digests replace the zeros that are kept for them in the footer. Raises `ChangedPartError` if
+    the file is not a Parquet file or its footer has no space for the digests.
     """
     data, footer, tail = _split_file(file)
     footer = _with_digest(footer, DATA, sha256(data).hexdigest())

@@ -78,8 +78,9 @@ def parquet() -> Any:
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
     """Return the tests of a block as a table: one row per test, the columns of `layout`.
 
-    The metadata of a column state its unit and its meaning. Values are blank for a test without a
-    result, and in a column that only other procedures have. `seed` is the seed of the study.
+    `layout` has the type and the unit of each column, keyed by name. The metadata of a column state
+    its unit and its meaning. Values are blank for a test without a result, and in a column that
+    only other procedures have. `seed` is the seed of the study.
 
     Raises
     ------
@@ -105,9 +106,10 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
 
 
 def meaning_of(column: str) -> str:
-    """Return the meaning of a column of a part, in words; any column has one.
+    """Return the meaning of a column of a part, in words.
 
-    A column named after a key that the study changes holds the value of this key.
+    A column that the program does not know is named after a key that the study changes. It holds
+    the value of this key.
     """
     known = column_meaning(column)
     return known.meaning if known else f"value of {column}"
@@ -118,9 +120,12 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
     Names and order are the same for all procedures. They are found by testing the first
     laboratories of some cases. Of cases that differ only in the numbers of changed keys, only the
-    first case is tested. The number 0 is an exception and tested separately, because an uncertainty
-    of 0 contributes nothing and has no column. A column that a procedure does not have gets the
-    unit of the first procedure that has it.
+    first case is tested. A number 0 is tested separately, because an uncertainty of 0 contributes
+    nothing and has no column. A column that a procedure does not have gets the unit of the first
+    procedure that has it.
+
+    `progress` is called with a message, the number of cases tested, and the total. Raises
+    `InputError` if a sheet cannot be used, or if bat, ball, rigs and procedure do not fit.
     """
     alike = {
         (case.bat, case.procedure, *map(_kind, case.change.values())): case
@@ -218,7 +223,8 @@ def _columns(tested: BlockTest) -> Columns:
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
     """Write the part of a block into `folder`, completely or not at all, replacing an older file.
 
-    Raises `OSError` if the folder cannot be written.
+    Raises `OSError` if the folder cannot be written, and `InputError` if the extra ``campaign`` is
+    not installed.
     """
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}
@@ -247,10 +253,12 @@ class Part:
 
 
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
-    """Return the part in a file after checking its footer, or the whole file if `whole`.
+    """Return the part of a block, read from a file that is checked.
 
-    If the file is missing, changed or unreadable, or belongs to different tests, the part has a
-    fault; no error is raised. The part contains the content of the file only if `whole`.
+    If `whole`, the whole file is read and checked, and the part contains it. Otherwise only the
+    footer is read and checked. If the file is missing, changed or unreadable, or belongs to
+    different tests, the part has a fault and no error is raised. `layout` has the type and the unit
+    of each column, keyed by name.
     """
     import pyarrow as pa
 

@@ -36,7 +36,8 @@ def campaign(
     """Certify bats in very many laboratories, and store the tests as Parquet files in a folder.
 
     Finished parts stay if the run is interrupted; the next run makes those that are missing or
-    damaged. The exit code is 4 if a part is still missing because its block failed twice.
+    damaged. The exit code of the program is 4 if a part is still missing because its block failed
+    twice. To read the tests, use `Campaign.open`.
 
     Parameters
     ----------
@@ -44,8 +45,7 @@ def campaign(
         The study file, .toml.
 
         Or its keys and values: ``bats``, ``procedures``, ``laboratories``, ``seed``, and
-        ``repeats`` and ``change`` if wanted. None: the study in the folder. `Campaign.open` reads
-        the folder.
+        ``repeats`` and ``change`` if wanted. None: the study that is already in the folder.
     folder
         Folder of the campaign: a new one, or one of the same study, which is continued.
     workers
@@ -61,15 +61,14 @@ def campaign(
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a message, the number of tests done, and the total. While a new
-        campaign is prepared, cases and columns are counted instead. By default the progress is
-        shown on stderr.
+        campaign is prepared, cases are counted instead. By default the progress is shown on stderr.
 
     Raises
     ------
     InputError
-        The study or the share is not valid, the folder belongs to another study or version,
-        contains a foreign file or cannot be written, the scheduler does not answer, or the extra
-        ``campaign`` or ``dask`` is missing.
+        The study or the share is not valid, `workers` is below 1, the folder belongs to another
+        study or version, contains a foreign file or cannot be written, the scheduler does not
+        answer, or the extra ``campaign`` or ``dask`` is missing.
     """
     folder = Path(folder)
     parquet()  # raises an error if the extra is missing

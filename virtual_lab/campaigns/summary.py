@@ -34,7 +34,10 @@ def _list_counts(kind: str) -> Callable[[Mapping[str, Any]], str]:
 
 
 def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
-    """Return the printed columns of a summary; `changed` are the columns of the changed keys."""
+    """Return the printed columns of a summary, keyed by name.
+
+    `changed` lists the names of the columns that hold the settings changed by the study.
+    """
     keys = ["bat", "procedure", *changed, "tests", "missing"]
     return {
         **{key: Column(key, form=".5g") for key in keys},
@@ -45,7 +48,10 @@ def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
 
 
 def with_all_flags(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of a summary with a count of each flag that any of them has."""
+    """Return the rows of a summary, each with a count of every flag that occurs in any of the rows.
+
+    The count is 0 for a flag that a row does not have.
+    """
     names = sorted({name for row in rows for name in row if name.startswith("flag_")})
     plain = [{name: row[name] for name in row if name not in names} for row in rows]
     counts = [{name: row.get(name, 0) for name in names} for row in rows]

@@ -27,10 +27,10 @@ Outcomes = Iterator[tuple[int, Fault]]  # number and fault of each block
 
 
 def make_part(folder: str, number: int) -> Fault:
-    """Compute and write the part of block `number`; return its fault, or "" if there is none.
+    """Compute and write the part of the block `number`; return its fault, or "" if there is none.
 
-    The fault is a sentence if the tests failed. It is an `InputError` if the folder cannot be used
-    or the part cannot be written; the error is returned, not raised.
+    The fault is a sentence if the tests failed. If the folder cannot be used or the part cannot be
+    written, it is an `InputError`, which is returned and not raised.
     """
     try:
         stamp = Path(folder) / STAMP
@@ -57,9 +57,10 @@ def make_part(folder: str, number: int) -> Fault:
 def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
     """Yield the number of each block and its fault, as soon as its part is made, in any order.
 
-    The fault is a sentence or an `InputError`, or "" if there is none. `workers_or_address` is a
-    number of processes, or the address of a Dask scheduler. Raises `InputError` if the scheduler
-    does not answer or has no worker.
+    The fault is "" if there is none. Otherwise it is a sentence, or an `InputError` that should end
+    the run. `workers_or_address` is a number of processes, or the address of a Dask scheduler.
+    Raises `InputError` if the extra ``dask`` is not installed, and if the scheduler does not answer
+    or has no worker.
     """
     if isinstance(workers_or_address, str):
         return _by_dask(folder, numbers, workers_or_address)

@@ -40,11 +40,13 @@ def camera_chart(
 ) -> SpeedChart:
     """Return the chart of all methods to locate a ball: one row per scene and method.
 
-    A row has errors [px], the time per frame [ms], and three shares of pictures (0 to 1): those
-    without a position, those with a flag, and those with an error above 5 u but without a flag. The
-    limit is the smallest possible error. The bias is the largest mean error, without noise, at any
-    position of the ball within a pixel, divided by the limit. It is not computed for a stitched
-    ball, whose pattern differs in each picture. Values that do not apply are None.
+    A row has the rms error along an axis [px], the time per frame [ms], and three shares of
+    pictures (0 to 1): those without a position, those with a position and a flag, and those with an
+    error above 5 u but without a flag. The limit is the smallest possible error of a plain ball
+    [px]. The bias has no unit: it is the absolute error along an axis in pictures without noise, at
+    the position within a pixel where it is largest, divided by the limit. It is not computed for a
+    stitched ball, whose pattern differs in each picture. Error and bias are None if no ball was
+    located.
     """
     import cv2
 
@@ -96,7 +98,11 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
 
 
 def draw_camera(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `camera_chart`, with one panel per kind of ball."""
+    """Return the figure of the rows of `camera_chart`: rms error [px] against time per frame [ms].
+
+    There is one panel per kind of ball. Methods that find the ball in less than half of the
+    pictures are not drawn.
+    """
     from matplotlib.lines import Line2D
 
     from virtual_lab.output.page_figure import PageFigure

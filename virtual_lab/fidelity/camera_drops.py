@@ -27,8 +27,8 @@ def dropped_frames(
     """Return one row per combination of number of dropped frames and error of the positions.
 
     The errors of the positions are `ERRORS` [px]. The keys of a row are those of
-    `camera_stability.picture_cells`; its error is the relative rms error of the speed of the
-    incoming ball.
+    `camera_stability.picture_cells`, but ``rms_unflagged`` is the relative rms error of the speed
+    of all incoming balls, and the numbers are those of flights.
 
     Parameters
     ----------

@@ -27,9 +27,12 @@ class PlaceScore:
 
 
 def score_places(batch: Batch, located: Located) -> PlaceScore:
-    """Return the score of the positions in a batch of pictures: errors [px] and shares, 0 to 1.
+    """Return the score of the positions in a batch of pictures.
 
-    If no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
+    `rms` is the rms error along an axis [px]. `bias` has no unit: it is the absolute mean error at
+    the position within a pixel where it is largest, divided by the limit of the batch. The other
+    values are shares of all pictures, 0 to 1. If no picture has a position, `rms` and `bias` are
+    inf, `lost` is 1 and the other shares are 0.
     """
     errors = np.stack([located.x - batch.x, located.y - batch.y])
     finite = np.isfinite(errors).all(axis=0)
@@ -49,8 +52,9 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
 def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
     """Return the mask of positions with an error above 5 u and without a flag, shape (picture,).
 
-    The mask is False for a picture without a position. If a method states no uncertainty, the
-    smallest possible u of the batch is used.
+    The error along x or along y must be above 5 u, where u includes the uncertainty from the
+    pattern of the ball. If a method states no u, the smallest possible u of the batch is used. The
+    mask is False for a picture without a position.
     """
     pattern = np.nan_to_num(located.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)

@@ -43,8 +43,8 @@ CASE = CaseSettings()
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
     """Return the pictures of a case with their true positions.
 
-    There are `repeats` pictures for each of `phases` positions of the ball within a pixel. Noise,
-    positions in the frame and patterns depend on `seed` and `block`.
+    There are `case.repeats` pictures for each of `case.phases` positions of the ball within a
+    pixel. Noise, positions in the frame and patterns depend on `seed` and `block`.
     """
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2

@@ -50,9 +50,10 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the maps of all methods to locate a ball, one row per cell.
 
-    A row has the state, the rms error of unflagged pictures, and numbers of pictures. The error is
-    in pixels; in the map of dropped frames it is the relative error of a speed. It is None if no
-    ball was located.
+    The keys of a row are those of `picture_cells`: ``state``, the rms error ``rms_unflagged`` of
+    unflagged pictures, and numbers of pictures. The error is in pixels, and None if no ball was
+    located without a flag. In the map of dropped frames it is the relative error of a speed, and
+    the numbers are those of flights.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
@@ -86,8 +87,11 @@ def picture_cells(
 ) -> list[Row]:
     """Return one row per combination of axis value, ball and method (convex hull, edge fit).
 
-    A row has the keys map, value, method and ball, the state, the rms error [px] of pictures
-    without a flag, and numbers of pictures.
+    The combination has the keys ``map``, ``value``, ``ball`` and ``method``. ``state`` is a value
+    of `PictureState`. ``rms_unflagged`` is the rms error along an axis of pictures without a flag
+    [px], and None if there are none. The numbers of pictures are ``pictures`` (all), ``unsaid``
+    (wrong without a flag), ``flagged`` (with a position and a flag) and ``lost`` (without a
+    position).
 
     Parameters
     ----------

@@ -263,7 +263,10 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
 
 
 def draw_collision(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `collision_chart`, with one panel per reference."""
+    """Return the figure of the rows of `collision_chart`: largest error of e_A against time [µs].
+
+    There is one panel per reference. The time is that per shot.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from virtual_lab.output.page_figure import PageFigure

@@ -128,9 +128,9 @@ class ColumnOutcome:
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the maps of stability: one row per step and value of a parameter of the scene.
 
-    A row has the state, the largest errors of e_A and of the energy balance, and numbers of scenes.
-    An error is None if it is not finite, or if the cell has no result. Steps that the stepper would
-    refuse are computed too.
+    A row has the state, the largest errors of e_A and of the energy balance (a share of the
+    energy), and numbers of scenes. An error is None if it is not finite, or if the cell has no
+    result. Steps that the stepper would refuse are computed too.
     """
     rows = []
     for axis, values in AXES.items():

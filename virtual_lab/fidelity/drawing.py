@@ -78,8 +78,8 @@ def _short(value: float | str) -> str:
 def maps_text(rows: Sequence[Row], down: str) -> str:
     """Return one table per map as text, with a letter for each state and a key of the letters.
 
-    Each row is a cell with the keys `map`, `value`, `step`, `state` and `refused`. `down` is the
-    label of the lines of all tables.
+    Each row is a cell with the keys `map`, `value`, `step`, `state` and `refused`. The letter of a
+    refused cell is in parentheses. `down` is the label of the lines of all tables.
     """
     key = ", ".join(f"{state.mark} {state}" for state in _used_states(State, rows))
     parts = [f"rows: {down}; {key}; in parentheses: refused, with its state"]

@@ -31,8 +31,8 @@ SIZES = ("effect", "se", "rms", "ms")
 def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
     """Return the chart of the whole test: one row per part of the test and model.
 
-    A row has the effect on the metric [u], its standard error [u] and the time per certificate
-    [ms]. The rows come from a stored table; nothing is computed.
+    A row has the effect of the model on the metric and its standard error, both divided by u, and
+    the time per certificate [ms]. The rows come from a stored table; nothing is computed.
     """
     text = (DATA / "uncertainty" / "laboratory.csv").read_text("utf-8")
     rows: list[Row] = []
@@ -55,7 +55,10 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_laboratory(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `laboratory_chart`, with one panel per part."""
+    """Return the figure of the rows of `laboratory_chart`: effect over u against time [ms].
+
+    There is one panel per part of the test.
+    """
     from virtual_lab.output.page_figure import PageFigure
 
     figure = PageFigure(figsize=(11.5, 6.4), dpi=150, layout="constrained")

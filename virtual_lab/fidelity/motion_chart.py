@@ -81,16 +81,18 @@ def motion_chart(
 ) -> SpeedChart:
     """Return the chart of the models of the motion: one row per model, scene and setting.
 
-    A row has errors of e_A, of the velocity of the ball [m/s] and of the angular rate of the bat
-    [rad/s], a share (0 to 1) of missed contacts or of lost energy, and the time per shot [µs].
-    Values that do not apply are None.
+    A row has the rms errors of e_A, of the velocity of the ball [m/s] and of the angular rate of
+    the bat [rad/s], a share (0 to 1) of missed contacts or of lost energy, and the time per shot
+    [µs]. Values that do not apply are None.
 
     Parameters
     ----------
     progress
         Function that is called with a message that names the current task.
-    steps, losses
-        Steps for the hits, and for the energy loss of a rotating bat [s].
+    steps
+        Time steps for the hits [s].
+    losses
+        Time steps for the energy loss of a rotating bat [s].
     batch
         Number of shots for the timing of the closed form.
     """
@@ -168,9 +170,10 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return the state after the contact of shot `shot` (from 0), by vector algebra without air.
+    """Return the state of ball and bat after the contact of a shot, by vector algebra without air.
 
-    Raises `ValueError` if the ball does not reach the bat.
+    `shot` is the number of the shot in the scene, from 0. Raises `ValueError` if the ball does not
+    reach the bat.
     """
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
@@ -231,7 +234,11 @@ def _rms(error: Array) -> float:
 
 
 def draw_motion(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `motion_chart`: errors, missed contacts, and lost energy."""
+    """Return the figure of the rows of `motion_chart`, with three panels.
+
+    They are the error of the ball's velocity [m/s] against time per shot [µs], the share of missed
+    contacts against v dt [m], and the share of lost energy against the step [s].
+    """
     from virtual_lab.output.page_figure import PageFigure
 
     figure = PageFigure(figsize=(11.5, 4.6), dpi=150, layout="constrained")

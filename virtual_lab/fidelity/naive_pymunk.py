@@ -135,7 +135,7 @@ def naive_errors(
 ) -> Array:
     """Return the error of the ball's velocity that pymunk computes after contact [m/s], (shot,).
 
-    The error is the absolute difference from the closed form.
+    The error is the magnitude of the difference from the exact velocity in the plane of the motion.
 
     Parameters
     ----------
@@ -146,7 +146,8 @@ def naive_errors(
     iterations, slop
         Settings of pymunk: number of iterations, and allowed overlap [m].
     shape
-        Shape of the bat in the plane of the motion.
+        Shape of the bat in the plane of the motion: a straight side, a semicircular tip, or the
+        section of the barrel.
     """
     bat, errors = rod(), np.empty(scene.shots)
     thrown = np.array(play_closed_form(scene).first(Target.BAT).state[3:6]).T

@@ -27,9 +27,9 @@ TWO_DIGITS = 0.05, 0.005  # half of the second digit of a u of 1.0 and of 9.9 [u
 def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
     """Return the chart of methods to propagate uncertainty: one row per model and method.
 
-    A row has the number of draws (None for a method without draws), the time [ms], and errors
-    divided by u; the reference has 2^27 draws. The rows come from a stored table; nothing is
-    computed.
+    A row has the number of draws (None for a method without draws), the time [ms], and the errors
+    of u and of the two ends of the interval. The errors are divided by u; the reference has 2^27
+    draws. The rows come from a stored table; nothing is computed.
     """
     text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
     rows: list[Row] = []
@@ -49,7 +49,10 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_uncertainty(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `uncertainty_chart`, with one panel per error."""
+    """Return the figure of the rows of `uncertainty_chart`: errors over u against time [ms].
+
+    The three panels are the errors of u, of the lower end and of the upper end of the interval.
+    """
     from virtual_lab.output.page_figure import PageFigure
 
     figure = PageFigure(figsize=(11.5, 4.6), dpi=150, layout="constrained")

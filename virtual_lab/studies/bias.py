@@ -60,8 +60,8 @@ def bias(
     """Show the systematic error of the method: measured minus true value without randomness.
 
     The table has one row per bat in the catalog and one column per quantity, such as
-    ``restitution_bias``. An entry is missing if the test of the bat gave no result, for example if
-    a scan has no maximum.
+    ``restitution_bias``. An entry is None if the test of the bat gave no result, for example if a
+    scan has no maximum.
 
     Parameters
     ----------

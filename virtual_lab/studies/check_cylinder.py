@@ -35,7 +35,7 @@ from virtual_lab.units import Array
 def check_cylinder(
     days: int, hits: int, *, seed: int, faults: Sequence[str] = (), since: int = 1
 ) -> Array:
-    """Return the measured e_A of the cylinder for each day, shape (day,): means of the valid hits.
+    """Return the mean measured e_A of the valid hits at the check cylinder on each day, (day,).
 
     Parameters
     ----------

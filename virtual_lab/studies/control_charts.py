@@ -118,9 +118,9 @@ def ewma(x: Array) -> Array:
 def cusum(x: Array) -> tuple[Array, Array]:
     """Return the cumulative sums of the deviations above and below the center, both ≥ 0.
 
-    `x` are deviations in standard deviations, (…, day), and each sum has their shape. The sums are
-    S = max(0, S + x - 0.5) and S = max(0, S - x - 0.5), where S is the sum of the day before, and 0
-    before the first day.
+    `x` are deviations in standard deviations, (…, day), and each sum has their shape and unit. The
+    sums are S = max(0, S + x - 0.5) and S = max(0, S - x - 0.5). On the right, S is the sum of the
+    day before, which is 0 before the first day.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down
@@ -150,7 +150,10 @@ def control_chart(
 ) -> DayCharts:
     """Return the charts of daily values with limits from the first `baseline_days` values.
 
-    The charts begin on the day after the baseline: rules, average and sums start at the center.
+    The charts are the Western Electric rules, the moving range, the moving average (EWMA) and the
+    cumulative sums (CUSUM). They are in standard deviations, for the days after the baseline. The
+    rules ignore earlier days, and average and sums start at 0. Only the first range uses a day of
+    the baseline, its last.
 
     Parameters
     ----------
@@ -159,12 +162,14 @@ def control_chart(
     baseline_days
         Number of days of the baseline, at least 2.
     rules
-        Western Electric rules to apply, 1 to 4. The other three charts are always made.
+        Western Electric rules to apply, 1 to 4. Range, EWMA and CUSUM are always computed.
 
     Raises
     ------
     ValueError
         The baseline is too short or has equal values, or no day follows it.
+    KeyError
+        A rule is not 1 to 4.
     """
     days = np.asarray(values, dtype=float)
     baseline = Baseline.of(days[:baseline_days])

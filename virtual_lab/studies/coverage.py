@@ -223,9 +223,27 @@ def each_laboratory(
 ) -> Iterator[Taken]:
     """Yield the result of `take` for each block of laboratories, in the order of the laboratories.
 
-    `take` must be a module-level function, because processes pickle it. After each block,
-    `progress` is called with a message, the number of laboratories done, and the total. Raises
-    `InputError` for fewer than two laboratories or `workers` below 1.
+    Parameters
+    ----------
+    round_robin
+        Design of the study: bat, procedure and rigs.
+    take
+        Function of the tests of a block. It must be defined at module level, because processes
+        pickle it.
+    laboratories
+        Number of laboratories, at least 2.
+    seed
+        Seed of the study.
+    workers
+        Number of processes, at least 1.
+    progress
+        Function that is called after each block with a message, the number of laboratories done,
+        and the total.
+
+    Raises
+    ------
+    InputError
+        A number is too small, or a laboratory cannot be simulated.
     """
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")
@@ -336,11 +354,12 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return the results of a block for this study, arrays (laboratory,) in SI units.
+    """Return the results of the tests of a block for the study of coverage, in SI units.
 
-    The results are numbers of shots, impact position [m from the tip], scatter, and for each
-    quantity (keyed by name) its value, standard uncertainty, degrees of freedom and true value.
-    Laboratories with an INVALID test are included; the mask `sound` is False for them.
+    The arrays have the shape (laboratory,). They are numbers of shots, impact position [m from the
+    tip], scatter, and for each quantity (keyed by name) its value, standard uncertainty, degrees of
+    freedom and true value. Laboratories with an INVALID test are included; the mask `sound` is
+    False for them.
     """
     certified, reduced = tested.certified, tested.certified.reduced
     owner, metric = reduced.owner, reduced.shot_metric

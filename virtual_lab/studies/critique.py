@@ -320,7 +320,7 @@ def critique(
 def misranking(field: float, differences: Array) -> Ranking:
     """Return the ranking of two bats by a procedure, with the probability that it is wrong.
 
-    The ranking is ``no result`` if fewer than two differences are finite, and ``tie``, without a
+    The ranking is ``no result`` if fewer than two differences are finite. It is ``tie``, without a
     probability, if the bats differ by less than 0.1 mph in the field. Otherwise it depends on the
     probability of the opposite order: ``opposite order`` at 95 % or above, ``same order`` at 5 % or
     below, and ``by chance`` in between.

@@ -51,15 +51,16 @@ SLANT = 55  # angle of the procedures' names [°]
 
 
 def draw_critique(pairs: pd.DataFrame) -> PageFigure:
-    """Draw one panel per exponent n: one row per pair of bats, one column per procedure.
+    """Draw the probability of a wrong ranking, one panel per exponent n of the swing law.
 
-    n is the exponent of the swing law. The number in a cell is the probability, in percent, that a
-    laboratory ranks the two bats in the order opposite to their performance in the field.
+    A panel has one row per pair of bats and one column per procedure. The number in a cell is the
+    probability, in percent, that a laboratory ranks the two bats in the order opposite to their
+    performance in the field.
 
     Parameters
     ----------
     pairs
-        One row per pair of bats, exponent and procedure: the table of `Critique`.
+        The table of `Critique`, one row per pair of bats, exponent and procedure; at least one row.
     """
     rows: list[Any] = list(pairs.itertuples())
     swings = list(dict.fromkeys(row.swing_exponent for row in rows))

@@ -29,15 +29,14 @@ FIRST = "#d55e00"
 def draw_control_chart(values: Array, charted: DayCharts, label: str) -> PageFigure:
     """Draw four panels: daily values, moving range, moving average, and cumulative sums.
 
-    The values are in their unit, the other charts in standard deviations. Days with an alarm are
-    marked.
+    Days with an alarm are marked.
 
     Parameters
     ----------
     values
-        Values of all days, the baseline first, (day,).
+        Values of all days in any unit, the baseline first, (day,).
     charted
-        The charts of the days after the baseline.
+        The charts of the days after the baseline, in standard deviations.
     label
         Axis label of the values.
     """

@@ -17,7 +17,7 @@ from virtual_lab.records.session import SESSION, Session, load_session
 
 
 def our_session(procedure: str) -> Session:
-    """Return the session of a simulated test by a procedure, from which the forms are made.
+    """Return the session of a simulated test by a procedure, from which empty forms are made.
 
     To save time the test has no noise, and the bat is rigid. Raises `InputError` for an unknown
     procedure.
@@ -44,12 +44,13 @@ def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) ->
     folder
         Folder with ``session.json``, or with ``laboratory.toml`` and the tables that it names.
     apply_options
-        Function that returns the session with the options of the user.
+        Function that receives the session and returns it with the options of the user.
 
     Raises
     ------
     InputError
-        A folder without records, or records that cannot be reduced.
+        A folder without records (also if they are one level deeper), or records that cannot be
+        reduced.
     """
     if (folder / FORM).exists():
         return certify_laboratory(folder, apply_options)
@@ -70,13 +71,13 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
     folder
         Folder with ``laboratory.toml`` and the tables that it names.
     apply_options
-        Function that returns the session with the options of the user.
+        Function that receives the session and returns it with the options of the user.
 
     Raises
     ------
     InputError
-        The form or a table is not valid, a constant is missing or unknown, a ``session.json`` is in
-        the folder, too, or the session cannot be reduced.
+        The form or a table is not valid, a constant is missing or unknown, the folder also contains
+        a ``session.json``, or the session cannot be reduced.
     """
     form = folder / FORM
     if (folder / "session.json").exists():

@@ -178,7 +178,7 @@ class ShownCertificate:
 
 
 def show(name: AnyName) -> ShownSheet | ShownCertificate:
-    """Show a catalog entry, every number with unit and source, or a certificate.
+    """Show a certificate, or a catalog entry with the unit and source of every number.
 
     Parameters
     ----------
@@ -188,7 +188,8 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
     Raises
     ------
     InputError
-        An unknown name (similar names are suggested), or a file without a certificate.
+        An unknown name (similar names are suggested), a .toml file that is missing or is not a bat,
+        or a .json file without a certificate.
     """
     name = str(name)
     if name.endswith(".json"):

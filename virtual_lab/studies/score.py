@@ -61,8 +61,20 @@ def score(
 
     For a scan the metric is compared twice: with the result of the procedure on the exact curve,
     and with the maximum of this curve. The metric "as found" is the metric before a correction for
-    the balls. The width of the curve [m], if stated, is last. `measurand` holds the true values; it
-    is empty for a test without a result, and then the scores are empty too.
+    the balls. The width of the curve [m], if stated, is last.
+
+    Parameters
+    ----------
+    certificate
+        Content of ``certificate.json``.
+    measurand
+        True values keyed by name. It is empty for a test without a result, and then the scores are
+        empty too.
+
+    Raises
+    ------
+    KeyError
+        A key is missing in the certificate, or a true value is missing.
     """
     if not measurand:
         return {}
@@ -150,7 +162,8 @@ class CertificateScore(StudyResult):
 def score_folder(folder: Folder) -> CertificateScore:
     """Compare the certificate in a result folder with the true values.
 
-    If files or keys in it were changed since the test, they are listed and the exit code is 3.
+    If files or keys in the folder were changed since the test, they are listed and the exit code is
+    3.
 
     Parameters
     ----------

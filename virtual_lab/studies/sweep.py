@@ -105,10 +105,12 @@ def sweep_tests(
 def changed_numbers(
     kind: str, names: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Return the numbers that differ between changed sheets, by sheet and column, and their units.
+    """Return the numbers that differ between changed sheets, and the units of these numbers.
 
-    The name of a column is the key, and its unit unless that is 1. The unit is that of the first
-    sheet with the key. A sheet without the key has NaN. A list of numbers is not a column.
+    The first mapping has the numbers by sheet and column, and the second one has the units by
+    column. The name of a column is the key of the number, with its unit unless that is 1. The unit
+    is that of the first sheet with the key. A sheet without the key has NaN. A list of numbers is
+    not a column.
 
     Parameters
     ----------
@@ -116,6 +118,11 @@ def changed_numbers(
         ``bats`` or ``procedures``.
     names
         Names or paths of the sheets.
+
+    Raises
+    ------
+    InputError
+        A sheet is unknown or cannot be read.
     """
     found = {name: {each.key: each for each in Sheet.of(kind, name).datums} for name in names}
     changed = dict.fromkeys(

@@ -42,9 +42,10 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    If `procedure` is ``laboratory``, this writes one empty file of particulars
-    (laboratory, customer, bat), for ``certify``; if it is ``prices``, one of prices, for ``plan``.
-    If an error is raised, no partial files are left.
+    The path of the folder is returned. If `procedure` is ``laboratory``, only an empty file of
+    particulars (laboratory, customer, bat) is written, for ``certify``. If it is ``prices``, only
+    an empty file of prices is written, for ``plan``. If an error is raised, no partial files are
+    left.
 
     Parameters
     ----------

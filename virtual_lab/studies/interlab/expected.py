@@ -46,10 +46,10 @@ class ExpectedScatter:
 
 
 def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
-    """Return the stored scatter of a bat's result by a procedure.
+    """Return the stored scatter between laboratories of a bat's result by a procedure.
 
-    If no study of this bat is stored, the result is that of the bat with the largest scatter. It is
-    None if no study of the procedure is stored.
+    If no study of this bat is stored, the result is that of the bat with the largest scatter by
+    this procedure. The result is None if no study of the procedure is stored.
     """
     with TABLE.open(encoding="utf-8", newline="") as file:
         rows = [_read(row) for row in csv.DictReader(file) if row["procedure"] == procedure]
@@ -58,10 +58,11 @@ def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of the stored table from the variance terms of interlaboratory studies.
+    """Return the rows of the stored table, computed from the rows of the study `interlab`.
 
-    There is one row per bat and procedure. For a procedure that converts to a standard ball, the
-    converted result is used. Raises `ValueError` for a study without single-factor simulations.
+    The result has one row per bat and procedure. If the procedure converts to a standard ball, the
+    row is that of the converted result. Raises `ValueError` for a study without single-factor
+    simulations, and `KeyError` for rows without a standard deviation of the study.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:

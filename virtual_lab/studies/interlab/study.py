@@ -142,16 +142,18 @@ class InterlabStudy(Spec):
 def read_interlab(path: Path) -> Entry[InterlabStudy]:
     """Return the study in a file, with the sources of its numbers.
 
-    Raises `InputError` for an unknown key, a value that is not allowed, or a wrong unit.
+    Raises `InputError` if the file cannot be read, for an unknown key, for a value that is not
+    allowed, and for a wrong unit.
     """
     return catalog.read(read_text(path), str(path), InterlabStudy)
 
 
 def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:
-    """Return the text of each data sheet, with the values of the factors in `names` from the study.
+    """Return the text of the data sheets with the values of factors from the study.
 
-    A sheet for which the study gives no value is omitted. Raises `InputError` if a sheet does not
-    contain the table of such a number.
+    The keys are kind and name of the sheet, such as ``("rigs", "ball-wall")``. A sheet for which
+    the study gives no value is omitted. `names` are the names of the factors. Raises `InputError`
+    for an unknown procedure, and if a sheet does not contain the table of such a value.
     """
     ball = catalog.load("procedures", procedure, Procedure).spec.ball
     document = parse_toml(study.text, "study")["factors"]

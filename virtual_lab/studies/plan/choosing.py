@@ -18,18 +18,30 @@ Index = tuple[int, ...]
 def cheapest(u: Array, cost: Array, target: float, most: int) -> list[Index]:
     """Return the indices of the cheapest plans that reach the target u, the cheapest first.
 
-    A plan is left out if it still reaches the target with one exchange fewer or with one count one
-    step smaller. Of plans with equal costs, the one with fewer exchanges comes first, then the one
-    with the smaller u. At most `most` indices are returned. The arrays have one shape.
+    A plan is left out if it would still reach the target with one exchange fewer, or with one count
+    a step smaller. Of plans with equal costs, the one with fewer exchanges comes first, then the
+    one with the smaller u.
+
+    Parameters
+    ----------
+    u
+        u of each plan in the unit of `target`, shape (set of exchanges, hits, final hits, balls,
+        wall hits). Bit k of the number of a set is 1 if instrument k is exchanged.
+    cost
+        Cost of each plan in any unit, in the shape of `u`.
+    target
+        Largest u.
+    most
+        Largest number of indices to return.
     """
     return _rank(irreducible(u <= target), u, cost)[:most]
 
 
 def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None:
-    """Return the index of the cheapest plan that changes one thing of the present laboratory.
+    """Return the index of the cheapest plan that differs from the present laboratory in one thing.
 
-    It exchanges one instrument or raises one count. None means that no such plan reaches the
-    target.
+    The plan exchanges one instrument or raises one count, by any number of steps. The result is
+    None if no such plan reaches the target. The arguments are those of `cheapest`.
     """
     changed = [np.arange(size) > 0 for size in u.shape]
     changes = np.sum(np.meshgrid(*changed, indexing="ij"), axis=0)
@@ -39,9 +51,11 @@ def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None
 
 
 def irreducible(reaches: Mask) -> Mask:
-    """Return a mask of the plans that reach a target, but not with anything less.
+    """Return a mask of the plans that reach a target, but not with fewer changes.
 
-    `reaches` marks all plans that reach the target.
+    A plan is False if it would still reach the target with one exchange fewer, or with one count a
+    step smaller. `reaches` marks all plans that reach the target. Its shape is that of `u` in
+    `cheapest`.
     """
     needed = reaches.copy()
     for axis in range(1, reaches.ndim):

@@ -127,8 +127,8 @@ class PlannedLaboratory:
 def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
     """Return the instruments of rigs with half of each standard uncertainty, keyed by name.
 
-    A survey of the rig itself, such as that of its pivot, has the name of its table in the rig's
-    sheet.
+    A survey of the rig itself, for example of its pivot, is keyed by the name of its table in the
+    rig's sheet. Raises `InputError` for an unknown rig.
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
@@ -144,13 +144,20 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
 
 
 def attempts(forecast: Forecast, counts: Counts) -> Array:
-    """Return the shots that a plan allows, as many per expected shot as the procedure."""
+    """Return the largest number of shots that a plan allows, in the shape of the counts.
+
+    The ratio of allowed to expected shots is that of the procedure. A plan never allows fewer shots
+    than the procedure.
+    """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))
 
 
 def feasible(forecast: Forecast, counts: Counts) -> Array:
-    """Return whether a procedure can have these counts, in their shape."""
+    """Return a mask of the counts that a procedure can have, in the shape of the counts.
+
+    A count, or the number of shots that it requires, is not possible above 1000.
+    """
     numbers = [attempts(forecast, counts), *counts.values]
     return np.asarray(np.max(np.broadcast_arrays(*numbers), axis=0) <= MOST_COUNTED)
 

@@ -110,15 +110,20 @@ def plan(
 ) -> LaboratoryPlans:
     """Find the cheapest way to reach an uncertainty: instruments, hits, balls, wall hits.
 
-    The table has the present laboratory, at most ten plans whose median stated u reaches the
-    target, the plan of fewest minutes or lowest price first, and the cheapest single change of the
-    present laboratory. A plan has at least the hits, balls and wall hits of the procedure, and up
-    to four times as many. It may exchange any instrument for one with half of each standard
-    uncertainty, which takes no minutes. A plan that reaches the target with less is left out.
+    The table has the present laboratory and at most ten plans that should reach the target. It also
+    has the cheapest single change of the present laboratory, if one is enough. The plans are sorted
+    by minutes, or by price if `prices` is given. A plan is left out if it would still reach the
+    target with one exchange fewer or with one count a step smaller.
 
-    The planned u is predicted from the budget of the present laboratory, to first order. Then each
-    plan in the table is simulated. If no plan reaches the target, the table has the floor, which is
-    the plan with the smallest u, and the text names its largest terms.
+    A plan has one to four times the hits, balls and wall hits of the procedure. It may exchange up
+    to eight instruments for ones with half of each standard uncertainty, or for those of the sheets
+    in `prices`. Instruments that hardly lower u are not considered. An exchange does not change the
+    minutes.
+
+    Plans are chosen by a u that is predicted to first order from the budget of the present
+    laboratory. Then each plan in the table is simulated, and the column `reaches` shows whether its
+    simulated u reaches the target. If no plan is predicted to reach the target, the table has the
+    floor, which is the plan with the smallest u, and the text names its largest terms.
 
     Parameters
     ----------
@@ -133,14 +138,14 @@ def plan(
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     prices
-        File of prices, .toml, with which the plan of the lowest price comes first. Its keys are
-        ``tests``, ``per_minute``, ``per_ball`` and ``instruments``, each with value, unit and
-        source; ``virtual-lab template prices FILE`` writes an empty one. Only instruments with a
-        price are exchanged.
+        File of prices, .toml. The plans are then sorted by price. Its keys are ``tests``,
+        ``per_minute``, ``per_ball`` and ``instruments``, each with value, unit and source;
+        ``virtual-lab template prices FILE`` writes an empty one. Only instruments with a price are
+        exchanged.
     history
         Result folder of an earlier test of the same bat by the same procedure, three or more, or
-        one folder of ``virtual-lab daily``. The simulated hits get the scatter that these days
-        have together, if Bartlett's test finds no difference between them.
+        one folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these
+        days, if Bartlett's test finds no difference between them.
     laboratories
         Number of simulated tests per plan, at least 100.
     seed
@@ -148,8 +153,8 @@ def plan(
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
-        Instruments and rigs of the present laboratory with changed values, in place of those of
-        the catalog.
+        Instruments and rigs of the present laboratory with changed values, in place of those of the
+        catalog.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
@@ -159,9 +164,10 @@ def plan(
     Raises
     ------
     InputError
-        A name is unknown, a number is out of range, the file of prices has an unknown key, a key
-        without unit or an unknown instrument, the history has fewer than three days, another metric
-        or days that differ, or the procedure's laboratories cannot be simulated side by side.
+        A name is unknown, or a number is out of range. No test of the present laboratory has a
+        result, or its laboratories cannot be simulated side by side. The file of prices has an
+        unknown or missing key, an unknown instrument, two currencies, or a sheet that cannot be
+        read. The history has fewer than three days, another metric, or days that differ.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     if not target_u > 0:

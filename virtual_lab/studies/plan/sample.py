@@ -74,10 +74,10 @@ class SampledTests(AlignedArrays):
 
 
 def median_of(values: Array) -> Median:
-    """Return the median of values, (n,), NaN without any, and its standard error in their unit.
+    """Return the median of `values`, shape (n,), and its standard error, both in their unit.
 
-    The error is half the distance of the order statistics that are one standard deviation of a
-    binomial count above and below the median.
+    Both are NaN without values. The error is half the distance of the order statistics that are one
+    standard deviation of a binomial count above and below the median.
     """
     if not values.size:
         return Median(nan, nan)
@@ -87,7 +87,10 @@ def median_of(values: Array) -> Median:
 
 
 def sample_of(tested: BlockTest) -> SampledTests:
-    """Return what a plan needs of the tests of a block of laboratories, one test per laboratory."""
+    """Return the results of the tests of a block of laboratories that the forecast of plans needs.
+
+    Each laboratory has one test.
+    """
     certified, reduced = tested.certified, tested.certified.reduced
     metric, outcome, rules = certified.results["metric"], certified.outcome, certified.procedure
     parts, scatter, count = metric.components, metric.scatter, certified.invalid.size

@@ -53,9 +53,10 @@ class Change(NamedTuple):
 
 
 def promising_changes(certification: Certification) -> list[Change]:
-    """Return the changes that lower the u of the metric, the most promising one first.
+    """Return the changes of a laboratory that lower the u of the metric, the most effective first.
 
-    There are none if no change removes a part of its variance.
+    The changes are half the u of an instrument, and twice as many hits, balls or wall hits. Changes
+    that lower no term of the budget are left out. The certification must have a metric.
     """
     assert certification.metric is not None
     square = {part.name: part.contribution**2 for part in certification.metric.components}
@@ -85,10 +86,19 @@ def improvements(
     playing: TwinDays,
     simulate: Callable[[TwinDays], tuple[float, float, float]],
 ) -> list[Improvement]:
-    """Return the changes that lower u most, at most three, with their simulated effect.
+    """Return the changes that lower u most, at most three, with their predicted u [SI].
 
-    `simulate` returns the standard deviation of the errors of the metric on some days, and its
-    95 % interval.
+    A row also has the standard deviation of simulated errors with the change, and its interval.
+
+    Parameters
+    ----------
+    certification
+        The test; it must have a metric.
+    playing
+        Days of the twin of the laboratory.
+    simulate
+        Function of changed days. It returns the standard deviation of the errors of the metric
+        [SI], and the lower and upper limit of its 95 % interval.
     """
     assert certification.metric is not None
     rows, u = [], certification.metric.u

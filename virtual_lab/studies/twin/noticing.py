@@ -68,7 +68,8 @@ def noticed_faults(
     u
         Stated u of the metric [SI].
     folder
-        Folder of the faults simulated so far; it is created if there is none.
+        Folder of the faults simulated so far; it is created if there is none. Faults in it are not
+        simulated again.
     progress
         Function that is called with a message, the number of faults done, and the total.
     days
@@ -77,7 +78,7 @@ def noticed_faults(
     Raises
     ------
     InputError
-        The folder holds faults that were simulated on other days.
+        The folder holds faults of other records, or of another seed or number of days.
     """
     session, path = playing.statement.session, folder / "faults.json"
     names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]

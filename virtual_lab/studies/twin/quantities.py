@@ -64,8 +64,8 @@ def compare_quantities(
     """Return one row per quantity, and the number of days without a valid result.
 
     A row compares the stated u of the quantity with the errors of its result on the valid days of
-    the twin, whose instruments record only summary values. Raises `InputError` if fewer than half
-    of the days give a valid result.
+    the twin. The instruments record only summary values on these days. The certification must have
+    a metric. Raises `InputError` if fewer than half of the days give a valid result.
     """
     assert certification.metric is not None
     stated = {"metric": certification.metric, **certification.quantities}

@@ -101,12 +101,11 @@ def unlike_readings(
 ) -> tuple[list[TwinReading], int]:
     """Return one row per reading of the test, and the smallest number of days per reading.
 
-    A row compares the reading of the test with the same reading on the days of its twin.
-
-    A reading that is NaN in the records or on all days has no row. Days without a result, or
-    without a reading, are replaced by others, up to as many again. The days end early if none of
-    the readings could be unlike its twins even if all days were compared (Besag and Clifford
-    1991), so that the finding is that of all days.
+    A row compares the reading of the test with the same reading on the days of its twin. A reading
+    that is NaN in the records or on all days has no row. Days without a result, or without a
+    reading, are replaced by further days, up to the same number again. The simulation ends early if
+    no reading could be unlike the days even if all days were compared (Besag and Clifford 1991).
+    The findings are therefore those of all days.
 
     Parameters
     ----------
@@ -155,7 +154,10 @@ def _compare(
 
 
 def holm(tails: Array) -> Array:
-    """Return tail probabilities (n,) adjusted for their number (Holm 1979)."""
+    """Return tail probabilities adjusted for their number (Holm 1979), at most 1, shape (n,).
+
+    `tails` are the probabilities before the adjustment, (n,), in any order.
+    """
     order = np.argsort(tails, kind="stable")
     steps = np.maximum.accumulate((tails.size - np.arange(tails.size)) * tails[order])
     adjusted = np.empty(tails.size)
@@ -164,10 +166,12 @@ def holm(tails: Array) -> Array:
 
 
 def readings_of(certified: Certifications) -> dict[str, float]:
-    """Return the `TWIN_READINGS` of a block of one test, keyed by name.
+    """Return the `TWIN_READINGS` of a block of one test, keyed by name; all are dimensionless.
 
-    A reading that the records do not hold is left out. A deviation is NaN if no group has two
-    values, or if all are equal.
+    "fit", "chords" and "rebound and recoil" are left out if the records do not hold them. "hits"
+    and "wall hits" are the largest deviation of a hit from the mean of its group, in units of the
+    scatter, as in `largest_deviation`. A group is an impact position, or a ball at one nominal
+    speed.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls
@@ -200,10 +204,12 @@ def readings_of(certified: Certifications) -> dict[str, float]:
 
 
 def largest_deviation(values: Array, groups: NDArray[np.number]) -> float:
-    """Return the largest deviation of values (n,) from the means of their groups, in their scatter.
+    """Return the largest deviation of values from the means of their groups, over the scatter.
 
-    A deviation is divided by its expected size, √(1 - 1/k) in a group of k, and by the pooled
-    standard deviation. NaN if no group has two values, or all are equal.
+    The deviation is absolute. It is divided by √(1 - 1/k), its expected size in a group of k
+    values, and by the pooled standard deviation within the groups. The result is NaN if no group
+    has two values, or if the values of every group are equal. `values` and `groups` have the shape
+    (n,); `groups` has the number of the group of each value.
     """
     _, group, number = np.unique(groups, return_inverse=True, return_counts=True)
     several = number[group] > 1

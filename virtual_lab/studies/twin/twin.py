@@ -172,13 +172,13 @@ def twin(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> Twin:
-    """Simulate a laboratory's day again as its records state it, and check its uncertainty.
+    """Simulate a laboratory's test day again from its records, and check its stated uncertainty.
 
-    The first table has one row per quantity, the metric first: the stated u beside the standard
-    deviation of the errors of many days. The second one has the three changes of the laboratory
-    that lower its u most: half the u of an instrument, twice as many hits, balls or wall hits. The
-    third one has the readings that could look unlike those of the days. Records are read, but never
-    a sealed truth.
+    The first table has one row per quantity, the metric first. It compares the stated u with the
+    standard deviation of the errors of many simulated days. The second table has the three changes
+    of the laboratory that lower its u most: half the u of an instrument, or twice as many hits,
+    balls or wall hits. The third table compares readings of the records with those of the simulated
+    days, to find unusual ones. Only records are read, never the sealed true values.
 
     Parameters
     ----------
@@ -190,12 +190,12 @@ def twin(
     full_days
         Largest number of days whose instruments record every gate edge and encoder count, to
         compare the readings; 0 or at least 250, so that an unusual reading can be significant.
-        Fewer days are simulated if no reading can become so. For records of summary values there
-        are no such days.
+        Fewer days are simulated if no reading can become significant. None are simulated for
+        records of summary values.
     faults
-        Folder for the days of each fault of the catalog that the rigs can have, in four sizes; if
-        it has some of these days, the others are simulated. This takes a few minutes. By default
-        no faults are simulated.
+        Folder for simulated days with each fault of the catalog that the rigs can have, in four
+        sizes. Days that are already in the folder are not simulated again. This takes a few
+        minutes. By default no faults are simulated.
     seed
         Seed of the days.
     progress
@@ -205,8 +205,9 @@ def twin(
     Raises
     ------
     InputError
-        A folder whose records cannot be used or give no result, whose readings do not repeat or
-        are all equal, or whose rigs are not installed here.
+        A number is too small. The records in the folder cannot be used, give no result, or have
+        readings that do not repeat or are all equal. A rig is not installed here. `faults` is given
+        for records of summary values.
     """
     if days < FEWEST:
         raise InputError("", "days", days, f"allowed: at least {FEWEST}")
@@ -248,7 +249,7 @@ def twin(
 
 
 def certify_records(folder: Path) -> Certification:
-    """Certify the records in a folder anew, and return the certification.
+    """Certify the records in a folder again, and return the certification.
 
     `folder` is a result folder or a folder of records. Raises `InputError` if it has no records, or
     if they cannot be reduced.
