@@ -172,7 +172,7 @@ def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> M
     return ModalModel.of(body(bat), support(support_name), modes)
 
 
-def peak_of(
+def collide(
     bat: str | ModalModel,
     z: ArrayLike,
     *,
@@ -252,7 +252,7 @@ def restitution(
     and `with_ball` is the ball's name in the catalog. Raises `InputError` for an unknown bat or
     ball, and for a position beyond the bat.
     """
-    efficiency = peak_of(
+    efficiency = collide(
         bat, z, support_name=support_name, speed=speed, with_ball=with_ball
     ).collision_efficiency
     return np.asarray(restitution_from_efficiency(efficiency, recoil(bat, z, support_name)))
@@ -278,7 +278,7 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
 
 
-def nominal(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
+def game_bat_speed(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat speed in the standard game [mph] at positions `z`, with their shape.
 
     `z` are distances from the tip [in]. The speed is interpolated from 0.5 to 16 in; beyond this

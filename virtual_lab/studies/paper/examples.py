@@ -30,11 +30,11 @@ from virtual_lab.studies.paper.computed import (
     Z,
     beam,
     body,
+    collide,
+    game_bat_speed,
     lead,
     model,
-    nominal,
     paper_ball,
-    peak_of,
     profiles_by_swing,
     recoil,
     restitution,
@@ -134,7 +134,7 @@ def slower_there(curve: str) -> float:
     The peak is that of `curve`: ``restitution``, ``bat_performance_factor``,
     ``collision_efficiency`` or ``batted_speed_mph``, in the standard game with swing exponent 0.
     """
-    speeds = [float(nominal(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
+    speeds = [float(game_bat_speed(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
 
 
@@ -155,7 +155,7 @@ def thinner_is_livelier() -> float:
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, Z * INCH - bat_beam.z_cm)
-    e_A = peak_of(ModalModel.of(struck_body, Free()), Z).collision_efficiency
+    e_A = collide(ModalModel.of(struck_body, Free()), Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, r))
     return float(e.max()) / 0.5 - top(ALUMINIUM, "bat_performance_factor").value
 
