@@ -42,10 +42,10 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    The path of the folder is returned. If `procedure` is ``laboratory``, only an empty file of
-    particulars (laboratory, customer, bat) is written, for ``certify``. If it is ``prices``, only
-    an empty file of prices is written, for ``plan``. If an error is raised, no partial files are
-    left.
+    If `procedure` is ``laboratory``, only an empty file of particulars (laboratory, customer, bat)
+    is written, for ``certify``. If it is ``prices``, only an empty file of prices is written, for
+    ``plan``. If an error is raised, no partial files are left. The path of the folder or file is
+    returned.
 
     Parameters
     ----------

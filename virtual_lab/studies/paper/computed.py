@@ -259,7 +259,10 @@ def restitution(
 
 
 def centre_of_percussion_in(bat: str) -> float:
-    """Return the center of percussion [in from the tip] of a bat pivoted 6 in from the knob."""
+    """Return the center of percussion [in from the tip] of a bat pivoted 6 in from the knob.
+
+    Raises `InputError` for an unknown bat.
+    """
     bat_beam = beam(bat)
     pivot = bat_beam.length - 6 * INCH
     return (

@@ -83,7 +83,7 @@ def of_drawing(bat: str, name: str) -> float:
 
     `name` is length, z_cm, node 1 or node 2 [in], mass [oz], I_cm or I_knob [oz in^2], f_1 or f_2
     [Hz]. Positions are distances from the tip; I_knob is about an axis 33 in from it. Raises
-    `KeyError` for another name.
+    `KeyError` for another name, and `InputError` for an unknown bat.
     """
     bat_beam, profile = beam(bat), profiles_by_swing(bat)[0.0]
     return {
@@ -113,7 +113,8 @@ def percent(curve: str, first: str, second: str) -> float:
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
     ``batted_speed_mph``, in the standard game with swing exponent 0. The result is negative if the
-    first bat has the lower peak.
+    first bat has the lower peak. Raises `KeyError` for another curve, and `InputError` for an
+    unknown bat.
     """
     return 100 * (top(first, curve).value / top(second, curve).value - 1)
 
@@ -123,7 +124,7 @@ def farther(curve: str) -> float:
 
     It is positive if the peak of EA70 is farther from the tip. `curve` is ``restitution``,
     ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the standard
-    game with swing exponent 0.
+    game with swing exponent 0. Raises `KeyError` for another curve.
     """
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
@@ -133,6 +134,7 @@ def slower_there(curve: str) -> float:
 
     The peak is that of `curve`: ``restitution``, ``bat_performance_factor``,
     ``collision_efficiency`` or ``batted_speed_mph``, in the standard game with swing exponent 0.
+    Raises `KeyError` for another curve.
     """
     speeds = [float(game_bat_speed(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
@@ -141,7 +143,7 @@ def slower_there(curve: str) -> float:
 def mass_share(light: str, heavy: str) -> float:
     """Return the effective mass of the light bat divided by that of the heavy bat.
 
-    Both bats are free, and the impact is 6 in from the tip.
+    Both bats are free, and the impact is 6 in from the tip. Raises `InputError` for an unknown bat.
     """
     return float(recoil(heavy, 6.0) / recoil(light, 6.0))
 
@@ -207,7 +209,9 @@ def least_lead(first: str, second: str, *swings: float) -> float:
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
     """Return the first bat's lead in peak v_f at swing exponent `n` minus that at `n_second` [mph].
 
-    The lead is the peak v_f of the first bat minus that of the second, in the standard game.
+    The lead is the peak v_f of the first bat minus that of the second, in the standard game. The
+    exponents are 0 to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError`
+    for an unknown bat.
     """
     return lead(first, second, n) - lead(first, second, n_second)
 
@@ -230,7 +234,7 @@ def contradictions(curve: str) -> float:
 
     The bats are ranked by their peaks in the standard game with swing exponent 0. `curve` is
     ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``.
-    Pairs with a tie are not counted.
+    Pairs with a tie are not counted. Raises `KeyError` for another curve.
     """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0

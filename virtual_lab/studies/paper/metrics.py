@@ -85,7 +85,7 @@ def speed_slope(bat: str) -> float:
     """Return the absolute slope of peak e_A with relative speed at 150 mph [1/mph].
 
     The bat is free. The slope is that between 140 and 160 mph, with a ball whose e0 falls with
-    speed.
+    speed. Raises `InputError` for an unknown bat.
     """
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
@@ -112,7 +112,7 @@ def drop(bat: str, curve: str, side: float) -> float:
 
     A positive `side` is toward the handle. `curve` is ``restitution``, ``bat_performance_factor``,
     ``collision_efficiency`` (all dimensionless) or ``batted_speed_mph`` [mph], in the standard game
-    with swing exponent 0.
+    with swing exponent 0. Raises `KeyError` for another curve, and `InputError` for an unknown bat.
     """
     summit, table = top(bat, curve), profiles_by_swing(bat)[0.0].table
     return summit.value - float(
@@ -451,5 +451,8 @@ def restitution_lost_clamped() -> float:
 
 
 def recoil_at_peak(bat: str) -> float:
-    """Return r of a free bat at the position of its peak e_A in the standard game."""
+    """Return r of a free bat at the position of its peak e_A in the standard game.
+
+    Raises `InputError` for an unknown bat.
+    """
     return float(recoil(bat, top(bat, "collision_efficiency").place))

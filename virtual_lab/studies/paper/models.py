@@ -62,7 +62,7 @@ def modes_left_out(count: int) -> float:
 def bending_frequency(count: int) -> float:
     """Return the frequency [kHz] of bending mode `count` of the free bat R161.
 
-    Mode 1 is the lowest.
+    Mode 1 is the lowest. Raises `IndexError` for a mode beyond those of the model.
     """
     return float(model(WOOD).modes.bending_frequencies[count - 1]) / 1e3
 

@@ -119,7 +119,10 @@ def limit_in_feet_per_second(procedure: str) -> float:
 
 
 def circumference(ball: str) -> float:
-    """Return the circumference of a ball of the catalog [in]."""
+    """Return the circumference of a ball of the catalog [in].
+
+    Raises `InputError` for an unknown ball.
+    """
     return 2 * np.pi * entry("balls", ball, "radius", "in")
 
 
@@ -127,40 +130,52 @@ def circumference(ball: str) -> float:
 
 
 def length(bat: str) -> float:
-    """Return the length of a bat of the catalog [in]."""
+    """Return the length of a bat of the catalog [in]. Raises `InputError` for an unknown bat."""
     return beam(bat).length / INCH
 
 
 def weight(bat: str) -> float:
-    """Return the weight of a bat of the catalog [oz]."""
+    """Return the weight of a bat of the catalog [oz]. Raises `InputError` for an unknown bat."""
     return beam(bat).mass / OUNCE
 
 
 def balance_point(bat: str) -> float:
-    """Return the distance of the center of mass of a bat from the knob end [in]."""
+    """Return the distance of the center of mass of a bat from the knob end [in].
+
+    Raises `InputError` for an unknown bat.
+    """
     return (beam(bat).length - beam(bat).z_cm) / INCH
 
 
 def pivot_inertia(bat: str) -> float:
-    """Return the moment of inertia of a bat about an axis 6 in from the knob end [oz in^2]."""
+    """Return the moment of inertia of a bat about an axis 6 in from the knob end [oz in^2].
+
+    Raises `InputError` for an unknown bat.
+    """
     return beam(bat).inertia(beam(bat).length - AXIS) / OZ_IN2
 
 
 def inertia_ratio(bat: str) -> float:
     """Return the moment of inertia of a bat about the knob end divided by that about its pivot.
 
-    The pivot is 6 in from the knob end.
+    The pivot is 6 in from the knob end. Raises `InputError` for an unknown bat.
     """
     return beam(bat).inertia(beam(bat).length) / OZ_IN2 / pivot_inertia(bat)
 
 
 def diameter(bat: str) -> float:
-    """Return the largest outer diameter in the drawing of a bat [in]."""
+    """Return the largest outer diameter in the drawing of a bat [in].
+
+    Raises `InputError` for an unknown bat.
+    """
     return max(body(bat).profile.outer_diameter) / INCH
 
 
 def barrel_length(bat: str) -> float:
-    """Return the distance from the tip at which a bat begins to taper toward the handle [in]."""
+    """Return the distance from the tip at which a bat begins to taper toward the handle [in].
+
+    Raises `InputError` for an unknown bat.
+    """
     profile = body(bat).profile
     widest = max(profile.outer_diameter)
     stations = zip(profile.z, profile.outer_diameter, strict=True)
@@ -186,21 +201,27 @@ def frequency(bat: str | float, mode: int) -> float:
     """Return a bending frequency of a free bat [Hz].
 
     `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` counts
-    from 1.
+    from 1. Raises `InputError` for an unknown bat, and `IndexError` for a mode beyond those of the
+    model.
     """
     return float(free_model(_body(bat)).modes.bending_frequencies[mode - 1])
 
 
 def node(bat: str | float, mode: int) -> float:
-    """Return the node of a bending mode that is nearest to the tip of a free bat [in from the tip].
+    """Return the position of the barrel node of a bending mode of a free bat [in from the tip].
 
-    `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` is 1 or 2.
+    The barrel node is the node nearest to the tip. `bat` is a name in the catalog, or the length
+    [in] to which R161 is shortened. `mode` is 1 or 2. Raises `InputError` for an unknown bat, and
+    `IndexError` for another mode.
     """
     return barrel_nodes(free_model(_body(bat)).modes)[mode - 1] / INCH
 
 
 def handle_node(bat: str) -> float:
-    """Return the handle node of the first bending mode of a free bat [in from the knob end]."""
+    """Return the handle node of the first bending mode of a free bat [in from the knob end].
+
+    Raises `InputError` for an unknown bat.
+    """
     modes = free_model(body(bat)).modes
     z = np.linspace(0.0, modes.length, 3401)
     shape = modes.shape(z)[:, modes.rigid]
