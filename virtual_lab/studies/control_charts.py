@@ -32,7 +32,7 @@ EWMA_LIMIT = 2.962 * sqrt(WEIGHT / (2 - WEIGHT))
 
 
 class Run(NamedTuple):
-    """A pattern: `need` of `of` consecutive days more than `beyond` sigma off, on the same side."""
+    """Pattern: `need` of `of` consecutive days deviate by over `beyond` sigma to the same side."""
 
     need: int
     of: int

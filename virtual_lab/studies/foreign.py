@@ -113,8 +113,8 @@ def _require_constants(
 ) -> None:
     """Raise `InputError` if constants are missing or unknown.
 
-    Constants whose names begin with one of `spared` are optional. Further numbered constants are
-    allowed, such as `distance_2` for a third gate.
+    Constants whose names begin with one of `optional` may be missing. Further numbered constants
+    are allowed, such as `distance_2` for a third gate.
     """
     missing = [key for key in needed if key not in keys and not key.startswith(optional)]
     kinds = {_without_number(key) for key in needed}

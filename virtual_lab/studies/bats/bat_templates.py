@@ -347,7 +347,7 @@ def _u(name: str, measured: BatMeasurements) -> float:
 
 
 def _weight(name: str) -> float:
-    """Return the misfit with the weight of a parameter that is one spread off.
+    """Return the misfit that counts as much as a parameter one typical spread away from its target.
 
     It is relative, or in m for a node.
     """

@@ -224,9 +224,9 @@ def compare(
     swings
         Exponents n of the swing law, Eq. (14); None for the law of constant energy.
     reference_inertia
-        I0 of the law: a number with its unit, ``17000 oz in^2``, or a bat whose moment of
-        inertia is used. The default is that of the standard game, 17000 oz in^2. For its two
-        loaded bats the paper uses the moment of inertia of the barrel-loaded bat instead.
+        Moment of inertia I0 in the law: the name of a bat, or a number with its unit. By default
+        that of the standard game, ``17000 oz in^2``. For its two loaded bats the paper uses the
+        moment of inertia of the barrel-loaded bat instead.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball of
         each bat's sport.

@@ -180,7 +180,7 @@ def percussion(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> PercussionStudy:
-    """Show the errors of hits off the center of percussion of a pivoted bat.
+    """Show the errors of e_A for hits away from the center of percussion of a pivoted bat.
 
     The table has one row per impact position, 2 to 12 in from the tip.
 
@@ -321,10 +321,11 @@ def _read_place(stand: _Stand, place: float, shots: int, number: int) -> Laborat
 
 
 def _u_of_mean(reduced: Reduction, readings: ImpactReadings, field: str, error: Array) -> float:
-    """Return the standard uncertainty of the mean of the shots with a reading; NaN for under two.
+    """Return the standard uncertainty of the mean of the shots with a reading.
 
     It combines the uncertainties of the constants and the scatter of the readings about the true
-    e_A of each shot. The scatter of the true values is not included.
+    e_A of each shot. The scatter of the true values is not included. The result is NaN for fewer
+    than two readings.
     """
     detected = np.isfinite(error)
     many = int(detected.sum())

@@ -179,7 +179,8 @@ def profiles(
         Exponents n of Eq. (14), from 0 (same speed for all bats) to 0.5 (same energy). None stands
         for the law of constant energy of bat and batter.
     reference_inertia
-        I0 of the law, in the form of `read_inertia`; by default that of the game conditions.
+        Moment of inertia I0 in the law: the name of a bat, or a number with its unit such as
+        ``17000 oz in^2``. By default that of the game conditions.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball for the sport of
         the bat.
