@@ -172,7 +172,7 @@ def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> M
     return ModalModel.of(body(bat), support(support_name), modes)
 
 
-def collide(
+def collide_at(
     bat: str | ModalModel,
     z: ArrayLike,
     *,
@@ -252,7 +252,7 @@ def restitution(
     and `with_ball` is the ball's name in the catalog. Raises `InputError` for an unknown bat or
     ball, and for a position beyond the bat.
     """
-    efficiency = collide(
+    efficiency = collide_at(
         bat, z, support_name=support_name, speed=speed, with_ball=with_ball
     ).collision_efficiency
     return np.asarray(restitution_from_efficiency(efficiency, recoil(bat, z, support_name)))

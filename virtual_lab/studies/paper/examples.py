@@ -30,7 +30,7 @@ from virtual_lab.studies.paper.computed import (
     Z,
     beam,
     body,
-    collide,
+    collide_at,
     game_bat_speed,
     lead,
     model,
@@ -157,7 +157,7 @@ def thinner_is_livelier() -> float:
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
     r = recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, Z * INCH - bat_beam.z_cm)
-    e_A = collide(ModalModel.of(struck_body, Free()), Z).collision_efficiency
+    e_A = collide_at(ModalModel.of(struck_body, Free()), Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, r))
     return float(e.max()) / 0.5 - top(ALUMINIUM, "bat_performance_factor").value
 

@@ -28,7 +28,7 @@ from virtual_lab.studies.paper.computed import (
     beam,
     body,
     centre_of_percussion_in,
-    collide,
+    collide_at,
     energy_loss,
     paper_ball,
     profiles_by_swing,
@@ -53,7 +53,7 @@ def frames() -> float:
     R161 is hit 3 to 8 in from the tip at a relative speed of 160 mph, for bat speeds from -50 to
     160 mph. The result is a rounding error.
     """
-    e_A = collide(WOOD, Z).collision_efficiency
+    e_A = collide_at(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
     v_f = e_A * FAST + v_bat  # the bat's frame moves at v_bat
     return _worst(np.asarray(collision_efficiency(FAST - v_bat, v_bat, v_f)) - e_A)
@@ -92,7 +92,7 @@ def speed_slope(bat: str) -> float:
 
 def _peak_at(bat: str, speed: float) -> float:
     """Return peak e_A at a relative speed [mph], with a ball whose e0 decreases with speed."""
-    return float(collide(bat, Z, speed=speed, with_ball=BALL).collision_efficiency.max())
+    return float(collide_at(bat, Z, speed=speed, with_ball=BALL).collision_efficiency.max())
 
 
 def explicit_share(v: str) -> float:
@@ -143,8 +143,8 @@ def effect_of_support(bat: str, support_name: str) -> float:
     unknown bat.
     """
     gap = (
-        collide(bat, Z, support_name=support_name).collision_efficiency
-        - collide(bat, Z).collision_efficiency
+        collide_at(bat, Z, support_name=support_name).collision_efficiency
+        - collide_at(bat, Z).collision_efficiency
     )
     return _worst(gap)
 
@@ -155,8 +155,10 @@ def firmness() -> float:
     The handle is held by the spring or by the clamp. The bat is at rest and is hit 3 to 8 in from
     the tip at 160 mph.
     """
-    on_spring = collide(WOOD, Z, support_name="held").collision_efficiency
-    return FAST * _worst(on_spring - collide(WOOD, Z, support_name="clamped").collision_efficiency)
+    on_spring = collide_at(WOOD, Z, support_name="held").collision_efficiency
+    return FAST * _worst(
+        on_spring - collide_at(WOOD, Z, support_name="clamped").collision_efficiency
+    )
 
 
 def lost_in_cm_frame() -> float:
@@ -166,7 +168,7 @@ def lost_in_cm_frame() -> float:
     in from the tip, at 160 mph.
     """
     z = np.linspace(2, 10, 9)
-    collisions, r = collide(WOOD, z), recoil(WOOD, z)
+    collisions, r = collide_at(WOOD, z), recoil(WOOD, z)
     e = np.asarray(restitution_from_efficiency(collisions.collision_efficiency, r))
     return _worst(energy_loss(collisions) * (1 + r) - (1 - e**2))
 
@@ -180,7 +182,7 @@ def fractions(name: str) -> float:
     z = np.linspace(2, 10, 9)
     gaps = []
     for bat in (WOOD, ALUMINIUM):
-        collisions, r = collide(bat, z), recoil(bat, z)
+        collisions, r = collide_at(bat, z), recoil(bat, z)
         e = np.asarray(restitution_from_efficiency(collisions.collision_efficiency, r))
         shares = energy_fractions(e, r)
         energy = collisions.energy
@@ -320,7 +322,7 @@ def energy_with_vibration(support_name: str) -> float:
     """
 
     def total(name: str) -> Array:
-        collisions = collide(WOOD, Z, support_name=name)
+        collisions = collide_at(WOOD, Z, support_name=name)
         return np.asarray(collisions.energy.rigid + energy_loss(collisions))
 
     return _worst(total(support_name) - total("free"))
@@ -333,7 +335,10 @@ def least_energy_gap(support_name: str) -> float:
     4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held. Raises `KeyError`
     for another support.
     """
-    gap = collide(WOOD, Z, support_name=support_name).energy.rigid - collide(WOOD, Z).energy.rigid
+    gap = (
+        collide_at(WOOD, Z, support_name=support_name).energy.rigid
+        - collide_at(WOOD, Z).energy.rigid
+    )
     return float(np.abs(gap[Z < 5]).min())
 
 
@@ -389,7 +394,7 @@ def without_hoop() -> float:
 def dead_shell_factor() -> float:
     """Return the peak BPF of free EA70 with a rigid shell, at 160 mph, 3 to 8 in from the tip."""
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
-    e_A = collide(stiff, Z).collision_efficiency
+    e_A = collide_at(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
     return float(e.max()) / 0.5
 
@@ -398,7 +403,7 @@ def softball_factor() -> float:
     """Return the peak BPF of a free softball bat at 60 mph, 4 to 8.75 in from the tip."""
     z, slow = np.arange(4, 9, 0.25), "softball-slowpitch"
     bat_beam, struck_ball = beam("softball-34"), paper_ball(slow)
-    e_A = collide("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
+    e_A = collide_at("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
     distance = z * INCH - bat_beam.z_cm
     r = struck_ball.mass * (1 / bat_beam.mass + distance**2 / bat_beam.inertia_cm)
     e0 = float(struck_ball.restitution.at(SLOW * MPH))

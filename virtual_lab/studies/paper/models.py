@@ -18,7 +18,7 @@ from virtual_lab.studies.paper.computed import (
     Z,
     beam,
     body,
-    collide,
+    collide_at,
     energy_loss,
     game,
     game_bat_speed,
@@ -55,8 +55,8 @@ def modes_left_out(count: int) -> float:
 
     "All modes" are those that this program uses by default. The relative speed is 160 mph.
     """
-    few = collide(model(WOOD, "free", count), Z).collision_efficiency.max()
-    return float(few - collide(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
+    few = collide_at(model(WOOD, "free", count), Z).collision_efficiency.max()
+    return float(few - collide_at(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
 
 def bending_frequency(count: int) -> float:
@@ -73,7 +73,7 @@ def less_lost() -> float:
     The share is a fraction of the ball's initial energy. For each free bat, the smallest share over
     impacts 3 to 8 in from the tip at 160 mph is used. The result is negative if EA70 loses less.
     """
-    aluminium, wood = (float(energy_loss(collide(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
+    aluminium, wood = (float(energy_loss(collide_at(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
 
 
@@ -89,7 +89,7 @@ def shell_turns() -> float:
 
     The bat is free and is hit 6 in from the tip, at 160 mph.
     """
-    return 1e3 * shell_frequency() * float(collide(ALUMINIUM, [6.0]).contact_time[0])
+    return 1e3 * shell_frequency() * float(collide_at(ALUMINIUM, [6.0]).contact_time[0])
 
 
 def same_speed() -> float:
@@ -207,7 +207,7 @@ def contact_time(bat: str) -> float:
 
     Raises `InputError` for an unknown bat.
     """
-    return float(collide(bat, [6.0]).contact_time[0]) * 1e3
+    return float(collide_at(bat, [6.0]).contact_time[0]) * 1e3
 
 
 def gain_with_bat_speed() -> float:

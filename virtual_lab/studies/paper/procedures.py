@@ -18,7 +18,7 @@ from virtual_lab.studies.paper.computed import (
     WOOD,
     beam,
     centre_of_percussion_in,
-    collide,
+    collide_at,
     game_bat_speed,
     model,
     paper_ball,
@@ -41,7 +41,7 @@ def rest_prediction_error(bat: str, n: float) -> float:
     0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an unknown
     bat.
     """
-    e_A = collide(bat, PLACES, speed=160.0).collision_efficiency
+    e_A = collide_at(bat, PLACES, speed=160.0).collision_efficiency
     highest = top_of(PLACES, e_A, 90.0, game_bat_speed(bat, PLACES, n))
     return highest.value - top(bat, "batted_speed_mph", n).value
 
@@ -59,7 +59,7 @@ def ends() -> float:
 def _factor(bat: str) -> float:
     """Return the BPF of the ASTM method: pivoted, 60 mph, at the center of percussion."""
     place = np.array([centre_of_percussion_in(bat)])
-    e_A = collide(
+    e_A = collide_at(
         bat, place, support_name="pivoted", speed=60.0, with_ball=BALL
     ).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(bat, place, "pivoted")))
@@ -73,7 +73,7 @@ def by_recoil() -> float:
     """
     bat = model(WOOD, "pivoted")
     z, bat_beam = centre_of_percussion_in(WOOD), beam(WOOD)
-    collision = collide(bat, [z], speed=60.0, with_ball=BALL)
+    collision = collide_at(bat, [z], speed=60.0, with_ball=BALL)
     axis = bat_beam.length - 6 * INCH
     turn = float(bat.modes.rotation(axis)[0])  # rotation of the only rigid mode per unit velocity
     omega = abs(turn * float(collision.modal_velocities[0, 0]))
@@ -108,7 +108,7 @@ def ncaa_bat_speed(place: float | Array, length: float) -> Array:
 def _ncaa(bat: str) -> float:
     """Return the peak v_f at the speeds of the NCAA method [mph]."""
     speeds = ncaa_bat_speed(PLACES, beam(bat).length)
-    e_A = collide(bat, PLACES, speed=PITCH + speeds, with_ball=BALL).collision_efficiency
+    e_A = collide_at(bat, PLACES, speed=PITCH + speeds, with_ball=BALL).collision_efficiency
     return top_of(PLACES, e_A, PITCH, speeds).value
 
 
