@@ -95,7 +95,8 @@ def table_text(
 ) -> str:
     """Return rows of one type as a text table with a header and fitted column widths.
 
-    Without rows the text is the word ``nothing``. A value None is an empty cell.
+    Without rows the text is the word ``nothing``. A value None is an empty cell. A column is not
+    printed if all its cells are empty.
 
     Parameters
     ----------
@@ -115,13 +116,12 @@ def table_text(
         named = isinstance(first, Mapping)
         columns = {key: Column(key) for key in first} if named else columns_of(first)
     records = [record(row) for row in rows]
-    lines = [
-        [each.head for each in columns.values()],
-        *(
-            [_cell(row, values, key, each) for key, each in columns.items()]
-            for row, values in zip(rows, records, strict=True)
-        ),
+    texts = [
+        [each.head, *(_cell(*row, key, each) for row in zip(rows, records, strict=True))]
+        for key, each in columns.items()
     ]
+    texts = [cells for cells in texts if any(cells[1:])]
+    lines = [list(line) for line in zip(*texts, strict=True)]
     if across:
         heads = ["", *(str(values[across]) for values in records)]
         lines = [heads, *(list(line) for line in zip(*lines, strict=True))]

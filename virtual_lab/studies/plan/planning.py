@@ -42,7 +42,6 @@ class PlanRow:
     """A plan: instruments and counts, its price, and its u predicted and simulated."""
 
     plan: str = column("plan", form="")
-    exchanged: str = column("exchanged", form="")
     hits: int = column("hits")
     final_hits: int = column("final hits")
     balls: int = column("balls")
@@ -55,6 +54,7 @@ class PlanRow:
     simulated_u_se: float = column("its error", form=".1g")  # standard error of the median
     reaches: bool = column("reaches the target", form=lambda row: "yes" if row.reaches else "no")
     invalid: int = column("INVALID tests")
+    exchanged: str = column("exchanged", form="")
     unit: str  # of u
 
 
