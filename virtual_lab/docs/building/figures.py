@@ -2,12 +2,15 @@
 
 import ast
 from pathlib import Path
+from threading import TIMEOUT_MAX
 from typing import Any
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 from sphinx_gallery.scrapers import figure_rst
+
+from virtual_lab.output import progress
 
 STYLE = Path(__file__).parents[1] / "matplotlibrc"
 
@@ -32,6 +35,7 @@ def scrape(_block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
 
 
 def reset(_gallery_conf: dict[str, Any], _script: str) -> None:
-    """Give each script the look of the site, and close the figures of the last one."""
+    """Set the look of the site, silence the lines of progress, and close the last figures."""
+    progress.PIPE_STEP = TIMEOUT_MAX
     plt.close("all")
     mpl.rc_file(STYLE)
