@@ -1,23 +1,25 @@
 """
-Is the stated u of one laboratory right
-=======================================
+Is the stated u of one laboratory right?
+========================================
 
-Each point is one laboratory. Its twin plays its day a thousand times, as its records state it. The
-stated u is right if it equals the standard deviation of the errors of these days (line at 1).
+Stated u of a laboratory over the standard deviation of its errors: its twin repeats the test day a
+thousand times, with the instruments and scatter that its records state. At 1 (dashed) the stated u
+is right. Each procedure tested one bat in many laboratories.
 """
 
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 
 import virtual_lab as vl
 
 folder = Path(vl.__file__).parents[1] / "tests" / "studies"
 table = pd.read_csv(next(folder.glob("twin-*.csv"))).query("fault.isna()")
-figure, axes = plt.subplots()
-for (procedure, rows), marker in zip(table.groupby("procedure"), "os", strict=True):
-    axes.plot(range(1, len(rows) + 1), rows["ratio"], marker, label=procedure)
-axes.axhline(1, color="black", linestyle="--", linewidth=1)
-axes.set(xlabel="laboratory", ylabel="stated u / standard deviation", ylim=(0, 2))
-axes.legend(loc="lower right")
+figure, panels = plt.subplots(2, 1, sharex=True)
+for axes, (procedure, rows) in zip(panels, table.groupby("procedure"), strict=True):
+    axes.hist(rows["ratio"], np.arange(0.6, 2, 0.05), edgecolor="white")
+    axes.axvline(1, color="black", linestyle="--")
+    axes.set(title=f"{procedure}, {len(rows)} laboratories", ylabel="laboratories")
+panels[-1].set(xlabel="stated u / standard deviation of the errors")

@@ -2,8 +2,9 @@
 Why laboratories differ
 =======================
 
-Scatter of laboratories that test one EA70 by bbcor, each factor alone; dashed: reproducibility s_R.
-Normalizing removes the effect of lots and store; stiffness of the balls and wall remain.
+Standard deviation of BBCOR among laboratories that test one EA70 (a hollow bat), with one cause of
+variation at a time. Dashed: s_R, their standard deviation with all causes. Normalizing the result
+removes the effects of ball lot and ball store; ball stiffness and wall remain.
 """
 
 from pathlib import Path
