@@ -2,9 +2,8 @@
 Why laboratories differ
 =======================
 
-Standard deviation of BBCOR among laboratories that test one EA70 (a hollow bat), with one cause of
-variation at a time. Dashed: s_R, their standard deviation with all causes. Normalizing the result
-removes the effects of ball lot and ball store; ball stiffness and wall remain.
+Standard deviation of BBCOR among laboratories that test one EA70, for one cause of variation at a
+time (bars) and for all (s_R, dashed). Normalizing removes the effects of ball lot and ball store.
 """
 
 from pathlib import Path
