@@ -42,9 +42,9 @@ def measurands(
 
     For a scan, the result also holds the metric at the maximum of the continuous curve. If the
     procedure states a `width_drop`, it also holds the width of the curve of the metric [m] at this
-    drop below that maximum. If the procedure normalizes the metric, the result also holds the
-    metric without normalization. `control` is the true ratio of e of the control bat to its known
-    e. All values are NaN in a laboratory without a result.
+    drop below that maximum. If the procedure converts the metric to a standard ball, the result
+    also holds the metric with the balls of the lot. `control` is the true ratio of e of the control
+    bat to its known e. All values are NaN in a laboratory without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories

@@ -307,8 +307,9 @@ def reduce_shots(
 ) -> Reduction:
     """Return the reduced and judged shots in `readings`, (shot,) [SI].
 
-    Each shot is reduced with the constants of its laboratory; `block.owner` is that of the same
-    shots. Raises `InputError` for a missing constant.
+    `block` must hold the records of the same shots. Each shot is reduced with the constants of its
+    laboratory. Raises `InputError` for a missing constant, and for missing aim marks if the
+    instrument does not measure heights.
     """
     rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
     if not readings.flights.shows_height:

@@ -32,8 +32,8 @@ def other_support(
     """Return r, e and BPF of one bat for the support that the procedure does not name.
 
     `OtherSupport.which` is "free" if the procedure names "pivoted", otherwise "pivoted". The
-    collision efficiency is the measured one. Each result is dimensionless, the mean over
-    the hits of `outcome` with its weights; without such hits it is 0.
+    collision efficiency is the measured one. Each result is dimensionless, the weighted mean over
+    the hits of `outcome`. It is 0 if there are no such hits.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # mass of the lot's mean ball, computed back from the recoil factor of the rules' support

@@ -41,17 +41,18 @@ def propagate_metric(
 
     `readings` and `outcome` belong to the reduction of this test, and `linear` is its first-order
     budget. `draws` is the number of Monte Carlo draws; None means as many as two correct digits of
-    u require.
+    u require. Raises `InputError` if too many draws are needed, or if second order does not
+    converge.
     """
     model, inputs = model_of(reduced, readings, outcome, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)
 
 
 def too_wide(linear: Budget) -> Component | None:
-    """Return the source with the fewest degrees of freedom if it has too few for draws, else None.
+    """Return the source with the fewest degrees of freedom if they are below 3, otherwise None.
 
-    Too few are fewer than `LEAST_FREEDOM`. Each part of a component is a source, and sources with u
-    = 0 are ignored.
+    Draws of such a source scatter too widely for Monte Carlo. If a component of the budget has
+    parts, each part is a source. Sources with u = 0 are ignored.
     """
     parts = [part for line in linear.components for part in (line.parts or (line,)) if part.u]
     component = min(parts, key=lambda part: part.dof, default=None)

@@ -36,10 +36,10 @@ DECAY_U = 0.4
 
 
 def sports(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag if bat, balls and procedure are not all of the same sport.
+    """Yield one flag if bat, ball and procedure are not all of the same sport.
 
-    It is raised in all laboratories of the block. Nothing is yielded if the stated sports agree. An
-    unknown sport and a check standard are not compared.
+    The flag is raised in all laboratories of the block. Nothing is yielded if the stated sports
+    agree. An unknown sport and a check standard are not compared.
     """
     entries = {
         "the bat": evidence.block.bat_sport,
@@ -61,7 +61,8 @@ def sports(evidence: Evidence) -> Iterator[Raised]:
 def check_standard(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised in all laboratories, if the tested object is a check standard.
 
-    Its result describes the laboratory and not a bat. Nothing is yielded for a bat.
+    The result of a check standard describes the laboratory and not a bat. Nothing is yielded for a
+    bat.
     """
     if evidence.block.bat_sport == CHECK_STANDARD:
         yield Raised(
@@ -122,9 +123,10 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
 def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison of the change of the pendulum's period with the expected change.
 
-    The expected change follows from the read amplitudes. The difference is observed over expected
-    change, minus 1. Nothing is yielded if the record has fewer than four swings. A laboratory whose
-    amplitude does not decay is not compared.
+    The period shortens as the swing decays. The expected change follows from the read amplitudes.
+    The difference, observed over expected change minus 1, is given in standard uncertainties,
+    without sign. Nothing is yielded if the record has fewer than four swings per release. A
+    laboratory whose amplitude does not decay is not compared.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -156,12 +158,16 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
 def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     """Yield comparisons of the mean with the median swing, and flags for odd swings.
 
-    A lost passage doubles one swing, which changes the mean but not the median. Two comparisons are
-    yielded if at least one laboratory has `FEWEST_RELEASES` counted releases. The first is for the
-    mean of all counted releases. The second compares the worst release with the others, because an
-    outlier inflates the scatter. Two flags are always yielded, even if they are raised nowhere. The
-    first is for releases that are left out because of an odd swing. The second rules out a verdict;
-    it is for releases with an odd swing that are used because too few others remain.
+    The pendulum is timed at each passage of its lowest point. If a passage is not recorded, two
+    swings appear as a single long one, which changes the mean but not the median.
+
+    Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases.
+    The first is for the mean of all counted releases. The second compares the worst release with
+    the others, because an outlier inflates the scatter.
+
+    Two flags are always yielded, even if they are raised nowhere. The first is for releases that
+    are left out because of an odd swing. The second is for releases with an odd swing that are used
+    because too few others remain; it rules out a verdict.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -264,11 +270,11 @@ class Slowing(NamedTuple):
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
-    """Return the observed over the predicted change of the pendulum's period.
+    """Return the ratio of observed to predicted change of the pendulum's period, (laboratory,).
 
     The period grows with the square of the amplitude, so it shortens as the swing decays. The size
     of this change is predicted from the measured amplitudes. The ratio is 1 for correct readings of
-    the amplitude, and NaN if the amplitude does not decay. Return None if any release has fewer
+    the amplitude, and NaN if the amplitude does not decay. Return None if the releases have fewer
     than four swings.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
@@ -306,10 +312,12 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
 
 
 def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the scale's reading of the reference mass, after minus before [kg].
+    """Yield one comparison of the scale's readings of the reference mass, after minus before use.
 
-    Bat and balls are weighed in between. Nothing is yielded without a record of the reference mass.
-    Raises `InputError` for such a record of another size, see `reference_readings`.
+    Bat and balls are weighed in between. The difference is given in standard uncertainties, without
+    sign, (laboratory,). Nothing is yielded without a record of the reference mass. Raises
+    `InputError` unless the record has two items, before and after, with at least two readings of
+    each.
     """
     record = evidence.block.records["bench"].get(REFERENCE_MASS)
     if record is None:
@@ -335,10 +343,10 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the air density, climate record minus calibration [kg/m³].
+    """Yield one comparison of the air density in the climate record with that in the calibration.
 
-    The comparison has one difference per laboratory. Nothing is yielded without a climate record,
-    or if the calibration states no density.
+    The difference is given in standard uncertainties, without sign, (laboratory,). Nothing is
+    yielded without a climate record, or if the calibration states no density.
     """
     calibration = evidence.block.calibration.get(DENSITY)
     if calibration is None or "climate" not in evidence.block.records["bench"]:
@@ -361,12 +369,12 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def store(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised for laboratories with too dry or too humid a store of the balls.
+    """Yield one flag, raised in laboratories in which the ball store is too dry or too humid.
 
-    The mean relative humidity of each laboratory is compared with the limits of the procedure.
-    Nothing is yielded if the procedure states no conditioning, or if the store has no record.
-    The flag never rules out a verdict, because the result either refers to these balls or is
-    normalized by their e0.
+    The mean relative humidity of each laboratory is compared with the limits of the procedure. A
+    mean of NaN raises the flag. Nothing is yielded if the procedure states no conditioning, or if
+    the store has no record. The flag never rules out a verdict, because the result either refers to
+    these balls or is normalized by their e0.
     """
     conditioning, readings = (
         evidence.procedure.conditioning,
@@ -427,8 +435,9 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison: the trend of e0 with the order in which the balls were measured.
 
-    The difference, which should be 0, is the change from the first to the last ball of a straight
-    line through e0, for each laboratory. Nothing is yielded for fewer than four balls.
+    A straight line is fitted to e0 over this order. The difference, which should be 0, is the
+    change of the line from the first to the last ball. It is given in standard uncertainties,
+    without sign, (laboratory,). Nothing is yielded for fewer than four balls.
     """
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:

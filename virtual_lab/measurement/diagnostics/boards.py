@@ -26,11 +26,12 @@ SCALE_U = 0.01  # uncertainty for a harmless relative difference of two boards' 
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison per inner gate and flight direction: surveyed minus timed position [m].
+    """Yield one comparison per inner gate and flight direction: surveyed minus timed position.
 
-    The timed position is computed from the time of passage at this gate, for a flight with drag
-    that passes the first and the last gate at their measured times. The difference is averaged over
-    the shots of each laboratory. Nothing is yielded with fewer than three gates, or for an
+    An inner gate is neither the first nor the last. Its timed position is computed from the time of
+    passage, for a flight with drag that passes the first and the last gate at their measured times.
+    The difference is averaged over the shots of each laboratory and given in standard
+    uncertainties, without sign. Nothing is yielded with fewer than three gates, or for an
     instrument that is neither gates nor boards. A laboratory with fewer than `FEWEST_SHOTS` shots
     is not compared.
     """
@@ -178,11 +179,12 @@ class Heights:
 def heights(evidence: Evidence) -> Iterator[Pairs]:
     """Yield comparisons of the heights of incoming balls: between boards, and with the aim paper.
 
-    Two comparisons are yielded per inner board: the mean height above the line through the first
-    and last boards [m], and the relative error of the height scale. One is yielded for the mean
-    height at the bat minus the mean of the marks on the aim paper [m], unless the marks are missing
-    or too few. Nothing is yielded if the instrument does not measure heights. A laboratory with too
-    few shots is not compared.
+    Two comparisons are yielded per inner board, which is neither the first nor the last. The first
+    is the mean height above the line through the first and last boards, the second is the relative
+    error of the height scale. One more comparison is the mean height at the bat minus the mean of
+    the marks on the aim paper; it is left out if the marks are missing or too few. All differences
+    are given in standard uncertainties, without sign. Nothing is yielded if the instrument does not
+    measure heights. A laboratory with too few shots is not compared.
     """
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:

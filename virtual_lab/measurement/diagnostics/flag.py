@@ -143,7 +143,8 @@ def pairs(
     name
         Name of the check.
     statement
-        Function that returns the sentence for a laboratory, without the size of the difference.
+        Function that takes the index of a laboratory and returns its sentence. The sentence does
+        not state the difference in standard uncertainties.
     value
         Difference of the two measurements, (laboratory,), in any unit.
     components
@@ -151,7 +152,7 @@ def pairs(
     of
         Name of the comparison within the check.
     least
-        Lower bound of the standard uncertainty of `value`.
+        Lower bound of the standard uncertainty of `value`, in its unit.
     moves
         Largest shift of the result per unit of `value`, in the result's standard uncertainties.
     among
@@ -181,11 +182,11 @@ def pairs(
 
 
 def chances(budget: Budgets, least: Array | float) -> tuple[Array, Array]:
-    """Return u of values that should be 0, and the probability of an equal or larger |value|.
+    """Return the u of the values in a budget, and the probability of an equal or larger |value|.
 
-    All arrays are (laboratory,). The probability is two-sided, for a t distribution. `least` is
-    added in quadrature to the uncertainty, with infinite degrees of freedom, so it is a lower bound
-    of u.
+    The values should be 0. All arrays are (laboratory,). The probability is two-sided, for a t
+    distribution. `least`, in the unit of the values, is added in quadrature to their uncertainty,
+    with infinite degrees of freedom. It is therefore a lower bound of u.
     """
     u = np.hypot(budget.u, least)
     with np.errstate(divide="ignore"):  # a value without uncertainty of its own

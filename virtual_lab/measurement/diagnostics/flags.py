@@ -112,8 +112,9 @@ class Checked:
 def check(evidence: Evidence) -> Checked:
     """Return the results of all checks for a block of sessions.
 
-    The result has one entry per check, in the order of the test day. An entry may be empty, and its
-    flags may be raised in no laboratory.
+    `Checked.answers` has one entry per check, in the order of the test day. An entry may be empty,
+    and its flags may be raised in no laboratory. `Checked.left_out` names the checks for which the
+    records lack the readings.
     """
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     unweighed = REFERENCE_MASS not in evidence.block.records["bench"]

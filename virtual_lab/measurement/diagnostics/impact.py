@@ -52,10 +52,10 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 
 
 def edges(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised for laboratories in which over 10 % of the shots fit no single flight.
+    """Yield one flag, raised in laboratories in which over 10 % of the shots fit no single flight.
 
-    The edges of such a shot at the light boards deviate from one straight flight by more than the
-    procedure allows. The flag is yielded even if it is raised for no laboratory.
+    The beam edges of such a shot at the light boards deviate from one straight flight by more than
+    the procedure allows. The flag is yielded even if it is raised in no laboratory.
     """
     count = evidence.per_laboratory(evidence.off_flight)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
@@ -70,9 +70,10 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
 
 
 def aim(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons: the mean mark on the aim paper minus the known aim [m].
+    """Yield two comparisons of the mean mark on the aim paper with the known aim.
 
-    The first comparison is along the bat, the second across it. Nothing is yielded without an aim
+    The first comparison is along the bat, the second across it. The difference, mark minus aim, is
+    given in standard uncertainties, without sign, (laboratory,). Nothing is yielded without an aim
     paper, or with fewer than `FEWEST_SHOTS` marks per laboratory.
     """
     marks = evidence.block.impact.get("aim")
@@ -113,11 +114,13 @@ def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag per encoder, raised where a misfit exceeds resolution and noise.
+    """Yield one flag per encoder, raised where the fitted rotation does not agree with the record.
 
-    There may be an encoder for the recoil and one for the swing. The flag is raised in a laboratory
-    if at least one shot has such a misfit, and is yielded even if it is raised nowhere. Nothing is
-    yielded for an encoder that the rig does not have.
+    The misfit is the rms distance of the record from the fitted rotation, divided by that of
+    resolution and noise at rest. The flag is raised in a laboratory if the misfit of at least one
+    shot is above `MOST_MISFIT`. It is yielded even if it is raised nowhere. There may be an encoder
+    for the recoil and one for the swing. Nothing is yielded for an encoder that the rig does not
+    have.
     """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
@@ -139,11 +142,11 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons per encoder: the rate fitted to the half of a record nearest contact.
+    """Yield two comparisons per encoder of the rate from half a record with that from all of it.
 
-    It is compared with the rate fitted to the whole record. The first comparison is for the mean
-    over the shots, the second for the worst shot of each laboratory. Both differences are in the
-    unit of the metric: the difference of the rates times the sensitivity of the result to the rate.
+    The half is the one nearest contact. The first comparison is for the mean over the shots, the
+    second for the worst shot of each laboratory. Each difference of the rates is multiplied by the
+    sensitivity of the result to the rate, and given in standard uncertainties, without sign.
     Nothing is yielded for an encoder that the rig does not have, that keeps no record, or that does
     not affect the result.
     """
@@ -254,10 +257,11 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison: mean e_A from the bat's recoil minus that from the ball's rebound.
 
-    The mean is over the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS`
-    such shots, because their scatter gives the uncertainty of the mean. One shot is enough if there
-    are at least `FEWEST_SHOTS` aim marks, which give the scatter of the impact position. Nothing is
-    yielded if no laboratory has enough shots.
+    The difference is given in standard uncertainties, without sign, (laboratory,). The mean is over
+    the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS` such shots, because
+    their scatter gives the uncertainty of the mean. One shot is enough if there are at least
+    `FEWEST_SHOTS` aim marks, which give the scatter of the impact position. Nothing is yielded if
+    no laboratory has enough shots.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     has_both = evidence.reduced.valid & np.isfinite(difference)

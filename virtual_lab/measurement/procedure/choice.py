@@ -49,7 +49,7 @@ def shortfalls(
     from the scatter of the hits at each position. A negative difference is replaced by 0, and the
     shortfalls of the two adjacent positions are added. The shortfall is 0 if no position was
     chosen, if the hits do not scatter, or if the result is not a mean at one position. The
-    parameters are the same as for `outcomes_of`.
+    parameters are described in `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:
@@ -62,10 +62,10 @@ def shortfalls(
 
 
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
-    """Return the budgets of a block with the mean shortfalls added to their values.
+    """Return the budgets of a block with the mean shortfalls `lost` added to their values.
 
     The u of the shortfalls becomes the component `CHOICE` of each budget. If no laboratory has a
-    shortfall the budgets are returned unchanged.
+    shortfall, the budgets are returned unchanged.
     """
     if not (lost.rms > 0).any():
         return metric

@@ -54,11 +54,12 @@ def judge(
     percussion: float,
     turn_rate: float,
 ) -> Judgement:
-    """Return the reason each shot was rejected, (shot,), empty for a valid hit.
+    """Return the reason for which each shot was rejected, (shot,), empty for a valid hit.
 
-    Only the first violated window is named. `percussion` is the distance of the center of
-    percussion from the barrel tip [m], and `turn_rate` the angular speed [rad/s] that the procedure
-    requires for the measured bat.
+    Only the first violated window is named. A needed value of NaN, such as that of a missed ball,
+    violates its window. `percussion` is the distance of the center of percussion from the barrel
+    tip [m], and `turn_rate` is the angular speed [rad/s] that the procedure requires for the
+    measured bat.
     """
     criteria = _criteria(procedure, results, readings, percussion, turn_rate)
     violations = np.array([~met for met, _, _ in criteria])
@@ -78,9 +79,10 @@ def accept_hits(
 ) -> Mask:
     """Return a mask of the shots that meet all windows of the procedure, (…, shot).
 
-    `percussion` is the distance of the center of percussion from the barrel tip [m], `turn_rate`
-    the angular speed that the procedure requires of a swung bat [rad/s]. Both broadcast over the
-    shots. A shot with a needed value of NaN, such as a missed ball, is not accepted.
+    `percussion` is the distance of the center of percussion from the barrel tip [m], and
+    `turn_rate` is the angular speed that the procedure requires of a swung bat [rad/s]. Both
+    broadcast over the shots. A shot with a needed value of NaN, such as a missed ball, is not
+    accepted.
     """
     valid = np.ones(np.shape(results.speed), dtype=bool)
     for met, _, _ in _criteria(procedure, results, readings, percussion, turn_rate):
@@ -176,9 +178,10 @@ def _place(
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
-    """Return the larger rms distance of the edges from one flight, in or back [m], (..., shot).
+    """Return the rms distance of the beam edges from a straight flight [m], (..., shot).
 
-    The misfit of a direction is 0 if it is not known.
+    It is the larger of the distances for the incoming and the rebounding ball. A distance that is
+    not known counts as 0.
     """
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds

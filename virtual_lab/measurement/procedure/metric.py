@@ -89,7 +89,7 @@ class Objective(AlignedArrays):
 def objective_of(
     procedure: Procedure, metric: Array, place: Array, bat: BatProperties
 ) -> Objective:
-    """Return the quantity that the scan maximizes, with its derivative by the metric.
+    """Return the quantity that the scan maximizes, with its derivative with respect to the metric.
 
     The arrays are (..., shot). If the scan seeks the batted-ball speed, the quantity is v_f [m/s]
     at the speeds of the procedure, and `metric` must be BESR. Otherwise, or without a scan, it is
@@ -106,7 +106,7 @@ def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tupl
     """Return the speeds of pitch and bat in Eq. (3) [m/s]: a number, and an array like `place`.
 
     `place` is the impact position from the barrel tip [m]. The speeds are those of the procedure's
-    game, or those of the test if it states none.
+    game. If it states none, they are those of the test.
     """
     game = procedure.game
     if game is None:

@@ -56,7 +56,7 @@ class Width:
 
 
 def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
-    """Return the length of barrel on which the metric stays near its maximum [m], for one bat.
+    """Return the length of barrel on which the metric of one bat stays near its maximum [m].
 
     The allowed drop is the procedure's `width_drop`. Return None if the procedure states none, or
     if the valid hits have fewer than seven different positions. If the curve does not drop so far

@@ -90,7 +90,7 @@ def mean_at(
 def best_of(
     among: Array, most: int, place: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
-    """Return the index of the position in `among` with the largest mean objective of its hits.
+    """Return the index of the position in `among` [m] with the largest mean objective of its hits.
 
     Only the first `most` valid hits per position are used. A position without hits has the mean 0.
     The index is 0 if `among` is empty.
@@ -110,7 +110,8 @@ def fresh_hits(
     """Fill `fresh` with the indices of the valid final hits at `best` [m]. Return their number.
 
     Final hits are the hits after the first `rules.valid_hits` hits of the scan at this position. If
-    the procedure requires consecutive final hits, an invalid shot at the position restarts them.
+    the procedure requires consecutive final hits, an invalid shot at the position restarts their
+    count. `fresh` must have room for all shots.
     """
     count, of_scan = 0, 0
     for shot in range(place.size):
@@ -128,11 +129,11 @@ def fresh_hits(
 
 @njit(cache=True)
 def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
-    """Fill `out` with the positions of the next shots [m]. Return their number.
+    """Fill `out` with the positions of the next shots of one laboratory [m]. Return their number.
 
-    The number is 0 if the scan of this laboratory is complete, or if at every position most balls
-    did not rebound. `out` must have at least `most_asked` elements; those beyond the number are not
-    overwritten.
+    The number is 0 if the scan is complete, or if at every position most balls did not rebound. The
+    remaining attempts are not considered. `out` must have at least `most_asked` elements; those
+    beyond the number are not overwritten.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
@@ -179,11 +180,11 @@ def next_hits_of_block(
     number: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill in how many shots each laboratory of a block fires next, and at which positions [m].
+    """Fill `number` and `out` with the number and positions of each laboratory's next shots [m].
 
     `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
-    (laboratory, attempts); elements beyond the number are not overwritten. `starts`, (laboratory +
-    1,), are the limits of each laboratory's shots in `place`, `valid` and `objective`.
+    (laboratory, attempts); elements beyond the number are not overwritten. Laboratory i has the
+    shots from `starts[i]` up to, but without, `starts[i + 1]` in `place`, `valid` and `objective`.
     """
     positions = np.empty(most_asked(rules))
     for laboratory in range(number.size):
@@ -215,12 +216,12 @@ def scans_of_block(
     scans: Scanned,
     used: Mask,
 ) -> None:
-    """Fill in the results of the scans of a block, and the mask of the hits in them, (shot,).
+    """Fill `scans` with the results of the scans of a block, and mark their hits in `used`, (shot,).
 
-    These hits are the last final hits at the best position. If the procedure has no final hits,
-    they are the hits of the scan within `rules.fit_half_width` of the best position. `starts`,
-    (laboratory + 1,), are the limits of each laboratory's shots. A laboratory without a complete
-    position has NaN as its best position and no hits.
+    The hits of a result are the last final hits at the best position. If the procedure has no final
+    hits, they are the hits of the scan within `rules.fit_half_width` of the best position.
+    Laboratory i has the shots from `starts[i]` up to, but without, `starts[i + 1]`. A laboratory
+    without a complete position has NaN as its best position and no hits.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
@@ -263,12 +264,12 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill in mean and mean square of the shortfall of each scan, see `choice.shortfalls`.
+    """Fill `mean` and `square` with the mean and mean square of the shortfall of each scan.
 
-    The shortfall is the amount by which a position next to the chosen one is truly better. `mean`
-    [unit of the metric] and `square` [its square] are (laboratory,). Both are 0 without a complete
-    position or without scatter. `starts`, (laboratory + 1,), are the limits of each laboratory's
-    shots.
+    The shortfall is the amount by which a position next to the chosen one is truly better, see
+    `choice.shortfalls`. `mean` [unit of the metric] and `square` [its square] are (laboratory,).
+    Both are 0 without a complete position or without scatter. Laboratory i has the shots from
+    `starts[i]` up to, but without, `starts[i + 1]`.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

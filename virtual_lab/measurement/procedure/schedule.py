@@ -31,7 +31,7 @@ def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
 
 
 def to_set(places: Array, *, exact: bool) -> Array:
-    """Return positions as an operator can set them [m]: whole half millimeters.
+    """Return positions [m] rounded to whole half millimeters, as an operator can set them.
 
     With `exact` they are returned unchanged. The result has the shape of `places`.
     """
@@ -93,8 +93,8 @@ def in_turn_of(
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
     """Return the indices of the shots sorted by laboratory, and the limits of each laboratory.
 
-    The indices are (shot,), and shots of one laboratory keep their order. Laboratory i has the
-    sorted shots from limit i to limit i + 1; the limits are (laboratory + 1,).
+    The indices are (shot,), and the shots of one laboratory keep their order. Laboratory i has the
+    sorted shots from limit i up to, but without, limit i + 1. The limits are (laboratory + 1,).
     """
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))

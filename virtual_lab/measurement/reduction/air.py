@@ -23,7 +23,7 @@ ALLOWED = {  # ranges of the readings in which the formula is accurate enough [S
 
 
 def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateReadings | None:
-    """Return the climate readings of the hall, or of the balls' store (`channel` "store").
+    """Return the climate readings of the hall; with `channel` "store" those of the ball store.
 
     The result has the readings of all laboratories one after another, (reading,). Return None
     without such a record. Raises `InputError` for another kind of record, and for a reading outside
@@ -48,7 +48,7 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
 
     The keys are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. The
     values are (laboratory, reading). The u is (laboratory, 1), because all readings of a laboratory
-    share it. Raises `KeyError` if a calibration constant of the logger is missing.
+    share it. Raises `KeyError` if a calibration constant of the climate logger is missing.
     """
     values = {}
     for name in ALLOWED:

@@ -16,13 +16,13 @@ FAST = {"reassoc", "contract", "nsz"}
 
 @njit(cache=True, error_model="numpy")
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
-    """Fill in the passages, the u of their heights, and the misfit of the edges.
+    """Fill `times`, `heights`, `heights_u` and `misfit` from the beam edges of light boards.
 
     A line is fitted to the middle times of the broken beams and a parabola to their squared
     durations, both against the position of the beam. The results of a board are NaN if the ball
-    broke fewer than four of its beams, or if the fitted height is off from the mean of the broken
-    beams by as many beam spacings as the board has beams, or more. The misfit is NaN if no board
-    has a result.
+    broke fewer than four of its beams. They are also NaN if the fitted height differs from the mean
+    of the broken beams by as many beam spacings as the board has beams, or more. The misfit is NaN
+    if no board has a result.
 
     Parameters
     ----------

@@ -32,12 +32,14 @@ def fit_speeds(
     Parameters
     ----------
     times
-        Times of the passages, (batch, direction, gate, shot) [s], NaN if not detected.
+        Times at which the balls passed the gates, (batch, direction, gate, shot) [s], NaN if not
+        detected.
     batch
         Index of the passages of each row on the first axis of `times`, (row,).
-    distances, clock
-        Distances of the gates from the target, (row, gate) [m], and rate of the clock, recorded
-        over true time, (row,).
+    distances
+        Distances of the gates from the target, (row, gate) [m].
+    clock
+        Rate of the clock, recorded over true time, (row,).
     drag
         Drag rate κ, (row, shot) [1/m].
     """
@@ -66,12 +68,23 @@ def fit_heights(
     """Fill `out` with the height at the target [m] and the slopes in and out, (3, row, shot).
 
     The height is that of the incoming ball. The slopes are heights per meter of distance from the
-    target, without the effect of gravity. A result is NaN if fewer than two gates detected the ball
-    in its direction; the height needs the incoming direction. A row is one set of constants;
-    `batch` (row,) is the index of its passages on the first axis of `heights`, (batch, direction,
-    gate, shot) [m]. `speeds` come from `fit_speeds`, `zeros` are the zero heights of the gates,
-    (row, gate) [m], and `gravity` is (row,) [m/s²]. The other arguments are the same as for
-    `fit_speeds`.
+    target, without the effect of gravity. A slope is NaN if fewer than two gates detected the ball
+    in its direction; the height is NaN if the incoming slope is NaN. A row is one set of constants.
+
+    Parameters
+    ----------
+    heights
+        Heights at which the balls passed the gates, (batch, direction, gate, shot) [m].
+    batch
+        Index of the passages of each row on the first axis of `heights`, (row,).
+    speeds
+        Result of `fit_speeds`.
+    distances, zeros
+        Distances of the gates from the target, and zero heights of the gates, (row, gate) [m].
+    gravity
+        Acceleration of gravity, (row,) [m/s²].
+    drag
+        Drag rate κ, (row, shot) [1/m].
     """
     gates, shots = heights.shape[2:]
     # three arrays, because numba would compile again for views of one array

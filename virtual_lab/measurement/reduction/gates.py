@@ -60,10 +60,10 @@ def passages(
 ) -> Passages:
     """Return times [s] and heights [m] at which the balls of a record passed the gates or boards.
 
-    The arrays are (shot, direction, gate), with NaN for a passage that was not detected. Heights
-    are NaN for gates, which do not measure them. Only the edges of boards give a standard
-    uncertainty of the heights and a misfit (shot, direction) [s]; otherwise the uncertainty is 0
-    and the misfit NaN.
+    The arrays are (shot, direction, gate), with NaN for a passage that was not detected. A board
+    needs at least four broken beams. Heights are NaN for gates, which do not measure them. A
+    `BoardRecord` also gives the standard uncertainty of the heights and a misfit, (shot, direction)
+    [s]. For other records the uncertainty is 0 and the misfit NaN.
 
     Parameters
     ----------
@@ -218,16 +218,19 @@ def _distance(stage: str, gate: int) -> str:
 
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
-    """Return the number of gates in a stage's calibration, 0 if it has none."""
+    """Return the number of gates in a stage's calibration, 0 if it has none.
+
+    `x` are the constants keyed by name, and `stage` is "balls" or "impact".
+    """
     return next(gate for gate in count() if f"{stage}.gates.distance_{gate}" not in x)
 
 
 def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flights:
     """Return the flights of a stage's balls: speeds [m/s], height [m] and slopes at the target.
 
-    The arrays are (..., shot). All results of a direction are NaN if fewer than two gates detected
-    the ball in it; the height needs the incoming direction. Height and slopes are NaN for all shots
-    if the gates do not measure heights.
+    The arrays are (..., shot). The results of a direction are NaN if fewer than two gates detected
+    the ball in this direction. The height is that of the incoming ball. Height and slopes are NaN
+    for all shots if the gates do not measure heights.
 
     Parameters
     ----------

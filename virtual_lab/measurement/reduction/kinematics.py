@@ -55,7 +55,11 @@ def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
 
 
 def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
-    """Return the batted-ball speed e_A v_ball + (1 + e_A) v_bat [m/s]. Eq. (3)."""
+    """Return the batted-ball speed e_A v_ball + (1 + e_A) v_bat [m/s]. Eq. (3).
+
+    `v_ball` is the speed of the ball toward the bat, and `v_bat` that of the bat toward the ball
+    [m/s].
+    """
     return e_A * v_ball + (1 + e_A) * v_bat
 
 
@@ -128,8 +132,9 @@ def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
 def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
     """Return the position at which an impact exerts no force on a pivot at `z_pivot` [m]. Eq. (11).
 
-    All positions are distances from the barrel tip; `I_cm` [kg m²] and `M` [kg] are those of the
-    bat. The position tends to infinity as the pivot approaches the center of mass.
+    All positions are distances from the barrel tip. `I_cm` is the bat's moment of inertia about its
+    center of mass [kg m²], and `M` is its mass [kg]. The position tends to infinity as the pivot
+    approaches the center of mass.
     """
     return z_cm - I_cm / (M * (z_pivot - z_cm))
 
@@ -190,24 +195,29 @@ def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
 
 
 def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
-    """Return e_A of a head-on hit from e_A of a hit off the bat's axis, which is always lower.
+    """Return e_A of a head-on hit from `e_A` of a hit off the bat's axis.
 
-    `sine_square` is sin² of the contact angle. All numbers are dimensionless.
+    The value off the axis is the lower one. `sine_square` is sin² of the contact angle. All numbers
+    are dimensionless, and the arguments broadcast.
     """
     return (e_A + sine_square) / (1 - sine_square)
 
 
 def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) -> Floats:
-    """Return e_A at the aimed position from e_A at a distance `off` from it toward the knob [m].
+    """Return e_A at the aimed position from `e_A` at the actual impact position.
 
-    `slope` is the slope of e_A along the barrel [1/m]. `error` is a further error of e_A, which is
-    subtracted.
+    `off` is the distance of the impact from the aimed position, positive toward the knob [m].
+    `slope` is the slope of e_A over the distance from the tip [1/m]. `error` is a further error of
+    e_A, which is subtracted.
     """
     return e_A - (slope * off + error)
 
 
 def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
-    """Return e0 of a ball at a speed `faster` [m/s] above that of `e0`; `slope` is in s/m."""
+    """Return e0 of a ball at a speed that is higher by `faster` [m/s] than the speed of `e0`.
+
+    `slope` is the slope of e0 over speed [s/m].
+    """
     return e0 + slope * faster
 
 
@@ -255,11 +265,12 @@ def reduce_shot(
         the knob that the procedure requires [m], the nominal speed of the ball, and the speed at
         which balls are judged [m/s].
     constants
-        The `CONSTANTS`: those of the bat; its nominal angular rate [rad/s]; the distances of the
-        rig's axis from the knob and of the line of fire from its nominal line [m]; the angle of a
-        count times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean ball; the speed
-        to which the e0 of balls refers [m/s]; the slopes of e0 over speed [s/m] and of e_A along
-        the barrel [1/m], and the error of e_A caused by the latter.
+        The values named in `CONSTANTS`, in this order: mass [kg], length [m], balance [m] and
+        inertia [kg m²] of the bat; its nominal angular rate [rad/s]; the distances of the rig's
+        axis from the knob and of the line of fire from its nominal line [m]; the angle of a count
+        times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean ball; the speed to
+        which the e0 of balls refers [m/s]; the slopes of e0 over speed [s/m] and of e_A along the
+        barrel [1/m], and the error of e_A that the latter slope causes.
     ball
         Mass [kg] and e0 of the ball.
     shot

@@ -29,11 +29,13 @@ OURS: Mapping[type[Record], Maker] = dict.fromkeys(
 
 @cache
 def makers() -> Mapping[type[Record], Maker]:
-    """Return, keyed by type of record, the function that makes flight readings from such a record.
+    """Return the function that makes flight readings from a record, keyed by the record's type.
 
     The function takes the record, the calibration constants keyed by name, and the stage of the
     test (``balls`` or ``impact``). Another package adds a function by an entry point in the group
-    ``virtual_lab.flights``. Its name is that of the record in the group ``virtual_lab.records``.
+    ``virtual_lab.flights``. The name of the entry point is that of the record in the group
+    ``virtual_lab.records``. The functions of this package cannot be replaced. Raises `KeyError` for
+    an entry point whose name is that of no record.
     """
     others = entry_points(group="virtual_lab.flights")
     return {**{record_types()[point.name]: point.load() for point in others}, **OURS}

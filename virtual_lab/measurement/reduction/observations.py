@@ -97,7 +97,7 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     tip), period, first and last amplitude, and number of swings. The period is that of small
     swings: each release is corrected for its amplitudes. Releases with an odd swing are left out,
     see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,
-    or has a reading that is not positive.
+    or has a reading that is not positive. Raises `KeyError` if the calibration lacks a resolution.
     """
     pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
     times = _by_laboratory(block, pendulum.times)
@@ -133,11 +133,12 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
 
 
 def odd_swings(times: Array) -> Mask:
-    """Return a mask of the swings far from the laboratory's median, (laboratory, release, swing).
+    """Return a mask of the swings that are too long or too short, (laboratory, release, swing).
 
-    A lost passage doubles a swing; a passage that was recorded twice leaves a short swing. `times`
-    are the times of the passages, (laboratory, release, passage) [s]. There is one swing fewer than
-    passages.
+    Such a swing differs by more than 25 % from the median of all swings of its laboratory. `times`
+    are the times at which the pendulum passed its lowest point, (laboratory, release, passage) [s].
+    A swing is the time between two passages. If a passage is not recorded, one swing is twice as
+    long. If it is recorded twice, one swing is very short.
     """
     swings = np.diff(times, axis=2)
     usual = np.median(swings, axis=(1, 2), keepdims=True)
@@ -163,8 +164,8 @@ def _exactly(value: Array) -> Estimates:
 def reference_readings(block: SessionBlock) -> Array:
     """Return the readings of the reference mass, (laboratory, 2, repeat) [kg].
 
-    Item 0 was read before bat and balls were weighed, item 1 after. Raises `InputError` for any
-    other number of items, or for a single reading.
+    Item 0 was read before bat and balls were weighed, item 1 after. Raises `InputError` if the
+    record is missing, has another number of items, or has only one reading of each.
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
@@ -244,7 +245,8 @@ def _along(block: SessionBlock) -> Array:
 def along_of(session: Session) -> float:
     """Return the distance of the line of fire from the set position along the bat [m].
 
-    It is positive toward the knob, and 0 if the calibration does not state it.
+    It is positive if the line of fire is nearer to the knob, and 0 if the calibration does not
+    state it.
     """
     estimate = session.calibration.get("impact.cannon.along")
     return estimate.value if estimate else 0.0
@@ -306,10 +308,11 @@ def restitution_names(balls: int) -> list[str]:
 
 
 def across_constant(block: SessionBlock) -> Estimates:
-    """Return the mean square of the offsets across the bat [m²] from the aim marks, (laboratory,).
+    """Return the mean square of the ball offsets across the bat [m²], (laboratory,).
 
-    Its standard uncertainty is that of a mean square of n normal offsets, √(2/n) times the value.
-    Raises `InputError` if the marks are missing or of another kind.
+    It is computed from the aim marks. Its standard uncertainty is that of a mean square of n normal
+    offsets, √(2/n) times the value. Raises `InputError` if the marks are missing or of another
+    kind.
     """
     marks = block.impact.get("aim")
     if marks is None:

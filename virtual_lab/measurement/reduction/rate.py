@@ -78,8 +78,8 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
 def counting_noise(counts: Array) -> float:
     """Return the rms error caused by the resolution of an encoder's counts [counts].
 
-    It is s/√12, where s is the largest number, at least 1, of which all changes are multiples. For
-    counts that are not whole numbers, s is 1.
+    It is s/√12, where s is the largest number, at least 1, of which all changes of the count are
+    multiples. If a change is not a whole number, s is 1.
     """
     steps = np.diff(counts)
     if not np.array_equal(steps, np.rint(steps)):
@@ -113,8 +113,8 @@ def empty_rates(shots: int) -> RateFit:
 def summed_up(record: RateRecord) -> RateFit:
     """Return the rates that the encoder's own recorder computed [counts/s], (shot,).
 
-    The fields about the record and its fit are NaN, because the recorder does not store them. No
-    vibration (ring) is reported.
+    The fields about the record and its fit are NaN, because the recorder does not store them.
+    Vibration frequencies and decays are empty arrays (0,).
     """
     return replace(
         empty_rates(len(record.rate)),

@@ -69,7 +69,7 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     Raises
     ------
     ValueError
-        The record ends too soon after the last contact to fit anything, or no shot has a contact.
+        The record ends too soon after the last contact for a fit, or no shot has a contact.
     """
     contacts = contact[np.isfinite(contact)]
     after = record.times > (contacts.max() if contacts.size else np.inf) + RECOIL.settling_time

@@ -167,9 +167,8 @@ def ball_masses(x: Constants, readings: BallReadings) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return mass [kg] and mean e0 of each ball, (..., ball), with the slope of e0 over speed.
 
-    The e0 refers to the mean nominal speed of the hits at the wall. Most sets of constants differ
-    only in constants on which these hits do not depend. The hits are therefore reduced only for
-    sets that differ in a constant on which they depend.
+    The e0 refers to the mean nominal speed of the hits at the wall [m/s]. This speed and the slope
+    [s/m] are (..., 1).
     """
     from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets
 
@@ -221,7 +220,11 @@ class Sets(NamedTuple):
 
 
 def is_certain(values: Array) -> bool:
-    """Return whether `values` (..., k, 1) are broadcast from one number for all k sets."""
+    """Return whether all k sets of constants share their elements of `values` (..., k, 1).
+
+    This is so if the array is broadcast along the axis k. Equal elements that are stored separately
+    give False. Elements may differ along the leading axes.
+    """
     return values.strides[-2] == 0
 
 
@@ -284,7 +287,8 @@ def shot_results(
     readings, settings
         Readings of the shots, and the settings of the procedure.
     flown
-        Flights by another instrument than that of the readings, as a function.
+        Function that returns the flights as measured by another instrument. None: the flights of
+        `readings`.
     used
         Mask of the balls that define the mean of the lot, (..., ball); None: all.
     """
@@ -373,7 +377,11 @@ def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Fl
 
 
 def drag_of(x: Constants, mass: Array) -> Array:
-    """Return the drag rate κ [1/m] of balls of `mass` [kg] in the hall's air, shape of `mass`."""
+    """Return the drag rate κ [1/m] of balls of `mass` [kg] in the air of the hall.
+
+    `x` are the constants keyed by name. The result has the common shape of `mass` and the
+    constants.
+    """
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 
 

@@ -29,7 +29,7 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
         Uncorrected time at which the ball reaches the plane of a square bat, from the gates, shape
         (shot,) [s].
     reach
-        Time in which the ball travels as far as the struck point of the bat moves per encoder
+        Time that the ball takes to travel as far as the struck point of the bat moves per encoder
         count, shape (shot,) [s].
 
     Raises

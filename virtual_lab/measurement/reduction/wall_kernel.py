@@ -35,13 +35,14 @@ def balls_of_sets(
 
     As a generalized ufunc it takes the first five arguments and returns the others. `masses` is
     (..., ball) and only gives the number of balls. The other arguments are (..., hit): the ball of
-    each hit, and speeds in m/s. The first two results are (..., ball), the others (...). The excess
-    speed is the mean measured speed of a ball's hits minus the mean nominal speed of all hits
-    [m/s]. The slope of e0 over speed [s/m] is computed within balls. The nominal speed is its
-    instrumental variable, because the error of a measured speed also affects e0: the slope is the
-    rise of e0 with nominal speed divided by the rise of measured speed with nominal speed. A hit
-    with a negative ball index is ignored. The results of a ball without hits are NaN. The slope is
-    NaN if all hits have the same nominal speed.
+    each hit, and speeds in m/s. A hit with a negative ball index is ignored.
+
+    The first two results are (..., ball), the others (...). The excess speed is the mean measured
+    speed of a ball's hits minus the mean nominal speed of all hits [m/s]. The slope of e0 over
+    speed [s/m] is computed within balls. It is the rise of e0 with nominal speed divided by the
+    rise of measured speed with nominal speed, because the error of a measured speed also affects
+    e0. The results of a ball without hits are NaN. The slope is NaN if all hits have the same
+    nominal speed.
     """
     counts, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0
