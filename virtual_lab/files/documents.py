@@ -192,10 +192,10 @@ def contents(folder: Path) -> dict[str, str]:
 def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.DataFrame:
     """Return the table in a CSV file, one column per name in the header.
 
-    An empty cell is a missing value. Raises `InputError` if the file cannot be read, is not UTF-8
-    text, has no rows, has another delimiter, has a column name twice, or has rows whose length
-    differs from the header. Rows that are too short are not detected in a file that contains
-    quotes.
+    `delimiter` is a comma, a semicolon or a tab, and `decimal` is the decimal mark. An empty cell
+    is a missing value. Raises `InputError` if the file cannot be read, is not UTF-8 text, has no
+    rows, has another delimiter, has a column name twice, or has rows whose length differs from the
+    header. Rows that are too short are not detected in a file that contains quotes.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 

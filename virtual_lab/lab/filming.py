@@ -61,7 +61,8 @@ def film_of(
     session
         Records of the test, with the bench readings of the bat.
     timed
-        Readings of the shots by the gates, which show the height of the ball at the bat.
+        Readings of the shots by the gates. If they measure heights, the calibration file states the
+        height of the ball at the bat.
     """
     sensor = station.camera.spec.sensor
 

@@ -294,8 +294,8 @@ def prepare(block: SessionBlock) -> Preparation:
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
     """Return the readings at the bat as fired, (shot,), before any calibration is applied.
 
-    Encoder readings are in counts, and None at a rig without an encoder. Raises `InputError` for a
-    record that is missing or cannot be used.
+    The encoder readings `recoil` and `swing` are in counts. They are None at a rig without such an
+    encoder. Raises `InputError` for a record that is missing or cannot be used.
     """
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)

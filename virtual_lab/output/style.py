@@ -51,7 +51,7 @@ def page_figure(
     height, width
         Size of the figure [in]; by default it is as wide as a page.
     layout
-        Layout engine of Matplotlib.
+        Layout engine of Matplotlib; None selects Matplotlib's default.
     """
     from matplotlib import style
 

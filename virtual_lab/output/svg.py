@@ -19,7 +19,7 @@ DIGIT = 4.45  # width of a digit of a sans-serif font at 8 pt [pt]
 
 
 def figure(panels: Iterable[Panel], height: float, name: str, title: str, description: str) -> str:
-    """Return panels as one SVG element for an HTML page.
+    """Return panels as one SVG element for an HTML page, as wide as the text of an A4 page.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def description_of(figure: str) -> str:
 
 
 def symbol_markup(text: str) -> str:
-    """Return a string escaped for SVG, with its first symbol, such as ``e_A``, in print.
+    """Return a string escaped for SVG, with its first symbol, such as ``e_A``, typeset.
 
     The letter of the symbol is in italics, and its index is a subscript.
     """

@@ -36,9 +36,9 @@ def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g")
 
 
 def inline() -> Any:
-    """Return a dataclass field whose value is a dataclass itself.
+    """Return a dataclass field whose value is itself a dataclass or a mapping.
 
-    Its fields become columns of the outer table, without a prefix.
+    Its fields or keys become columns of the outer table, without a prefix.
     """
     return field(metadata={INLINE: True})
 

@@ -22,8 +22,9 @@ FAST = {"nsz"}
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
     """Fill `out` with the time of flight [s] over a distance, from the speed at one of its ends.
 
-    All arrays are (shot,). `way` is the distance [m], always positive, and `pace` is 1/speed at
-    that end [s/m]. `drag` is κ [1/m] if the ball starts at that end, and -κ if it arrives there.
+    All arrays are (shot,). `way` is the distance [m], always positive. `pace` is 1/speed [s/m] at
+    the end where the speed is known. `drag` is κ [1/m] if the flight starts at this end, and -κ if
+    it stops there.
     """
     long = 0
     for i in range(out.size):

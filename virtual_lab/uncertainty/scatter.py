@@ -127,8 +127,8 @@ def larger_today(today: Estimate, earlier: Estimate) -> bool:
     """Return whether hits scatter significantly more in today's test than in earlier ones.
 
     The value of each estimate is the variance of a hit, with its u and degrees of freedom. The test
-    is a one-sided F test with a significance of 1 %; the result is False if either estimate
-    has 0 degrees of freedom.
+    is a one-sided F test with a significance of 1 %. The result is False if either estimate has 0
+    degrees of freedom.
     """
     new, old = (HitVariance.of(Estimates.stack([each])) for each in (today, earlier))
     return bool(new.larger(old)[0])

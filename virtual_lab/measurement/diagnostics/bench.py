@@ -159,7 +159,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     """Yield comparisons of the mean with the median swing, and flags for odd swings.
 
     The pendulum is timed at each passage of its lowest point. If a passage is not recorded, two
-    swings appear as a single long one, which changes the mean but not the median.
+    swings appear as a single long one, which changes the mean but not the median. A swing is odd if
+    it is much longer or shorter than the median.
 
     Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases.
     The first is for the mean of all counted releases. The second compares the worst release with
@@ -403,9 +404,9 @@ def store(evidence: Evidence) -> Iterator[Raised]:
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised in the laboratories that have a wrong ball in their lot.
 
-    A ball is wrong if its e0 is outside the window of the procedure and more than 0.02 from the
-    median of the lot, or if it was fired although its mass or e0 is outside its window. The flag is
-    yielded even if it is raised nowhere.
+    A ball is wrong if its mass or e0 is outside the window of the procedure, and if it was fired or
+    its e0 is more than 0.02 from the median of the lot. The flag is yielded even if it is raised
+    nowhere.
     """
     windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)

@@ -55,7 +55,8 @@ def metric_of(
     Parameters
     ----------
     procedure
-        Test procedure. Only its metric, ball correction and field conditions are used.
+        Test procedure. Only its metric, its ball correction, and its speeds of pitch and bat are
+        used.
     control
         Ratio of the measured e of a control bat with this lot to its known e. It is used only by
         the correction ``control-bat``.

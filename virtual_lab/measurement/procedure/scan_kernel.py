@@ -184,7 +184,8 @@ def next_hits_of_block(
 
     `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
     (laboratory, attempts); elements beyond the number are not overwritten. Laboratory i has the
-    shots from `starts[i]` up to, but without, `starts[i + 1]` in `place`, `valid` and `objective`.
+    shots from `starts[i]` up to, but not including, `starts[i + 1]` in `place`, `valid` and
+    `objective`.
     """
     positions = np.empty(most_asked(rules))
     for laboratory in range(number.size):
@@ -216,12 +217,12 @@ def scans_of_block(
     scans: Scanned,
     used: Mask,
 ) -> None:
-    """Fill `scans` with the results of the scans of a block, and mark their hits in `used`, (shot,).
+    """Fill `scans` with the results of the scans of a block, and `used` with a mask of their hits.
 
-    The hits of a result are the last final hits at the best position. If the procedure has no final
-    hits, they are the hits of the scan within `rules.fit_half_width` of the best position.
-    Laboratory i has the shots from `starts[i]` up to, but without, `starts[i + 1]`. A laboratory
-    without a complete position has NaN as its best position and no hits.
+    The mask is (shot,). The hits of a result are the last final hits at the best position. If the
+    procedure has no final hits, they are the hits of the scan within `rules.fit_half_width` of the
+    best position. Laboratory i has the shots from `starts[i]` up to, but not including, `starts[i +
+    1]`. A laboratory without a complete position has NaN as its best position and no hits.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
@@ -269,7 +270,7 @@ def shortfalls_of_block(
     The shortfall is the amount by which a position next to the chosen one is truly better, see
     `choice.shortfalls`. `mean` [unit of the metric] and `square` [its square] are (laboratory,).
     Both are 0 without a complete position or without scatter. Laboratory i has the shots from
-    `starts[i]` up to, but without, `starts[i + 1]`.
+    `starts[i]` up to, but not including, `starts[i + 1]`.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

@@ -94,7 +94,8 @@ def in_turn_of(
     """Return the indices of the shots sorted by laboratory, and the limits of each laboratory.
 
     The indices are (shot,), and the shots of one laboratory keep their order. Laboratory i has the
-    sorted shots from limit i up to, but without, limit i + 1. The limits are (laboratory + 1,).
+    sorted shots from limit i up to, but not including, limit i + 1. The limits are (laboratory +
+    1,).
     """
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))

@@ -177,8 +177,8 @@ def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
     It is `aimed` + `aim` - `along`, all in meters. `aimed` is the planned impact position. `aim` is
-    the offset, along the bat, of the line of fire from its nominal line. `along` is an estimate of
-    this offset that `aimed` already includes, so it is subtracted.
+    the offset of the line of fire from its nominal line, positive toward the knob. `along` is an
+    estimate of this offset that `aimed` already includes, so it is subtracted.
     """
     return aimed + aim - along
 
@@ -335,9 +335,9 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     balls
         Masses [kg] and e0 of the balls, each (block, set, ball).
     ball
-        Index of the ball of each shot.
+        Index of the ball of each shot, (block, set, shot).
     shots
-        Readings of the shots in the order of `reduce_shot`.
+        Readings of the shots in the order of `reduce_shot`, each (block, set, shot).
     results
         Arrays for the `RESULTS`, and those for the `DETAILS`, empty if not needed.
     """

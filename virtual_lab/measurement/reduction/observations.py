@@ -148,9 +148,10 @@ def odd_swings(times: Array) -> Mask:
 def counted_releases(odd: Mask) -> Mask:
     """Return a mask of the releases without an odd swing, (laboratory, release).
 
-    `odd` is a mask of swings, (laboratory, release, swing). If fewer than two releases of a
-    laboratory, or fewer than half, have no odd swing, the mask is True for all its releases,
-    because the records do not show which are right.
+    An odd swing is too long or too short, see `odd_swings`. `odd` is the mask of these swings,
+    (laboratory, release, swing). If fewer than two releases of a laboratory, or fewer than half,
+    have no odd swing, the mask is True for all its releases, because the records do not show which
+    are right.
     """
     even = ~odd.any(axis=2)
     too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
@@ -205,8 +206,8 @@ def observe_balls(block: SessionBlock) -> BallReadings:
 def observe_impact(block: SessionBlock) -> ImpactReadings:
     """Return the readings of the ball and of the encoders for the shots as fired, (shot,).
 
-    The encoder readings are in counts, and None at a rig without such an encoder. Raises
-    `InputError` for a record that is missing or unusable.
+    The encoder readings `recoil` and `swing` are in counts. They are None at a rig without such an
+    encoder. Raises `InputError` for a record that is missing or unusable.
     """
     log, flights = _log_and_flights(block, "impact")
     raw, along = flights.raw, _along(block)
