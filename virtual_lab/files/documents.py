@@ -400,9 +400,10 @@ def _exchange(draft: Path, target: Path) -> None:
 def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a temporary folder to fill, whose files are moved into `folder` if no error occurs.
 
-    Raises `InputError` if `folder` cannot be written, or if it already contains one of the files.
-    With `overwrite` the files in `folder` are replaced. An `OSError` within the context becomes an
-    `InputError`.
+    With `overwrite` the files in `folder` are replaced. Otherwise, if `folder` already contains one
+    of the files, `InputError` is raised; some of the other files may have been moved by then.
+    `InputError` is also raised if `folder` cannot be written, or for an `OSError` within the
+    context.
     """
     try:
         with draft_in(folder) as draft:
