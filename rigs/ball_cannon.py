@@ -57,7 +57,8 @@ def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
     """Return the parts of a ball cannon, by the field names of `BallCannonStation`.
 
     The errors of the instruments are drawn at random, or are zero if the laboratory is ideal. Frame
-    and stop are taken from the data sheet.
+    and stop are taken from the data sheet. The key ``ideal`` is True if the laboratory is ideal.
+    Raises `InputError` for an unknown or invalid data sheet.
     """
     holder = factory.as_asked(spec.holder)
     return {

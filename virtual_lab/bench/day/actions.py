@@ -55,9 +55,10 @@ def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
 def action_of(
     name: str, arguments: Mapping[str, object] | None = None, length: str = "mm"
 ) -> Action:
-    """Return an action after checking its arguments, which may be strings as typed.
+    """Return an action after checking its arguments.
 
-    A missing argument gets its default. A length without a unit is in the unit `length`.
+    `arguments` may be strings as typed. A missing argument gets its default. A length without a
+    unit is in the unit `length`.
 
     Raises
     ------

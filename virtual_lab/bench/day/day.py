@@ -150,7 +150,8 @@ def is_offered(day: Day, action: str) -> bool:
     """Return whether the page of a day offers an action.
 
     Until the day is handed in, the page offers the actions that this rig and this day allow. After
-    that, it offers only the dispute of a score; in an exam it then offers nothing.
+    that, it offers only the dispute of a score, and in an exam nothing. Raises `KeyError` for an
+    unknown action.
     """
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam
@@ -171,7 +172,8 @@ def has_instrument(day: Day, action: str) -> bool:
     """Return whether the rig has the instrument that an action needs.
 
     The result is True for an action that needs no instrument. While the laboratory is being set
-    up, the instruments are not known yet, and the result is True for every action.
+    up, the instruments are not known yet, and the result is True for every action. Raises
+    `KeyError` for an unknown action.
     """
     needs, calibration = action_table().actions[action].needs, day.morning.calibration
     return not calibration or any(key.startswith(needs) for key in calibration)
@@ -230,7 +232,7 @@ def evolve(day: Day, event: DayEvent) -> Day:
 
 
 def replay_events(morning: Day, events: Iterable[DayEvent]) -> Day:
-    """Return the state of a day after all `events`, from its state before the first of them."""
+    """Return the state of a day after all `events`, given its state before the first of them."""
     return reduce(evolve, events, morning)
 
 

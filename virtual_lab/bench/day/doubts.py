@@ -30,14 +30,14 @@ def fault_titles() -> dict[str, str]:
 def fault_of_text(words: str, action: str, key: str) -> str:
     """Return the name of the fault that a trainee typed by its title or name.
 
-    The strings “none” and “no result”, and any string that begins with “other:” (a description in
-    the trainee's words), are returned unchanged. `action` and `key` are only used in the error
-    message.
+    “none”, “no result”, and any line of at most 300 characters that begins with “other:” (a
+    description in the trainee's words) are returned unchanged. `action` and `key` are only used in
+    the error message.
 
     Raises
     ------
     InputError
-        The string is neither a title nor a name; the message suggests the most similar title.
+        The string is none of these; the message suggests the most similar title.
     """
     titles = fault_titles()
     names = {title.lower(): name for name, title in titles.items()}

@@ -22,13 +22,19 @@ def entry_of_record(record: Record) -> dict[str, Any]:
 
 
 def record_of(entry: Mapping[str, Any]) -> Record:
-    """Return the record that `entry_of_record` wrote, with identical values; null becomes NaN."""
+    """Return the record that `entry_of_record` wrote, with identical values; null becomes NaN.
+
+    Raises `KeyError` for an unknown kind of record or a missing column.
+    """
     kind = record_types()[entry["kind"]]
     return kind(**{name: np.array(entry[name], dtype=np.float64) for name in kind.columns})
 
 
 def entry_of_session(session: Session) -> dict[str, Any]:
-    """Return a session as a JSON object: bat, ball, rigs, rules and constants, but no records."""
+    """Return a simulated session as a JSON object.
+
+    It holds bat, ball, rigs, rules and calibration constants, but no records.
+    """
     return {
         "bat": session.bat,
         "ball": session.ball,
@@ -45,7 +51,10 @@ def entry_of_session(session: Session) -> dict[str, Any]:
 
 
 def session_of_entry(entry: Mapping[str, Any]) -> Session:
-    """Return the session that `entry_of_session` wrote, without records."""
+    """Return the session that `entry_of_session` wrote, without records.
+
+    Raises `KeyError` or `TypeError` for an object of another form.
+    """
     calibration = {name: Estimate(**parts) for name, parts in entry["calibration"].items()}
     fields = {name: value for name, value in entry.items() if name != "simulation"}
     origin = {"origin": Simulated(**entry["simulation"]), "calibration": calibration}

@@ -248,7 +248,8 @@ def by_script(script: Mapping[str, Any], where: str) -> Operator:
     Raises
     ------
     InputError
-        The list is missing, or an entry is not an action; the message gives its number.
+        The list is missing or empty, or an entry is not a valid action; the message gives its
+        number.
     """
     entries = script.get("actions")
     if not isinstance(entries, list) or not entries:

@@ -48,9 +48,10 @@ def omitted_steps(day: Day) -> list[StepDue]:
 
 
 def excuses_of(day: Day) -> dict[str, str]:
-    """Return the trainee's noted reason for each skipped step, by step.
+    """Return the trainee's reasons for skipping steps, keyed by the name of the step.
 
-    The last note on a step counts. Struck-out notes are left out.
+    The last note on a step counts. Struck-out notes are left out. A step without a note is not in
+    the result.
     """
     return {
         str(event.arguments["step"]): str(event.arguments["because"])

@@ -387,7 +387,8 @@ def gate_edges(record: Record) -> Array:
     """Return the times of the edges of each gate [s], shape (shot, direction, gate, edge).
 
     Direction 0 is the incoming ball and 1 the rebound; edge 0 breaks the beam and 1 clears it. A
-    missed edge is NaN. A board with several beams counts as broken while any beam is broken.
+    missed edge is NaN. A board with several beams counts as broken while any beam is broken. Raises
+    `AssertionError` for a record of anything but light gates or light boards.
     """
     assert isinstance(record, GateRecord | BoardRecord)
     broke, cleared = record.times[..., 0], record.times[..., 1]
@@ -399,7 +400,8 @@ def gate_edges(record: Record) -> Array:
 def beam_passages(record: Record) -> Array:
     """Return the time for which the incoming ball blocks each gate [s], shape (shot, gate).
 
-    The time is NaN if the gate missed an edge.
+    The time is NaN if the gate missed an edge. Raises `AssertionError` for a record of anything but
+    light gates or light boards.
     """
     return np.asarray(np.diff(gate_edges(record)[:, 0], axis=-1)[..., 0])
 
@@ -409,8 +411,9 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
 
     The ratio is the time for which the incoming ball blocks the first gate, divided by the time for
     which it blocks the last gate; it is 1 for a round ball. For light boards, a row with the number
-    of balls that blocked the first gate too early comes first. If no ball has both times, the two
-    rows of the ratio are left out. Shots are counted from 0.
+    of balls that blocked the first gate too early comes first; these balls are left out of the
+    ratio. If no ball has both times, there are no rows of the ratio. `event` is the entry of the
+    notebook to which the rows refer. `shots` are counted from 0.
     """
     passages = beam_passages(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]

@@ -88,6 +88,9 @@ def load_scenario(name: str) -> Entry[Scenario]:
 
 @cache
 def scenarios_to_choose() -> Mapping[str, Scenario]:
-    """Return the shipped scenarios, keyed by name, without the exams, which a trainer begins."""
+    """Return the shipped scenarios that a trainee may choose, keyed by name.
+
+    Scenarios of exams are left out, because a trainer begins them.
+    """
     scenarios = {name: load_scenario(name).spec for name in catalog.names("bench/scenarios")}
     return {name: each for name, each in scenarios.items() if each.feedback != "never"}

@@ -96,7 +96,10 @@ def channels() -> Mapping[str, str]:
 
 @cache
 def preparation() -> tuple[str, ...]:
-    """Return the names of the steps before the first impact position is set, in order."""
+    """Return the names of the procedure's steps before the first impact position is set.
+
+    The steps are in the order of the procedure.
+    """
     book = (name for name, each in action_table().actions.items() if each.in_book)
     return tuple(takewhile(lambda name: name != "set-place", book))
 
@@ -115,9 +118,9 @@ def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
 
 
 def in_buttons(sentence: str) -> str:
-    """Return an error message in which button titles replace the names of actions.
+    """Return an error message in which the titles of buttons replace the names of actions.
 
-    Words that are not an action are unchanged.
+    Other words are unchanged.
     """
     writes = {f"bench/{channel}": name for name, channel in channels().items()}
     writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}

@@ -87,9 +87,9 @@ class PlayedEntry:
 def summary(folder: str | Path) -> Rows[ClassDay]:
     """Return one row per day in the folders below `folder`, for example of a class.
 
-    The rows are sorted by folder. Practice is left out. The scores of a day that was not handed in
-    are None. If a day that was handed in has no debrief yet, the debrief is written beside its log.
-    Raises `InputError` if there is no day.
+    The rows are sorted by folder. Practice days are left out. The scores of a day that was not
+    handed in are None. If a day that was handed in has no debrief yet, the debrief is written
+    beside its log. Raises `InputError` if there is no day, or if the files of a day cannot be used.
     """
     place = Path(folder)
     logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
@@ -103,8 +103,8 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
     """Return the learning curves of the trainees below `folder`, one row per point.
 
     There is one curve per trainee and score, and one per trainee and fault. All days of a trainee
-    must be in one folder; their names give the order. Practice is left out. Raises `InputError` if
-    there is no day.
+    must be in one folder; their names give the order. Practice days are left out. Raises
+    `InputError` if there is no day, or if the files of a day cannot be used.
     """
     root, points = Path(folder), list[CurvePoint]()
     before: dict[tuple[str, str], list[float]] = {}
@@ -235,12 +235,12 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
     Parameters
     ----------
     path
-        The folder of the day, or its log ``day.sqlite``, beside which the sealed file must be.
+        The folder of the day, or its log ``day.sqlite``. The sealed file must be beside the log.
 
     Raises
     ------
     InputError
-        The log does not exist, or the day was not handed in.
+        The log or the sealed file does not exist or cannot be used, or the day was not handed in.
     """
     day = StoredDay(played_folder(path))
     sheets = action_table().actions

@@ -41,10 +41,11 @@ def serve(
     Parameters
     ----------
     folders
-        Folder of each trainee, keyed by name.
-    scenario, seed
-        Scenario and seed of new days; with a seed all trainees have the same day. Without a
-        scenario the days, which must be handed in, are replayed.
+        Folder of each trainee, keyed by name, at most 50.
+    scenario
+        Scenario of new days. None: the days in the folders, which must be handed in, are replayed.
+    seed
+        Seed of new days, so that all trainees have the same day. None: each has a random seed.
     port, host
         Address of the pages. A host other than this computer needs `tls`.
     browser
@@ -59,7 +60,8 @@ def serve(
     Raises
     ------
     InputError
-        The scenario or a folder does not fit, the port is in use, or the host needs `tls`.
+        The scenario, a folder, the number of folders or `tls` cannot be used, the port is in use,
+        or the host is unknown or needs `tls`.
     """
     import uvicorn
 

@@ -110,7 +110,7 @@ class CheckStandards:
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
     """Return a copy of the laboratory with other faults.
 
-    Calibration certificates, date, and the salt of its sealed random numbers stay the same.
+    Seed, salt, calibration certificates and date stay the same.
     """
     setup = replace(
         laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision
@@ -137,7 +137,7 @@ def speed_ratio(gates: Record) -> Array:
     """Return the ratio of rebound to incoming speed of each shot, shape (shot,).
 
     The speeds are those between the first and the last gate. A shot that one of these gates missed
-    gives NaN.
+    gives NaN. Raises `AssertionError` for a record of anything but light gates or light boards.
     """
     into, back = _flight_times(gates)
     return np.asarray(into / back)

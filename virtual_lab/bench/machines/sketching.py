@@ -41,8 +41,9 @@ def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     """Return the sketch of a shot as a JSON object, the top view that a trainee may see.
 
     `struck` lists the contacts in order, such as "bat" or "stop"; it is empty if the ball hit
-    nothing. If the ball hit the bat, `way` and `side` give its direction afterward; `rebound` (e_A)
-    and `turn` (angular rate of the bat [rad/s]) are blurred.
+    nothing. If the ball hit the bat, there are four more keys. `way` is "back" or "on", and `side`
+    is "straight", "up" or "down"; both are the true direction of the ball afterward. `rebound`
+    (e_A) and `turn` (angular rate of the bat [rad/s]) are blurred.
     """
     if shot not in firing.sketches:
         firing.sketches[shot] = _draw_sketch(firing, shot)
@@ -68,8 +69,8 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
     """Return blurred values of e_A and of the angular rate of the bat after the hit [rad/s].
 
-    `efficiency` is the true e_A. The results are rounded to 0.01 and 0.1 rad/s, and are the same at
-    each call for the same shot.
+    `efficiency` is the true e_A. The results are rounded to 0.01 and 0.1 rad/s. Each call for the
+    same shot gives the same values.
     """
     draws = firing.laboratory.draws
     day_draws = draws.normal("rehearsal.sketch-day", 2)
@@ -109,7 +110,11 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
-    """Return the true motion of shot number `shot`, counted from 1; None if it has no scene."""
+    """Return the true motion of shot number `shot`, counted from 1, of a day.
+
+    The result is None for a rig that swings the bat, and for a shot that the model of the motion
+    cannot compute. Raises `IndexError` if the shot has not been fired.
+    """
     shot_scene = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
     if shot_scene is None:
         return None
@@ -143,11 +148,11 @@ def has_camera(laboratory: Laboratory) -> bool:
 
 
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
-    """Return camera frames of a shot as one PNG, drawn from its sketch.
+    """Return six camera frames of a shot as one PNG, drawn from its sketch.
 
-    The sketch is the motion as the trainee may see it, without its true numbers. The frames depend
-    only on the sketch, the impact position that was set, and data sheets. The result is empty if
-    the ball missed the bat or the rig has no camera.
+    They do not reveal true numbers, because they depend only on the sketch, the impact position
+    that was set, and data sheets. `event` is the entry of the shot. The result is empty if the ball
+    missed the bat or the rig has no camera.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):
@@ -176,9 +181,10 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
-    """Return the true camera frames of shot number `shot`, counted from 1, as one PNG.
+    """Return the six true camera frames of shot number `shot`, counted from 1, as one PNG.
 
-    The result is empty if the rig has no camera.
+    The result is empty if the rig has no camera. Raises `IndexError` if the shot has not been
+    fired.
     """
     laboratory, requested = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]

@@ -44,7 +44,9 @@ SECRET = "sealed.json"
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
     """Return the laboratory of a day, with the faults of `scenario`.
 
-    Raises `InputError` if the scenario names something that does not exist or does not fit.
+    `seed` determines its true values. `salt` is the random salt of the commitment to this seed. If
+    the faults of the scenario are None, the laboratory has none. Raises `InputError` if the
+    scenario names something that does not exist or does not fit.
     """
     setup = TestSetup.of(
         scenario.bat,
@@ -231,7 +233,7 @@ def run_operator(
     morning: Day | None = None,
     listed: Mapping[str, float] = MappingProxyType({}),
 ) -> Day:
-    """Return the day that an operator carries out, without a log.
+    """Return the day after all actions of an operator, without a log.
 
     Parameters
     ----------
@@ -242,7 +244,7 @@ def run_operator(
     morning
         The day so far; by default a new day.
     listed
-        Possible faults of a new day, with their probabilities.
+        Possible faults of a new day, with their probabilities. Ignored with `morning`.
 
     Raises
     ------

@@ -169,7 +169,8 @@ def day_page(
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
     """Return the HTML page that replays a day: its state after entry `number`, 0 for the start.
 
-    `briefing` is the part of the scenario that a trainee may know.
+    `briefing` is the part of the scenario that a trainee may know. Raises `IndexError` if there is
+    no such entry.
     """
     desk, entries = Desk(day.until(number)), _entries(day, briefing)
     return page_template(PACKAGE, "replay.html").render(
@@ -254,7 +255,10 @@ def refusal_sentence(fault: InputError) -> str:
 
 
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
-    """Return an HTML page with one sentence; `by_code` adds a field for the trainee's code."""
+    """Return an HTML page with a title and one sentence, both plain text.
+
+    `by_code` adds a field for the trainee's code.
+    """
     page = page_template(PACKAGE, "plain.html")
     return page.render(title=title, sentence=sentence, by_code=by_code)
 
@@ -295,7 +299,10 @@ def _last_undecided(desk: Desk, hits: list[PrintedHit]) -> bool:
 
 
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
-    """Return the HTML page with the name "rules" or "instruments"."""
+    """Return the HTML page of the rules or of the instruments.
+
+    `name` is "rules" or "instruments". Any other name raises jinja2's `TemplateNotFound`.
+    """
     return page_template(PACKAGE, f"{name}.html").render(
         briefing=briefing, metric=METRICS[desk.rules.spec.metric], **wall_pages(desk, briefing)
     )

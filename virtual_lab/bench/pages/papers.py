@@ -152,7 +152,8 @@ def _quantity(datum: catalog.Datum) -> str:
 def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
     """Return one row of strings per listed fault: title, rate [%], and remedy.
 
-    `listed` are the probabilities of the faults, 0 to 1, keyed by name.
+    `listed` are the probabilities of the faults, 0 to 1, keyed by name. The remedy is the title of
+    an action, or "none: the test is INVALID". Raises `KeyError` for an unknown fault.
     """
     sheets, rows = action_table().actions, []
     for name, rate in listed.items():

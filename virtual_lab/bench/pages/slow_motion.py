@@ -74,9 +74,10 @@ class SlowMotion:
 
 
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
-    """Return the motion that the sketch of a shot shows; `place` is its impact position [m].
+    """Return the motion that the sketch of a shot shows.
 
-    The position is measured from the tip. If no ball reached the bat, the x of the ball is NaN.
+    `event` is the entry of the shot. `place` is its impact position from the tip [m]. If no ball
+    reached the bat, the x of the ball is NaN.
     """
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3
@@ -107,7 +108,8 @@ def clear_rebound(sketch: Mapping[str, Any]) -> float:
     """Return the e_A to draw: that of the sketch, but at least 0.03 away from zero.
 
     It is positive if the ball of the sketch flies back and negative otherwise, so that the
-    direction of the ball stays visible.
+    direction of the ball stays visible. Raises `KeyError` for a sketch in which the ball missed the
+    bat.
     """
     rebound, least = float(sketch["rebound"]), 0.03
     return max(rebound, least) if sketch["way"] == "back" else min(rebound, -least)
@@ -140,7 +142,7 @@ def contact_words(struck: Sequence[str], direction: str = "", side: str = "strai
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
-    """Return the data to draw the motion of a shot; `shot` is the shot number, from 1."""
+    """Return the data to draw the motion of shot number `shot`, counted from 1."""
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
     upper = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]

@@ -42,7 +42,8 @@ def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
 def swings(desk: Desk) -> list[PrintedColumn]:
     """Return amplitudes [°] and periods [s] of the pendulum as columns, with one row per release.
 
-    The list is empty before the pendulum was swung.
+    A further column is the decrease from the first to the last period [ms]. The list is empty
+    before the pendulum was swung.
     """
     event = desk.last("swing")
     if event is None:
@@ -208,7 +209,7 @@ def _chart(
 def residual_chart(desk: Desk, shot: int) -> str:
     """Return an SVG chart of the residuals [counts] of the encoder fit of a shot, counted from 1.
 
-    The chart is empty without an encoder, without a fit, or with fewer than 40 fitted samples.
+    The string is empty without an encoder, without a fit, or with fewer than 40 fitted samples.
     """
     record = desk.session.records.get("impact", {}).get("encoder")
     if not isinstance(record, EncoderRecord) or desk.missing:

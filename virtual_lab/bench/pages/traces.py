@@ -47,8 +47,13 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
     shot
         Number of the shot, from 1.
     records
-        Records of the shot as JSON objects, by channel. Without an encoder record the tables of
-        samples are empty.
+        Records of the shot as JSON objects, by channel. Without an encoder record the table of
+        samples is empty.
+
+    Raises
+    ------
+    KeyError
+        There is no record with the key "gates".
     """
     edges = _edges(records["gates"])
     encoder = records.get("encoder") or records.get("swing")

@@ -48,8 +48,9 @@ def costly_decisions(
 ) -> tuple[CostlyDecision, ...]:
     """Return up to three decisions with the largest effect on the error of the result.
 
-    For each decision, the day is replayed with only this decision corrected. The tuple is empty if
-    no decision changed the error.
+    For each wrong decision, the day is replayed with only this decision corrected. A decision
+    without which the day gains or loses its result comes first. The tuple is empty if no decision
+    changed the error.
 
     Parameters
     ----------
@@ -125,10 +126,11 @@ def _scatter(day: Desk, corrected: Desk) -> float:
 
 
 def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Play a day with the given actions up to its reduction; return the desk.
+    """Play a new day with the given actions up to its reduction; return the desk.
 
     The shots in `by_windows`, counted from 0, are accepted or rejected by the acceptance windows
-    instead of by the trainee. Raises `InputError` if an action is impossible.
+    instead of by the trainee. Raises `InputError` if an action is impossible, or if a record that
+    the acceptance windows need is missing.
     """
     result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
     actions_before_result = [a for a in actions if a.name not in result]

@@ -295,9 +295,9 @@ def debrief(
 def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
     """Return the debrief of a stored day, which states whether the seal is intact.
 
-    A broken seal is stated, not raised. `expert` is the day of the simulated expert, with which
-    the trainee's day is compared; without it this day is simulated now. Raises `InputError` if
-    the day was not handed in.
+    A broken seal is stated, not raised. `expert` is the day of the simulated expert, with which the
+    trainee's day is compared; by default it is simulated now. Raises `InputError` if the day was
+    not handed in.
     """
     return debrief(day.apparatus, day.desk, day.scenario, day.seal, expert=expert)
 
@@ -305,8 +305,8 @@ def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
     """Return the day that the simulated expert carries out.
 
-    Machines, bat and balls are those of the trainee's `day`. The expert begins after the entries
-    that another laboratory supplied, if any.
+    Machines, bat and balls are those of the trainee's `day`. If another laboratory supplied the
+    first entries of this day, the expert continues after them.
     """
     return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 

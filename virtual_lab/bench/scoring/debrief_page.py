@@ -31,7 +31,11 @@ def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
 
 
 def save_debrief(debrief: Debrief, folder: Path) -> None:
-    """Write ``debrief.json`` and ``debrief.html`` into an existing folder, replacing older ones."""
+    """Write ``debrief.json`` and ``debrief.html`` into an existing folder, replacing older ones.
+
+    Raises `FileNotFoundError` if the folder does not exist, and `ValueError` for a number that is
+    NaN or infinite.
+    """
     text = json.dumps(debrief.document(), indent=1, allow_nan=False)
     (folder / "debrief.json").write_text(text + "\n", encoding="utf-8")
     (folder / "debrief.html").write_text(debrief_page(debrief), encoding="utf-8")

@@ -47,7 +47,8 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
     """Yield one judgment per deviation from the procedure, in the order of the entries.
 
     Deviations are omissions that the trainee noted, rejections of hits that were within the
-    acceptance windows, and additional checks after a reading beyond its limit.
+    acceptance windows, and additional checks after a reading beyond its limit. Struck-out entries,
+    and those that another laboratory supplied, are not judged.
     """
     before = Desk(desk.day.until(0))
     for event in desk.day.events:
@@ -57,9 +58,10 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
-    """Return the total time [s] of extra checks that a reading justified.
+    """Return the total time [s] of additional checks that a reading justified.
 
     The procedure does not require these checks. The economy score does not count their time.
+    `judged` are the deviations of the day, each with its judgment.
     """
     entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(
@@ -72,7 +74,8 @@ def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
 def anomaly_of(desk: Desk, shot: int) -> str:
     """Return the anomaly that the records of a shot show, in words; empty if there is none.
 
-    Shots are counted from 0. The acceptance windows are not considered.
+    Shots are counted from 0. The acceptance windows are not considered. Raises `IndexError` if the
+    shot has not been fired.
     """
     fired = [event for event in desk.day.events if event.action == "fire"][shot]
     for struck in fired.sketch.get("struck", ()):

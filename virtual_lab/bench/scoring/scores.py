@@ -46,9 +46,10 @@ def right_verdict(
 ) -> RightVerdict:
     """Return the correct verdict of a day, its reason, and the true metric.
 
-    On a day `spoilt` by a fault the verdict is INVALID if the error exceeds U = 2 u, or if there is
-    no result. Without a fault and without a result it is MEASURED. `value` and `u` are the result
-    of the day and its standard uncertainty in SI units, None without a result.
+    It is the verdict of the rules on the true metric. However, if the day is `spoilt` by a fault
+    and the error exceeds U = 2 u, it is INVALID. If the day has no result it is INVALID on a spoilt
+    day and MEASURED on any other, and the true metric is None. `value` and `u` are the result of
+    the day and its standard uncertainty in SI units, None without a result.
     """
     truth = None
     if value is not None:
@@ -69,12 +70,12 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     The first case that applies determines the score:
 
     * PASS instead of FAIL, or FAIL instead of PASS: 0.
-    * INVALID: 0 if the records do not support it, `MENDABLE` if they do but the fault could have
-      been repaired, otherwise 1.
+    * INVALID: 0 if the records do not support it, 0.6 (`MENDABLE`) if they do but the fault could
+      have been repaired, otherwise 1.
     * INVALID would have been correct: 0.2.
     * The day has no result: 0.
-    * Otherwise 1 if the error is at most U = 2 u, else U / |error|; half of this if the verdict
-      is not the correct one.
+    * Otherwise 1 if the error is at most U = 2 u, else U / |error|; half of this for MEASURED
+      instead of PASS or FAIL, or the reverse.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
@@ -113,7 +114,9 @@ def detection_score(
     """Return the detection score, max(0, 1 - Σ (p - o)²), and its explanation.
 
     The sum runs over every fault that is possible, present or named: p is the probability that the
-    trainee gave to a fault, or its rate if it was not named; o is 1 if the fault was present.
+    trainee gave to a fault. If it was not named, p is its rate, or 0 for a fault without a rate. o
+    is 1 if the fault was present, otherwise 0. `named` are the trainee's probabilities, `faults`
+    the faults that were present, and `rates` the rates of the possible faults.
     """
     probabilities = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
     penalty = sum((p - (name in faults)) ** 2 for name, p in probabilities.items())
@@ -140,8 +143,8 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
     """Return the protocol score, 0 to 1, and its explanation.
 
     The score is the share of the due steps that were done in time or skipped for a good reason. A
-    noted reason is good unless the records contradict it; only the last note on a step is used.
-    The score is 0 if no step was due.
+    noted reason is good unless the records contradict it; only the last note on a step is used. The
+    score is 0 if no step was due. `judged` are the deviations of the day, each with its judgment.
     """
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in judged if each.step}
@@ -176,7 +179,8 @@ def record_score(
 
     The score is the share of correct items among the decisions on hits and the entered results. A
     decision is correct if it follows the acceptance windows; hits in `justified`, counted from 0,
-    may also be rejected although they are within the windows. Without a hit the score is 0.
+    may also be rejected although they are within the windows. An undecided hit counts as wrong. If
+    there is no hit, or a record is missing, the score is 0.
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
@@ -198,7 +202,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
     """Return the economy score, 0 to 1, and its explanation.
 
     The score is the product of three factors, each at most 1: the expert's time over the trainee's
-    time, the same ratio of the numbers of shots, and the score `result`. `needless` is the
+    time, the expert's number of shots over the trainee's, and the score `result`. `needless` is the
     part of the trainee's time that is not counted [s]: extra checks that a reading justified.
     """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
@@ -212,7 +216,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the indices of the shots, from 0, before the last repair of any of the `faults`."""
+    """Return the numbers of the shots, from 0, before the last repair of any of the `faults`."""
     fired = before = 0
     for event in day.events:
         fired += event.action == "fire"

@@ -131,13 +131,16 @@ def application(
     Parameters
     ----------
     days
-        The days, by token. The token is part of the address that opens the day and works once.
+        The days, by token. The token is part of the address that opens the day. It works once. In
+        an exam it works again, and each use closes the day in the earlier browser.
     hosts
-        Served names with port, such as ``127.0.0.1:8000``.
+        Served names with port, such as ``127.0.0.1:8000``; at least one. A request to another name
+        is answered with status 403.
     secure
         Whether TLS is used.
     exam
-        The token of the trainer, and the state of the exam, which opens and closes the days.
+        The trainer's token, which works once, and the state of the exam. Trainees can work only
+        while the exam is in progress. None: there is no exam.
     """
 
     async def act(request: Request) -> Response:

@@ -413,7 +413,9 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
 def collide_lanes(
     w2: Array, bat: Counts, g: Array, given: Given, scheme: Scheme, rule: StepRule
 ) -> Out:
-    """Return final states, sums and counts of n collisions with N flexible modes.
+    """Integrate n collisions with N flexible modes, and return final states, sums and counts.
+
+    The symbols are those of `modal_kernel`. The results of a doubtful scene are not valid.
 
     Parameters
     ----------
@@ -422,19 +424,21 @@ def collide_lanes(
     bat : (n,) array
         Index of the bat of each scene.
     g : (n, N) array
-        Squared shapes at the impacts [1/kg].
-    given, rule
-        Input of the scenes and settings of the steps.
+        Squared mode shapes at the impact positions [1/kg].
+    given
+        Input of the scenes, arrays (n,).
     scheme : two arrays
-        Kicks and drifts, one kick more than drifts.
+        Kicks and drifts of the integration, one kick more than drifts.
+    rule
+        Settings of the steps.
 
     Returns
     -------
     states : (n, 2 N + 2) array
-        p, p', s, s' at the last release.
+        p and p' of all modes, then s and s', at the last release [SI].
     sums : (n, 3) array
         Time from first touch to last release [s]; energy lost in the ball [J]; error of the
-        energy balance, as a share.
+        energy balance, as a share of the initial energy.
     counts : (n, 4) array
         Contacts; reloads before release; 1 if the scene is doubtful, else 0; steps.
     """

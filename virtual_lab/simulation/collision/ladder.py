@@ -105,8 +105,9 @@ def choose(
 ) -> Choice:
     """Return the collision model of a bat: the named rung, or the fastest accurate one.
 
-    The result holds the model, its largest error of e_A on `probe` plus a margin, and the reason.
-    `probe` are scenes similar to those of the test. The model depends on the other arguments:
+    The result holds the model, an upper estimate of its error of e_A, and the reason. The estimate
+    is the largest error on `probe` times a safety factor. `probe` are scenes similar to those of
+    the test. The other arguments select the model:
 
     * A `rung` of `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of
       modes.
@@ -114,8 +115,8 @@ def choose(
       error is at most `SHARE` of it is used, or the reference model if there is none.
     * With neither, the modal rung is used.
 
-    Raises `InputError` for an unknown rung, an uncertainty that is not positive, or a probe that no
-    rung can simulate.
+    Raises `InputError` for an unknown rung, an uncertainty that is not positive, a support or a
+    probe position beyond the bat, or a probe scene that gives no result.
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":
@@ -350,9 +351,9 @@ def probing_scenes(
 ) -> Scenes:
     """Return the probe scenes: a nominal ball at `speed` [m/s] at positions along the barrel.
 
-    The positions are `PROBING.every` apart over `PROBING.places`, a range that is extended to
-    include `places` (lowest and highest distance from the tip [m]). The e0 is that of the nominal
-    ball at this speed.
+    The positions are about `PROBING.every` apart. They cover `PROBING.places`, extended to include
+    `places`, the lowest and highest distance from the tip [m]. The e0 is that of the nominal ball
+    at this speed. Raises `InputError` for a negative position or a speed that is not positive.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

@@ -83,9 +83,11 @@ def collide_bats(
 ) -> list[Collisions]:
     """Return the collisions of several bats, one result per pair of model and scenes in `batch`.
 
-    All are integrated together by the stepper of the first model. For a few scenes, building the
-    splines of a model takes too long; `tables` then state the values at the impact positions, shape
-    (n, N + 1) for each model.
+    The stepper of the first model integrates all of them together. `tables` has one array per pair,
+    the values of `ModalModel.table` at the n impact positions, (n, N + 1). The first N columns are
+    the shapes of all modes [kg^-1/2], rigid modes first and hoop mode last. The last column is the
+    compliance of the stiff modes [m/N]. Without `tables` the splines of each model give these
+    values; for few scenes, building the splines takes too long.
 
     Raises `InputError` for a position beyond the bat, and for a scene whose energy balance is off,
     whose e_A does not settle as the steps are halved, or that does not end.
@@ -173,8 +175,9 @@ def energy_split(
 ) -> EnergySplit:
     """Return the shares of the ball's initial energy at separation, each (n,), dimensionless.
 
-    `displacements` and `velocities` are the modal state, (n, N) [kg^1/2 m, kg^1/2 m/s], and `e_A`
-    is (n,). `losses` is the energy lost in the ball, and `energy` the initial one, both (n,) [J].
+    `displacements` [kg^1/2 m] and `velocities` [kg^1/2 m/s] are the modal state, (n, N), in the
+    order of `modes`. `e_A` is (n,). `losses` is the energy lost in the ball, and `energy` the
+    initial energy of the ball, both (n,) [J].
     """
     strained = modes.angular_frequencies * displacements
     beam = modes.deflections.shape[1]
@@ -193,9 +196,9 @@ def energy_split(
 
 
 def kernel_is_compiled() -> bool:
-    """Return whether the kernel is compiled, in this process or on disk.
+    """Return whether the kernel of the modal models is compiled, in this process or on disk.
 
-    It is also True if numba's compiler is disabled.
+    The result is also True if numba's compiler is disabled.
     """
     from virtual_lab.simulation.collision.batch_kernel import collide_lanes
     from virtual_lab.simulation.collision.powers import COMPILES

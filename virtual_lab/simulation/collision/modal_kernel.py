@@ -298,22 +298,26 @@ def _follow(
 def collide(
     w2: Array, which: Counts, g: Array, c: Array, ball: Array, steps: Array, window: float
 ) -> tuple[Array, Array, Counts]:
-    """Return final states, sums and counts of n collisions with N flexible modes.
+    """Integrate n collisions with N flexible modes one by one, and return states, sums and counts.
 
-    The scenes are integrated one by one. The results are the same as for `collide_lanes`, except
-    that the counts, (n, 3), are contacts, reloads and a `Failure`.
+    The results are those of `collide_lanes`, except that the counts, (n, 3), are contacts, reloads
+    and a `Failure`. The other results of a failed scene are not valid.
 
     Parameters
     ----------
-    w2, which
-        Squared angular frequencies, (bats, N) [1/s²], and index of the bat of each scene, (n,).
-    g, c
-        Squared shapes at the impacts, (n, N) [1/kg], and inverse mass of all rigid motion, (n,)
-        [1/kg].
+    w2
+        Squared angular frequencies, (bats, N) [1/s²].
+    which
+        Index of the bat of each scene, (n,).
+    g
+        Squared mode shapes at the impact positions, (n, N) [1/kg].
+    c
+        Inverse mass of all rigid motion of ball and bat, (n,) [1/kg].
     ball
-        k [N/m^a], a, b, C [m/N] and the speed [m/s], (n, 5).
+        Columns (n, 5): stiffness k [N/m^a], loading exponent a, unloading exponent b, compliance of
+        the stiff modes [m/N], and relative speed [m/s].
     steps
-        Time steps [s], (n,).
+        Time steps, (n,) [s].
     window
         Time after the first touch within which further contacts are simulated [s].
     """

@@ -44,7 +44,8 @@ def patch_shape(modes: Modes, z: Array, width: float) -> Array:
 def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
     """Return the result of `patch_shape` for each of several sets of modes of one bat.
 
-    The arrays are (n, N) [kg^-1/2], where N is the number of modes of the set.
+    All sets share one mesh. The arrays are (n, N) [kg^-1/2], where N is the number of modes of the
+    set.
     """
     block_size = 4096  # positions per block, so that the interpolation matrix fits in the cache
     blocks = [

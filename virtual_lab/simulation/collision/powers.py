@@ -76,7 +76,7 @@ if not COMPILES:  # in Python, integers in arrays wrap around silently, as in re
 
 @njit(**SIMD)
 def log2(x: float) -> float:
-    """Return log2(x) of a positive normal number `x`, with an error of at most 6e-11.
+    """Return log2(x) of a positive normal number `x`, with an absolute error of at most 6e-11.
 
     Other numbers (0, negative, inf, NaN) give a wrong result, not an error.
     """
@@ -92,7 +92,7 @@ def log2(x: float) -> float:
 def exp2(y: float) -> float:
     """Return 2^y for -1000 < y < 1000, with a relative error of at most 6e-11.
 
-    A `y` outside this range gives a wrong result, not an error.
+    NaN, or a `y` outside this range, may give a wrong result, not an error.
     """
     rounded = y + ROUND
     f = y - (rounded - ROUND)

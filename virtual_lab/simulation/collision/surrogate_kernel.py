@@ -27,9 +27,7 @@ def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
     """Return the value of a Chebyshev series in four variables at n points, (n,).
 
     `coefficients` are those of T_i T_j T_k T_l, with one axis per variable. `unit` holds the
-    variables, (4, n), each from -1 to 1. Within a block of points the sum over the first variable
-    is one matrix product. The sums over the other variables run over the points, which the compiler
-    vectorises.
+    variables, (4, n), each scaled to the range -1 to 1.
     """
     a, b, c, d = coefficients.shape
     rows = np.ascontiguousarray(coefficients.reshape(a, b * c * d).T)

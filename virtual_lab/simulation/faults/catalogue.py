@@ -38,18 +38,19 @@ SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 
 
 def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
-    """Return a hook for `Fault.record` that enters each reading multiplied by `factor`.
+    """Return a hook for `Fault.record` that multiplies each reading by `factor`.
 
-    The hook returns the changed array, ``readings``, with the shape of the record's array.
+    The hook returns a mapping with the key ``readings``, an array of the shape and unit of the
+    readings in the record.
     """
     return lambda record, _: {"readings": record.readings * factor}
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Return the balance readings as measured from the knob, keyed by name: ``readings`` [m].
+    """Return the balance readings as measured from the knob instead of the tip [m].
 
-    The laboratory enters them as if they were measured from the tip. The record itself is not
-    changed.
+    The laboratory enters them as if they were measured from the tip. The result is a mapping with
+    the key ``readings``, an array of the shape of the readings in the record.
     """
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
@@ -57,8 +58,9 @@ def from_knob(record: Any, written: FaultContext) -> Arrays:
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
     """Return too small pendulum amplitudes, which the operator entered from habit [rad].
 
-    The real amplitudes are larger. The result holds ``first_amplitude`` and ``last_amplitude``,
-    each (release,), multiplied by the ratio of the usual to the real amplitude at release.
+    The result is a mapping with the keys ``first_amplitude`` and ``last_amplitude``, each
+    (release,). The amplitudes of the record are multiplied by the ratio of the usual to the real
+    amplitude at release.
     """
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
@@ -67,38 +69,46 @@ def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
 def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
     """Return the calibration with the moment of inertia of the pendulum's clamp entered as 0.
 
-    All other constants, and the u of this constant, are unchanged.
+    Its u and all other constants are unchanged. Raises `KeyError` if the calibration does not have
+    this constant.
     """
     key = "bench.pendulum.clamp_inertia"
     return {**constants, key: replace(constants[key], value=0.0)}
 
 
 def livelier(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen whose balls have an e0 0.02 above that of the wall test.
+    """Return a copy of the specimen whose balls have an e0 that is 0.02 higher.
 
-    The records of the wall test are unchanged.
+    The hits at the bat use these balls. The wall test was made with the original ones.
     """
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
 
 
 def not_conditioned(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen whose balls were kept in a damp room instead of their store."""
+    """Return a copy of the specimen whose balls were kept in a damp room instead of their store.
+
+    The relative humidity of the room is 75 %. Balls whose e0 does not depend on the humidity are
+    unchanged.
+    """
     return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen in which ball 3, counted from 0, is worn: e0 is 0.04 lower."""
+    """Return a copy of the specimen in which ball 3, counted from 0, is worn: e0 is 0.04 lower.
+
+    The specimen is that of one laboratory, not of a block. Raises `IndexError` if it has fewer than
+    four balls.
+    """
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
     return replace(specimen, balls=replace(specimen.balls, restitution=restitution))
 
 
 def crack(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen with a cracked bat.
+    """Return a copy of the specimen with a cracked bat, whose stiffness is 10 % lower.
 
-    Its stiffness is 10 % lower, and the frequency of its first bending mode (f1) 5 % lower. The bat
-    cracks after the bench measurements, before the first hit.
+    The frequencies of its bending modes are 5 % lower.
     """
     bat, share = specimen.bat, 0.9
     material = replace(
@@ -110,11 +120,11 @@ def crack(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Return the edge times of balls that are out of round by 1.5 mm, with the key ``times`` [s].
+    """Return the edge times of balls that are out of round by up to 1.5 mm.
 
-    The radii at the front and the back of the ball differ, and change from passage to passage. A
-    beam that barely hits a round ball can miss such a ball; its edges are NaN. The result has the
-    shape of the array in the record.
+    The radii at the front and at the back of the ball differ, and change from gate to gate. A beam
+    that barely hits a round ball can miss such a ball; its edges are NaN. The result is a mapping
+    with the key ``times`` [s], an array of the shape of the times in the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -130,9 +140,10 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 
 
 def swap(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times with those of shots 1 and 4 exchanged, keyed by name: ``times`` [s].
+    """Return the gate times with those of shots 1 and 4, counted from 0, exchanged.
 
-    Shots are counted from 0. The times are unchanged if the two shots are not in one round.
+    The times are unchanged if the plan does not contain both shots. The result is a mapping with
+    the key ``times`` [s], an array of the shape of the times in the record.
     """
     slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
@@ -145,7 +156,8 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
     """Return gate times in which the gate nearest the bat misses every second incoming ball.
 
-    The result has the key ``times`` [s]. The edges of shots 1, 3, 5, …, counted from 0, are NaN.
+    Its edges of shots 1, 3, 5, …, counted from 0, are NaN. The result is a mapping with the key
+    ``times`` [s], an array of the shape of the times in the record.
     """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
@@ -153,10 +165,10 @@ def every_second_missed(record: Any, written: FaultContext) -> Arrays:
 
 
 def cleared_twice(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times with late last edges at the gate nearest the bat, as ``times`` [s].
+    """Return gate times in which the gate nearest the bat clears twice in about 60 % of the shots.
 
-    The gate clears twice, so the last edge of the incoming ball is 0.4 ms late, in about 60 % of
-    the shots. The record itself is not changed.
+    In these shots the last edge of the incoming ball is 0.4 ms late. The result is a mapping with
+    the key ``times`` [s], an array of the shape of the times in the record.
     """
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
@@ -164,7 +176,7 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
 
 
 def scraps_of_beams(station: Station) -> Station:
-    """Return the station with more sabot fragments at its light boards, which simulate them.
+    """Return the station with sabot fragments ahead of 60 % of the balls at its light boards.
 
     A station without light boards is returned unchanged.
     """
@@ -172,11 +184,11 @@ def scraps_of_beams(station: Station) -> Station:
 
 
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
-    """Return gate times in which fragments break the first gate before the ball, as ``times`` [s].
+    """Return gate times in which sabot fragments break the first gate ahead of the ball.
 
-    In about 60 % of the shots, fragments of the sabot fly 30 mm ahead of the ball and break the
-    beam of this gate. For light boards the result is empty, because their instrument simulates the
-    fragments.
+    In about 60 % of the shots, fragments fly 30 mm ahead of the ball, so the gate breaks earlier.
+    The result is a mapping with the key ``times`` [s], an array of the shape of the times in the
+    record. For light boards the mapping is empty, because their instrument simulates the fragments.
     """
     if isinstance(record, BoardRecord):
         return {}
@@ -190,8 +202,8 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
 def drifting(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times at the wall with rebounds that become faster from hit to hit.
 
-    The result has the name ``times`` [s]. The apparent e0 rises from the first to the last hit, by
-    6 % in total.
+    The apparent e0 rises by 6 % from the first to the last hit of the plan. The result is a mapping
+    with the key ``times`` [s], an array of the shape of the times in the record.
     """
     times, slot = record.times.copy(), written.plan.slot
     rebounds = times[:, Edge.OUT]
@@ -207,10 +219,10 @@ def too_slow(plan: ShotPlan) -> ShotPlan:
 
 
 def slipping(record: Any, written: FaultContext) -> Arrays:
-    """Return the counts of an encoder whose coupling slips once in some shots, by 20 counts.
+    """Return the counts of an encoder whose coupling slips in about 60 % of the shots.
 
-    The result has the name ``counts``, (shot, sample). About 60 % of the shots lose 20 counts at a
-    random time.
+    Such a shot loses 20 counts at a random time. The result is a mapping with the key ``counts``,
+    an array (shot, sample).
     """
     samples = record.counts.shape[1]
     when = 0.3 + 0.6 * written.chance(".when")
@@ -221,7 +233,8 @@ def slipping(record: Any, written: FaultContext) -> Arrays:
 def loose(record: Any, written: FaultContext) -> Arrays:
     """Return the counts of an encoder that follows a loose bat with a play of 0.3 degrees.
 
-    The result has the name ``counts``, (shot, sample).
+    The result is a mapping with the key ``counts``, an array (shot, sample). Raises `KeyError` for
+    a station without an encoder.
     """
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))
@@ -236,7 +249,8 @@ def loose(record: Any, written: FaultContext) -> Arrays:
 def still_swinging(record: Any, written: FaultContext) -> Arrays:
     """Return the encoder counts for a bat that still swings at 0.3 rad/s when the ball is fired.
 
-    The direction is random from shot to shot. The result has the key ``counts``, (shot, sample).
+    The direction is random from shot to shot. The result is a mapping with the key ``counts``, an
+    array (shot, sample). Raises `KeyError` for a station without an encoder.
     """
     direction = np.where(written.some(0.5), 1.0, -1.0)
     rotation = counts_per_turn(written) / tau * 0.3 * record.times
@@ -244,7 +258,10 @@ def still_swinging(record: Any, written: FaultContext) -> Arrays:
 
 
 def counts_per_turn(written: FaultContext) -> float:
-    """Return the counts per turn of the encoder according to the calibration of the laboratory."""
+    """Return the counts per turn of the encoder according to the calibration of the laboratory.
+
+    Raises `KeyError` for a station without an encoder.
+    """
     return written.station.calibration["encoder.counts_per_turn"].value
 
 

@@ -95,7 +95,10 @@ class FaultSet:
 
 
 def faults_at(rig: str) -> list[str]:
-    """Return the names of the faults of the catalog that an installed impact rig can have."""
+    """Return the names of the faults that an installed impact rig can have, in alphabetical order.
+
+    Raises `InputError` if no impact rig of the name `rig` is installed.
+    """
     installed = find_rig(rig, Stage.IMPACT)
     station = installed.commission(Quiet())
     return [name for name, fault in sorted(CATALOGUE.items()) if fault.befalls(installed, station)]

@@ -74,10 +74,10 @@ class Fault:
 def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
     """Return a hook for `Fault.station` that changes a true constant but not its calibration.
 
-    The true value of `constant` of the instrument `part` is multiplied by `times` and increased by
-    `plus` [SI]. If the instrument has several constants of that name (name_0, name_1, …), only the
-    last one is changed. The hook returns the changed station, or None for a station without the
-    instrument or the constant.
+    `part` is the name of the instrument. The true value of its `constant` is multiplied by `times`
+    and then increased by `plus` [SI]. If the instrument has several constants of that name (name_0,
+    name_1, …), only the last one is changed. The hook returns the changed station, or None for a
+    station without the instrument or the constant.
     """
 
     def standing(station: Station) -> Station | None:
@@ -93,10 +93,11 @@ def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 
 
 
 def sheet_off(part: str, **values: float) -> Standing:
-    """Return a hook for `Fault.station` that gives an instrument other values than its data sheet.
+    """Return a hook for `Fault.station` that changes values on the data sheet of an instrument.
 
-    `part` is the name of the instrument, and `values` are in SI. The hook returns the changed
-    station, or None for a station without the instrument or one of these keys.
+    `part` is the name of the instrument, and `values` are the new values [SI] by their keys on the
+    sheet. The hook returns the changed station, or None for a station without the instrument or one
+    of these keys.
     """
 
     def standing(station: Station) -> Station | None:
@@ -109,14 +110,18 @@ def sheet_off(part: str, **values: float) -> Standing:
 
 
 def instrument_of(station: Station, part: str) -> Any:
-    """Return the instrument `part` of a station, None if the station has none of that name."""
+    """Return the instrument `part` of a station, or None if it has no instrument of that name.
+
+    The result is also None for a station that is no `FittedStation`.
+    """
     return station.instruments().get(part) if isinstance(station, FittedStation) else None
 
 
 def fitted_with(station: Station, part: str, instrument: Any) -> Station:
     """Return a copy of the station with its instrument `part` replaced by `instrument`.
 
-    Raises `KeyError` if the station has no such instrument.
+    Raises `KeyError` if the station has no such instrument, and `AttributeError` if it is no
+    `FittedStation`.
     """
     fitted: Any = station
     changed: Station = fitted.with_instrument(part, instrument)
@@ -126,8 +131,8 @@ def fitted_with(station: Station, part: str, instrument: Any) -> Station:
 def other_sheet(station: Station, part: str, **changes: Any) -> Station:
     """Return a copy of the station with `changes` [SI] in the data sheet of the instrument `part`.
 
-    The constants that the instrument has already drawn do not change. Raises `AttributeError` if
-    the station has no such instrument.
+    The true constants and the certificate of the instrument do not change. Raises `AttributeError`
+    if the station has no such instrument, and `TypeError` for a key that is not on the sheet.
     """
     instrument = instrument_of(station, part)
     spec = replace(instrument.spec, **changes)

@@ -14,10 +14,11 @@ NO_SIZE = {"records-swapped"}  # faults that are there or not
 
 
 def sized(fault: Fault, size: float) -> Fault:
-    """Return a copy of a fault with its numeric changes scaled by `size`.
+    """Return a copy of a fault whose changes of numbers are multiplied by `size`.
 
-    Changes of integers and strings keep their full size, and so do readings that the fault adds or
-    removes. A fault in `NO_SIZE` is returned unchanged.
+    With a size of 1 the fault is unchanged. Changes of integers, strings and tuples of objects keep
+    their full size, and so do readings that the fault adds or removes. A fault in `NO_SIZE` is
+    returned unchanged.
     """
     if fault.name in NO_SIZE:
         return fault
@@ -47,8 +48,9 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 def blend(before: Any, after: Any, size: float) -> Any:
     """Return `before` with its change to `after` multiplied by `size`, number by number.
 
-    Integers, strings and the keys of a mapping are those of `after`, and so are numbers that are
-    not finite in `before` or in `after`.
+    Mappings and dataclasses are changed entry by entry. Integers, strings, tuples of objects and
+    the keys of a mapping are those of `after`. So are numbers that are not finite in `before` or in
+    `after`. Raises `TypeError` for a tuple or list of several floats that changes.
     """
     if before is after:
         return before

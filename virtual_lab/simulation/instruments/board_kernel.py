@@ -33,7 +33,7 @@ class Boards(NamedTuple):
 def write_edges(
     records: Array, flights: Array, start: Array, out: bool, boards: Boards, reach: Array
 ) -> None:
-    """Compute the recorded times of the edges in one direction, in place.
+    """Compute the recorded times of all edges in one direction, in place.
 
     Near a board a flight is treated as a straight line. The times of a beam that the ball misses
     are NaN.
@@ -42,11 +42,13 @@ def write_edges(
     ----------
     records
         Errors of the times on input, recorded times rounded to clock ticks on output [s],
-        (shot, direction, board, 2 beam + edge).
-    flights, start
-        Trajectory parameters of `Passage.way`, (5, shot), and times at the target [s], (shot,).
+        (shot, direction, board, 2 beam + edge). Only one direction is changed.
+    flights
+        Trajectory parameters from `Passage.way`, (5, shot).
+    start
+        Times at the target, (shot,) [s].
     out
-        Whether the ball rebounds.
+        True for the rebounding ball, False for the incoming ball.
     boards
         True constants of the boards.
     reach
@@ -93,15 +95,19 @@ def sum_up(
 ) -> None:
     """Compute the recorded times and heights of the passages in one direction, in place.
 
+    Both are NaN if a ball breaks fewer than four beams of a board.
+
     Parameters
     ----------
     records
         Standard normal numbers on input, recorded times [s] and heights [m] on output,
         (2, board, shot).
-    flights, start
-        Trajectory parameters of `Passage.way`, (5, shot), and times at the target [s], (shot,).
+    flights
+        Trajectory parameters from `Passage.way`, (5, shot).
+    start
+        Times at the target, (shot,) [s].
     out
-        Whether the ball rebounds.
+        True for the rebounding ball, False for the incoming ball.
     boards
         True constants of the boards.
     edge, trip
@@ -134,7 +140,7 @@ def sum_up(
 
 @njit(cache=True)
 def gain_memory(radius: float) -> Array:
-    """Return an empty table for the gains of balls up to a radius [pitches], (row, 4).
+    """Return an empty table for the gains of balls up to a radius [beam pitches], (row, 4).
 
     It is the argument `memory` of `fill_gains`. All values are 0, which means that there is no
     entry yet.
@@ -152,15 +158,13 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     * u of the height per u of the distance flown at an edge;
     * u of the height per u of the threshold of a beam.
 
-    They are NaN if too few beams were broken. The gains depend on the number of beams that the ball
-    would break beyond the end of a board, and on the position of the ball's center between two
-    beams, in `CENTRE_PHASES` steps. A ball near the top of the board has the gains of its mirror
-    image near the bottom.
+    They are NaN if fewer than four beams were broken. The position of the ball's center between two
+    beams is rounded to `CENTRE_PHASES` steps.
 
     Parameters
     ----------
     centre, radius
-        Height of the ball's center above the lowest beam, and its radius [pitches], (n,).
+        Height of the ball's center above the lowest beam, and its radius, (n,) [beam pitches].
     beams
         Number of beams of a board.
     memory

@@ -97,12 +97,16 @@ def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
 def drawn(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
-    """Return an instrument's constants on its certificate, and the true ones, keyed by name.
+    """Draw the constants on an instrument's certificate, and its true constants.
 
-    `sheet` holds value, σ and degrees of freedom of each constant. `name` is the name of the
-    instrument, which is the key of its random stream. All values are in the units of `sheet`. For a
-    block, the constants on the certificate are `Estimates` and the true constants are arrays, both
+    The result is two mappings by the name of the constant, in the units of `sheet`. For a block,
+    the constants on the certificate are `Estimates` and the true constants are arrays, both
     (laboratory,).
+
+    `sheet` holds value, σ and degrees of freedom ν of each constant. The certificate states this
+    value, with a random u = σ √(χ²_ν / ν), or σ if ν is inf. The true constant is normally
+    distributed about the value, with standard deviation σ. `name` is the name of the instrument,
+    which is the key of its random stream.
     """
     numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
     laboratories = numbers.shape[1:]
@@ -120,8 +124,9 @@ def drawn(
 def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
     """Return an estimate for one laboratory, or copies of it for a block of laboratories.
 
-    Its u is multiplied by `share`. `laboratories` is the shape of the block: (n,), or () for one
-    laboratory, whose result is an `Estimate`.
+    `laboratories` is the shape of the block: (n,), or () for one laboratory. The result is
+    `Estimates` for a block and an `Estimate` for one laboratory. Its u is multiplied by `share`, a
+    number, or an array (n,) for a block.
     """
     if not laboratories:
         return constant if share == 1.0 else replace(constant, u=constant.u * float(share))

@@ -47,8 +47,8 @@ def pieces_of(dof: float) -> Array:
 def stated_shares(chance: Array, pieces: Array, shares: Array) -> None:
     """Fill `shares` (n,) with u / σ for standard normal numbers `chance` (n,).
 
-    In a laboratory without randomness each number is exactly 0, which gives u / σ = 1, not the
-    median of u / σ. `pieces` come from `pieces_of`.
+    A number of exactly 0, as in a laboratory without randomness, gives 1. `pieces` come from
+    `pieces_of`.
     """
     last = len(pieces) - 1
     for i in range(chance.size):

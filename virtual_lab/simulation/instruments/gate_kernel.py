@@ -29,11 +29,12 @@ WAY = Way()
 def pass_gate(
     flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
 ) -> None:
-    """Fill in time [s], height [m] and slope of the balls at a `distance` from the target.
+    """Fill `since` [s], `height` [m] and `steep` [m/m] with time, height and slope at a gate.
 
-    All arrays are (shot,), except `flight`, the result of `Passage.way`, (5, shot). The time is
-    counted before contact for an incoming ball and after release for a rebound. The height is above
-    the line of fire, and the slope is height per meter of distance.
+    All arrays are (shot,), except `flight`, the result of `Passage.way`, (5, shot). `distance` is
+    that of the gate from the target [m], and `gravity` is in m/s². The time is counted before
+    contact for an incoming ball and after release for a rebound. The height is that of the ball's
+    center above the line of fire. The slope is height per distance from the target.
     """
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]
@@ -59,17 +60,20 @@ def sum_up_gates(
 ) -> None:
     """Compute the recorded times of the passages in one direction, in place.
 
-    An incoming ball is detected at any height.
+    An incoming ball is detected at any height, a rebounding ball only within the height of the
+    gates.
 
     Parameters
     ----------
     records
         Standard normal numbers on input, recorded times [s] on output, NaN if the ball was not
-        detected, (shot, direction, gate).
-    flights, start
-        Flights of `Passage.way`, (5, shot), and times at the target [s], (shot,).
+        detected, (shot, direction, gate). Only one direction is changed.
+    flights
+        Trajectory parameters from `Passage.way`, (5, shot).
+    start
+        Times at the target, (shot,) [s].
     out
-        Whether the ball rebounds.
+        True for the rebounding ball, False for the incoming ball.
     gates
         True constants of the gates.
     jitter

@@ -72,7 +72,10 @@ class GateSheet(CalibratedSpec):
 
 
 def each_shot(constant: TrueConstant, shots: int) -> Array:
-    """Return a constant of one laboratory or of each shot as a new array, (shot,)."""
+    """Return a constant, given once or per shot, as a new array with one value per shot, (shot,).
+
+    `constant` is a number or an array (shot,). Raises `ValueError` for another shape.
+    """
     return np.full(shots, constant)
 
 

@@ -269,9 +269,9 @@ def _write(state: Moving, row: Array) -> None:
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
     """Continue the `shots` to the next contact with the bat or to their end, and log the events.
 
-    `shots` are indices, and `efficiency` is the e_A of the current contact of each shot,
-    (len(shots),). Afterward, `log.waits` is True for a shot that needs the e_A of a new contact to
-    continue.
+    `shots` are indices. `efficiency`, (len(shots),), is the e_A of the contact that each shot waits
+    for; a shot that does not wait ignores it. `log` is changed in place. Afterward `log.waits` is
+    True for a shot that needs the e_A of a new contact to continue.
     """
     for number in range(shots.size):
         i = shots[number]

@@ -14,8 +14,8 @@ from virtual_lab.units import Array
 def play_events(scene: ShotScene) -> PlayedShots:
     """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
-    A shot that cannot be computed has no pieces; `PlayedShots.refused` states the reason. The other
-    shots do not affect the result of a shot, not even its last bit.
+    A shot that cannot be computed has no pieces; its element of `PlayedShots.refused` is the
+    reason, an `Obstacle`. The other shots do not affect the result of a shot.
     """
     from virtual_lab.simulation.motion.event_kernel import MOST, Log, Own, Scene, carry_on
 

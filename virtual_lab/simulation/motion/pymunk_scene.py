@@ -69,12 +69,7 @@ def longest_step(scene: ShotScene, state: ShotState) -> float:
     """Return the longest safe step [s] for all shots, in which no ball can pass through an object.
 
     Within such a step the distance of ball and object decreases by at most the sum of their radii.
-    The step is infinite if nothing moves.
-
-    Parameters
-    ----------
-    scene, state
-        Scene, and the state of its shots, (n,). Between contacts all speeds decrease.
+    The step is infinite if nothing moves. `state` is the state of the shots of the scene, (n,).
     """
     bat, ball = scene.bat, np.hypot(state.vx, state.vz)
     # largest lever arm at which ball and bat can meet within a step
@@ -92,8 +87,9 @@ def longest_step(scene: ShotScene, state: ShotState) -> float:
 def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedShots:
     """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
-    A shot that cannot be computed has no pieces; `PlayedShots.refused` states the reason. Raises
-    `InputError` for unsafe settings or a ball that starts inside the bat.
+    A shot that cannot be computed has no pieces; its element of `PlayedShots.refused` is the
+    reason, an `Obstacle`. Raises `InputError` for unsafe settings, or for a ball that touches the
+    bat at the start.
     """
     gap = float(nearness(scene, scene.start).gap.min(initial=inf))
     if gap <= 0:

@@ -56,7 +56,7 @@ def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotS
     """Return the states of the `shots` of a scene after a `time` of free motion, each (n,) [SI].
 
     `state`, `time` [s] and the indices `shots` are (n,). Drag slows the ball in the horizontal
-    plane, and gravity changes its height; both are exact. Contacts are ignored.
+    plane, and gravity changes its height. The bat keeps its angular rate. Contacts are ignored.
     """
     speed = np.hypot(state.vx, state.vz)
     drag = scene.ball_drag[shots]
@@ -111,9 +111,9 @@ def rebound(
 ) -> ShotState:
     """Return the states of the `shots` after frictionless contacts with these values of e_A, (n,).
 
-    `near` holds gap and relative motion at the contact. The ball's normal speed is reversed and
-    multiplied by e_A, and its speed along the surface does not change. The bat receives the angular
-    momentum about its pivot that the ball loses.
+    `state` is the state at the contact, and `near` its gap and relative motion. The normal speed of
+    the ball relative to the bat is reversed and multiplied by e_A. Its speed along the surface does
+    not change. The bat receives the angular momentum about its pivot that the ball loses.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain
@@ -129,8 +129,8 @@ def rebound(
 def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.str_]:
     """Return the reason why each contact cannot be computed, (n,), an empty string if it can.
 
-    The reasons are those of `Obstacle`. `near` holds gap and relative motion before the contact,
-    and `after` is the state after it.
+    The reasons are the values of `Obstacle`. `near` holds gap and relative motion before the
+    contact, and `after` is the state after it.
     """
     edge = (near.place < 0) | (near.place > scene.bat.length)
     follows = nearness(scene, after).approach >= 0
@@ -139,10 +139,10 @@ def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.
 
 
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
-    """Return the time from `state` until the bat reaches its stop [s], (n,); inf if it does not.
+    """Return the time from `state` until the bat reaches its stop [s], (n,).
 
-    That is the case for a bat at rest, one that turns away from the stop, and a scene without a
-    stop.
+    The time is inf for a bat at rest, for a bat that turns away from the stop, and for a scene
+    without a stop. It is 0 for a bat that turns at or beyond the stop.
     """
     if scene.stop is None:
         return np.full(state.rate.shape, np.inf)
@@ -156,10 +156,10 @@ def first_touch(
 ) -> Array:
     """Return the time of the first touch of ball and bat before `until` [s], (n,); inf if none.
 
-    Times are counted from `state`. The method is conservative advancement: ball and bat cannot meet
-    before a time equal to their gap divided by the largest possible closing speed, so no touch is
-    missed, however short. With `parting`, a contact at the start is ignored: if the ball is moving
-    away from the bat, the search begins just after the start.
+    Times are counted from `state`, and `shots` are the indices of its shots in the scene. The
+    method is conservative advancement: ball and bat cannot meet before a time equal to their gap
+    divided by the largest possible closing speed. Therefore no touch is missed, however short. With
+    `parting`, a contact at the start is ignored if the ball is moving away from the bat.
     """
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until

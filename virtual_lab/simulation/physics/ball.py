@@ -52,10 +52,18 @@ def wall_contact(
     """Return the collision of a power-law ball with a rigid wall: compression, force and times.
 
     The results have the common shape of the arguments, in SI. At speed 0, compression and force are
-    0 and the times are NaN. The arguments are the mass of the ball (or the reduced mass) [kg], the
-    approach speed [m/s], k [N/m^a], a and e0. From the energy, ``u_max = ((a + 1) m v^2 / 2 k)^(1 /
-    (a + 1))``. The compression takes the time ``u_max C(a + 1) / v``, and the expansion ``u_max C(b
-    + 1) / (e0 v)`` with the unloading exponent b; C is `_half_time`.
+    0 and the times are NaN.
+
+    Parameters
+    ----------
+    mass
+        Mass of the ball, or reduced mass [kg].
+    speed
+        Approach speed [m/s].
+    stiffness, exponent
+        k [N/m^a] and a of the loading curve F = k u^a.
+    restitution
+        e0 of the ball.
     """
     a, b = exponent, unloading_exponent(exponent, restitution)
     compression = ((a + 1) * mass * speed**2 / (2 * stiffness)) ** (1 / (a + 1))

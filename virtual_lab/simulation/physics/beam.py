@@ -98,9 +98,9 @@ class Section:
 def outer_diameter(profile: Profile, z: Array) -> Array:
     """Return the outer diameter [m] at positions `z` from the barrel tip [m], in the shape of `z`.
 
-    Between the stations it is a monotone cubic (Fritsch and Carlson), which does not overshoot, so
-    a straight barrel stays straight. For positions beyond the bat, the cubic of the nearest end is
-    extrapolated; no error is raised.
+    Between the stations of the profile it is a monotone cubic, which does not overshoot, so a
+    straight barrel stays straight. Beyond the bat, the cubic of the nearest end is extrapolated; no
+    error is raised.
     """
     return _between_stations(profile, profile.outer_diameter, z)
 
@@ -108,8 +108,8 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
 def wall_thickness(profile: Profile, z: Array) -> Array:
     """Return the wall thickness [m] of a hollow bat at positions `z` from the barrel tip [m].
 
-    The result has the shape of `z`, with the interpolation of `outer_diameter`. A solid bat has no
-    wall: an assertion fails.
+    The result has the shape of `z`, with the interpolation of `outer_diameter`. Raises
+    `AssertionError` for a solid bat.
     """
     assert profile.wall is not None
     return _between_stations(profile, profile.wall, z)
@@ -121,10 +121,10 @@ def barrel_radius(profile: Profile) -> Array:
 
 
 def radius_cubics(profile: Profile) -> tuple[Array, Array]:
-    """Return the stations [m], (k + 1,), and the cubics of the outer radius from each, (4, k).
+    """Return the stations [m], (k + 1,), and a cubic of the outer radius [m] from each, (4, k).
 
-    The coefficients start with the highest power of the distance from the station [m]. The cubics
-    are those of `outer_diameter`, halved.
+    Each column has the coefficients of a cubic in the distance from its station [m], starting with
+    the highest power. The cubics are those of `outer_diameter`, halved.
     """
     cubic = _interpolant(profile.z, profile.outer_diameter)
     return cubic.knots, cubic.coefficients / 2
@@ -133,8 +133,8 @@ def radius_cubics(profile: Profile) -> tuple[Array, Array]:
 def section(body: BatBody, z: Array) -> Section:
     """Return mass, rotary inertia and stiffnesses per unit length at positions `z` [SI].
 
-    `z` is the distance from the barrel tip [m], and each result has its shape. Lumps are not
-    included.
+    `z` is the distance from the barrel tip [m]. Each field of the result has the shape of `z`.
+    Lumps are not included.
     """
     material = body.material
     d = outer_diameter(body.profile, z)
@@ -227,9 +227,10 @@ def beam_of(
 ) -> Beam:
     """Return the beam of a bat: mesh, matrices and rigid-body values [SI].
 
-    The mesh has a node at the support. The matrices are those of the free bat; `modes_of` applies
-    the support. No element is longer than `element_size` [m]. Raises `InputError` if the support is
-    beyond the bat or the order is below 4.
+    The mesh has a node at the support, which by default is none. The matrices are those of the free
+    bat; `modes_of` applies the support. `order` is the polynomial degree of the elements, and no
+    element is longer than `element_size` [m]. Raises `InputError` if the support is beyond the bat,
+    its stiffness is not positive, or the order is below 4.
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")

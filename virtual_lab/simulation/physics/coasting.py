@@ -16,13 +16,24 @@ def coasting(
 
     Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is valid at all
     ticks from release on, not before. The rate ω solves dω/dt = -(constant + linear ω + quadratic
-    ω²); the coefficients are the torques of bearing and air divided by the moment of inertia
-    [rad/s², 1/s, 1/rad]. The angle is computed as a power series with recursive coefficients. The
-    series is exact to rounding if (linear + 2 quadratic ω) t is at most 1/4; otherwise `ValueError`
-    is raised.
+    ω²).
 
-    `rate` is the angular rate at release [rad/s]. `rate` and `release` [s] have shape (shot,).
-    `ticks` [s], shape (sample,), are common to all shots.
+    Parameters
+    ----------
+    rate
+        Angular rate at release, (shot,) [rad/s].
+    ticks
+        Times of the samples, common to all shots, (sample,) [s].
+    release
+        Time of the release, (shot,) [s].
+    constant, linear, quadratic
+        Coefficients [rad/s², 1/s, 1/rad]: the torques of bearing and air divided by the moment of
+        inertia.
+
+    Raises
+    ------
+    ValueError
+        (linear + 2 quadratic ω) t exceeds 1/4, so the power series of the angle is not accurate.
     """
     longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
     friction = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
@@ -65,11 +76,20 @@ def ringing(
     """Return two arrays whose matrix product is the decaying bending angle at the pivot [rad].
 
     Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is the part of
-    the section's angle that bending causes, valid at all ticks from release on. `turn` is the
-    rotation of the section per unit of each modal coordinate, (shot, mode). `displacement` and
-    `velocity` are the modal coordinates and rates at release, (shot, mode); `angular_frequency` is
-    undamped [rad/s], (mode,); `damping_ratio` is a share of critical damping. `ticks` and `release`
-    are the same as for `coasting`.
+    the section's angle that bending causes. It is valid at all ticks from release on, not before.
+
+    Parameters
+    ----------
+    turn
+        Rotation of the section per unit of each modal coordinate, (shot, mode) [kg^-1/2 m^-1].
+    displacement, velocity
+        Modal coordinates and rates at release, (shot, mode) [kg^1/2 m, kg^1/2 m/s].
+    angular_frequency
+        Undamped angular frequencies, (mode,) [rad/s].
+    damping_ratio
+        Share of critical damping, below 1.
+    ticks, release
+        Times of the samples, (sample,), and of the release, (shot,) [s].
     """
     decay = damping_ratio * angular_frequency
     damped = angular_frequency * np.sqrt(1 - damping_ratio**2)

@@ -34,10 +34,10 @@ class PiecewiseCubic:
 def monotone_cubic(knots: Array, values: Array) -> PiecewiseCubic:
     """Return the piecewise cubic through `values` that is monotone wherever the values are.
 
-    `knots` and `values` are (n,), with increasing knots and n of at least 2. Its slope at a knot is
-    the weighted harmonic mean of the slopes beside it, and zero at an extreme value (Fritsch and
-    Butland 1984). At the ends it is the slope of the parabola through three knots, limited to
-    preserve the shape (Moler, Numerical Computing with MATLAB, 3.6).
+    `knots` and `values` are (n,), with increasing knots and n of at least 2. The slope of the cubic
+    at a knot is the weighted harmonic mean of the slopes beside it, and zero at an extreme value
+    (Fritsch and Butland 1984). At the ends it is the slope of the parabola through three knots,
+    limited to preserve the shape (Moler, Numerical Computing with MATLAB, 3.6).
     """
     width = np.diff(knots)
     slope = np.diff(values) / width

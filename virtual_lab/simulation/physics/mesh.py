@@ -45,7 +45,7 @@ class ReferenceElement:
 
 @lru_cache
 def reference_element(order: int) -> ReferenceElement:
-    """Return the element on [-1, 1] with polynomials of degree `order`.
+    """Return the element on [-1, 1] with polynomials of degree `order`, at least 1.
 
     It has order + 1 Legendre-Gauss-Lobatto nodes.
     """
@@ -117,10 +117,11 @@ class Mesh:
 def mesh_through(
     places: tuple[float, ...], keep: tuple[float, ...], *, size: float, order: int
 ) -> Mesh:
-    """Return a mesh with boundaries at `places` [m] and no element longer than `size` [m].
+    """Return a mesh with boundaries at `places` and `keep`, and no element longer than `size` [m].
 
-    `order` is the polynomial degree of the elements. The boundaries `keep` (ends, supports) [m] are
-    exact. Boundaries closer than 10 µm to these or to each other are merged.
+    All positions are in m. `order` is the polynomial degree of the elements. The boundaries in
+    `keep` (ends, supports) are exact. A boundary in `places` is left out if it is within 10 µm of
+    one of these or of the boundary before it.
     """
     merged = 1e-5  # distance below which two places share one boundary [m]
     fixed = np.unique(np.array(keep))

@@ -129,9 +129,11 @@ def modes_of(
 
     By default the result has all bending modes of the mesh, which is that of `beam_of`. All modes
     have unit modal mass. With a pivot of finite stiffness the bounce on its spring is the first
-    bending mode; its energy, including that of the spring, is part of the bending energy. Raises
-    `InputError` if the support is beyond the bat, its spring is too soft, or the mesh has fewer
-    modes.
+    bending mode; its energy, including that of the spring, is part of the bending energy. The hoop
+    mode is that of the data sheet; a bat whose sheet does not state one has none.
+
+    Raises `InputError` if the support is beyond the bat, its spring is too soft, the order is below
+    4, or the mesh has fewer modes.
     """
     beam = beam_of(body, support, order=order, element_size=element_size)
     rigid = _rigid_modes(beam, support)
@@ -156,7 +158,7 @@ def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
     """Return the node nearest the barrel tip of each of the first `count` bending modes.
 
     The nodes are distances from the tip [m], in the order of the modes. Raises `IndexError` for a
-    mode without a node.
+    mode without a node, and for a `count` above the number of bending modes.
     """
     z = np.linspace(0.0, modes.length, 2001)
     nodes = []

@@ -244,7 +244,7 @@ def _as_lists(arrays: Mapping[str, Array]) -> dict[str, Any]:
 def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
     """Return an individual bat of a design, or one per laboratory in a block, drawn at random.
 
-    Density, stiffness and density tilt vary by the spread of the sheet.
+    Density, stiffness and density tilt vary by the spread of the data sheet.
     """
     numbers = draws.normal("bat", (3,)).reshape(-1, 3)
     return TrueBat(name=spec.name, bodies=tuple(_make_body(spec, *row) for row in numbers.tolist()))
@@ -268,7 +268,7 @@ def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSp
 
     These properties are radius, stiffness, and level and slope of e0. In a block each laboratory
     has a lot, and the properties are arrays (laboratory,). `store` is the relative humidity in
-    which the lot was kept; None means the humidity of the sheet.
+    which the lot was kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
     """
     wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
     line, law = spec.restitution, spec.humidity

@@ -64,9 +64,10 @@ def commission(
 ) -> dict[str, Any]:
     """Return the instruments of a rig, by the field names of its station.
 
-    Their errors are drawn at random, or are zero if the laboratory is ideal. `name` is the prefix
-    of the names of the rig's random numbers. `gates` is the class of the gates and `sheet` the
-    class of their data sheet. Raises `InputError` for an unknown data sheet.
+    The key ``ideal`` is also set: True if the laboratory is ideal. The errors of the instruments
+    are then zero, otherwise they are drawn at random. `name` is the prefix of the names of the
+    rig's random numbers. `gates` is the class of the gates and `sheet` the class of their data
+    sheet. Raises `InputError` for an unknown or invalid data sheet.
     """
     fit = factory.commission
     return {

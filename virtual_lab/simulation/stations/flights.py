@@ -78,14 +78,13 @@ class FlownShots(NamedTuple):
 
 
 def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
-    """Return the flights at a pivoted bat at rest, (shot,), by the plan's model of the motion.
+    """Return the flights of the balls at a pivoted bat at rest, by the plan's model of the motion.
 
-    The closed form is used unless the ball may hit a frame on its way in, or the bat may return
-    from its stop and hit the ball again. Such shots are simulated as scenes, event by event. If the
-    plan requests pymunk, it simulates all shots. The results of a scene replace the speeds, slopes
-    and heights of the flight. The collision is that of a level ball, as in the closed form. A ball
-    that may hit a frame on its way back needs no scene, because no gate beyond this frame can
-    detect it.
+    The arrays of the result are (shot,). The closed form is used unless the ball may hit a frame on
+    its way in, or the bat may return from its stop and hit the ball again. Such shots are simulated
+    event by event. If the plan requests pymunk, it simulates all shots. The simulated shots have
+    other speeds, slopes and heights than the closed form. A ball that may hit a frame on its way
+    back is not simulated, because no gate beyond this frame can detect it.
 
     Raises
     ------
@@ -128,8 +127,8 @@ def scene_of(
 ) -> ShotScene:
     """Return the shots as a scene for a model of the motion, from 1 m ahead of the contact.
 
-    The scene ends at the time `after` [s], a number or (shot,), past the contact of the closed
-    form. Its e_A is that of `bat` for all contacts of a shot.
+    The scene ends at the time `after` [s], a number or (shot,), after the contact in closed form.
+    Its e_A is that of `bat` for all contacts of a shot. `around` are the objects around the bat.
     """
     pivoted = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((pivoted.radius(bat.place) + passage.radius) ** 2 - bat.across**2)

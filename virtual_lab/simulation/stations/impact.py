@@ -76,12 +76,13 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 def blows_of(
     specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
 ) -> Blows:
-    """Return the collisions of the scenes, (shot,), with a bat that is pivoted `at` from the knob.
+    """Return the collisions of the scenes, (shot,), with a bat on a pivot.
 
-    `at` is a distance [m]. If the instruments record only summary values (`detail`), only e_A is
-    computed; the contact time is a typical one, and there is no vibration. A shift of the pivot by
-    a fraction of a millimeter does not change e_A, so in this case the bats of all laboratories are
-    pivoted at the distance `surveyed` from the knob [m].
+    The pivot is at the true distance `at` from the knob [m]. If the instruments record only summary
+    values (`detail`), only e_A is computed; the contact time is then a typical one, and there is no
+    vibration. In this case the pivot is at the surveyed distance `surveyed` from the knob [m],
+    because a shift by a fraction of a millimeter does not change e_A. Raises `InputError` for a
+    position beyond the bat, or a scene that gives no result.
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
@@ -101,10 +102,10 @@ def thrown_back(
 ) -> tuple[Array, Array]:
     """Return the ball's rebound speed along the line of fire [m/s] and its slope [m/m], (shot,).
 
-    A frictionless ball keeps its speed along the surface of the barrel. Its normal speed after the
-    contact is e_A times the normal relative speed before, plus the change of frame for a moving
-    bat. `tilt` is the contact angle [rad], and both speeds are in m/s. The slope is NaN for a
-    rebound speed of 0.
+    A frictionless ball keeps its speed along the surface of the barrel. Its normal speed relative
+    to the bat after the contact is e_A times the normal relative speed before. `tilt` is the
+    contact angle [rad]. `relative_speed` is that along the line of fire, and `bat_speed` is added
+    to the rebound speed, both in m/s. The slope is NaN for a rebound speed of 0.
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
@@ -118,12 +119,10 @@ def error_free(
 ) -> TrueOutcome:
     """Return the true results for the lot's mean ball at the plan's positions, (shot,).
 
-    The speeds are the nominal speeds of the plan. e_A and the impulse are those of a collision with
-    a bat that is held by `support`. (The support matters: e_A of softball-34 at 6.5 in is 0.0007
-    smaller on a pivot than free, because the ball is still in contact when the reflection from the
-    handle returns.) From this impulse e and r are computed twice: for a rigid free bat (`free`),
-    and for a rigid bat on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). The result
-    has both, whatever `support` is. This function uses no equation of the reduction.
+    The relative speeds are the nominal ball speeds of the plan plus the speed of a swinging bat.
+    e_A is that of a bat held by `support`. From its impulse, e and r are computed twice: for a
+    rigid free bat (`free`), and for a rigid bat on a pivot at `pivot_from_knob` [m from the knob]
+    (`pivoted`). The result has both, whatever `support` is. No equation of the reduction is used.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob
@@ -169,8 +168,7 @@ def _recoil(
 def wall_restitution(scenes: Scenes) -> Array:
     """Return e0 of the balls of the scenes on a rigid wall, (n,), computed from the force law.
 
-    The rebound speed follows from the work of the force during loading and unloading, integrated
-    over the compression by Gauss's rule.
+    It is the square root of the work of the force during unloading over that during loading.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # dense near zero compression

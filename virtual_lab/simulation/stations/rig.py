@@ -224,7 +224,10 @@ class Rig(Protocol):
 
 
 def knows_blocks(rig: Rig) -> bool:
-    """Return whether a rig can be commissioned in a block of laboratories at once."""
+    """Return whether a rig can be commissioned in a block of laboratories at once.
+
+    It can if its attribute `blocks` is True.
+    """
     return getattr(rig, "blocks", False) is True
 
 
@@ -242,7 +245,7 @@ class MotionRig(Rig, Protocol):
 def installed_rigs() -> Mapping[str, Rig]:
     """Return every rig installed on this computer keyed by name, in alphabetical order.
 
-    All packages with rigs are loaded.
+    All packages with rigs are loaded. An error of a package that cannot be loaded is passed on.
     """
     return MappingProxyType({name: point.load() for name, point in _entry_points().items()})
 
@@ -253,9 +256,10 @@ def _entry_points() -> Mapping[str, EntryPoint]:
 
 
 def find_rig(name: str, stage: Stage) -> Rig:
-    """Return the installed rig `name` of a stage; no other rig is loaded.
+    """Return the installed rig `name` of a stage. Only the package of this rig is loaded.
 
-    Raises `InputError` if there is none of that name, or if it serves another stage.
+    An error of a package that cannot be loaded is passed on. Raises `InputError` if no rig has that
+    name, or if the rig serves another stage.
     """
     point = _entry_points().get(name)
     # Only this rig is loaded, because other rigs may need modules that this test does not.

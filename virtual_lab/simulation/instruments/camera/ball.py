@@ -107,16 +107,20 @@ def render_balls(
     light
         Light on the ball; ambient light by default.
     orientation
-        Axes of the ball at mid-exposure as rows, in camera axes, (region, 3, 3) or (3, 3).
+        Axes of the ball at mid-exposure as rows, in camera axes, (region, 3, 3) or (3, 3). By
+        default they are the camera axes.
     turn
-        Rotation vector of the ball over the exposure, (region, 3) or (3,) [rad].
+        Rotation vector of the ball over the exposure, (region, 3) or (3,) [rad]. By default the
+        ball does not spin.
     times
-        Time of each point of the path, from 0 to 1, (region, point); None means equal steps.
+        Time of each point of the path, increasing from 0 to 1, (region, point). By default the
+        steps are equal.
     warp
-        Outlines that are not circles, instead of `radius`: coefficients of x, y, x², xy and y²
-        that map the unit disk to pixels about the center, (region, 2, 5).
+        Outlines that are not circles: coefficients of x, y, x², xy and y² that map the unit disk to
+        pixels about the center, (region, 2, 5). `radius` then only sets the density of sampling.
     view
         Rotation from the direction (0, 0, -1) to the true direction to the camera, (region, 3, 3).
+        By default the two directions are equal.
 
     Raises
     ------
@@ -185,7 +189,7 @@ def render_balls(
 
 
 def axes_of(turn: ArrayLike) -> Array:
-    """Return a ball's axes as rows, (…, 3, 3).
+    """Return the axes of rotated balls as rows, (…, 3, 3), in axes of the camera.
 
     They are the camera's axes, rotated by the rotation vectors `turn`, (…, 3) [rad].
     """

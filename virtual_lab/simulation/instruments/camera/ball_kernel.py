@@ -244,7 +244,8 @@ def _rotate(turn: Array, share: float, body: Array, out: Array) -> None:
 def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
     """Render all regions and add their images to `out`, (region, channel, row, column).
 
-    Channel 0 is the share of the background that the ball hides, channel 1 the light of the ball.
+    Channel 0 is the share of the background that the ball hides. Channel 1 is the light of the
+    ball, 1 for a white surface that faces the lamp.
     """
     size = look.size
     grid = np.empty(2 * size * size, np.float32)

@@ -33,7 +33,8 @@ def whole_frames(
     """Yield time stamp [s] and gray values (row, column) of each frame of the first shot.
 
     All frames that the camera records are yielded, with or without the ball, or only `count` frames
-    at equal steps. The time stamps are those of the camera's clock.
+    at equal steps. The time stamps are those of the camera's clock. The bat is drawn only if `bat`
+    is given. `name` and `slots` address the random numbers of camera and shots.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)
@@ -67,7 +68,7 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
     """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``.
 
     `frames` yields time stamp [s] and gray values (row, column) of each frame. Raises `InputError`
-    if there are no frames, or if a file cannot be written or verified.
+    if there are no frames, or if a film cannot be written or verified.
     """
     import cv2
 
@@ -87,11 +88,13 @@ def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraS
 def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -> None:
     """Write gray frames as a lossless film, FFV1 in MP4, with their time stamps in ``NAME.csv``.
 
-    `frames` yields the time stamp [s] and the gray values (row, column), of 8 or 16 bits, of each
-    frame. `rate` is the number of frames per second. Because video writers can lose frames without
-    an error, the film is read again: its frames are counted, and the first frame is compared.
+    `path` is the path of the film ``NAME.mp4``. `frames` yields the time stamp [s] and the gray
+    values (row, column), of 8 or 16 bits, of each frame. `rate` is the number of frames per second.
+    Because video writers can lose frames without an error, the film is read again: its frames are
+    counted, and the first frame is compared.
 
-    Raises `InputError` if there are no frames or the film does not contain what was written.
+    Raises `InputError` if there are no frames, if FFV1 cannot be written here, or if the film does
+    not contain what was written.
     """
     import cv2
 
@@ -145,9 +148,9 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
 def write_preview(path: Path, small: Sequence[Frame], full_scale: float) -> None:
     """Write small frames as an animated WebP in slow motion, 25 frames per second.
 
-    `small` holds the frames, (row, column) each, in gray values up to `full_scale`. Tones are the
-    square roots of gray values, scaled so that the brightest pixel of all frames is white. Raises
-    `InputError` if there are no frames, or if the file cannot be written.
+    `small` holds the frames, (row, column) each, in gray values up to `full_scale`. The tones are
+    square roots of the gray values, scaled so that the brightest pixel of all frames is white.
+    Raises `InputError` if there are no frames, or if the file cannot be written.
     """
     import cv2
 

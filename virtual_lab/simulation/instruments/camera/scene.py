@@ -68,7 +68,8 @@ def flicker(spec: CameraSpec, time: Array, phase: Array) -> Array:
 def windows(picture: Pixels, corners: ArrayLike, side: int) -> Pixels:
     """Return square windows of a picture (row, column), each `side` pixels wide, (n, side, side).
 
-    `corners`, (n, 2), are the first pixel (x, y) of each window, which must be inside the picture.
+    `corners`, (n, 2), are the first pixel (x, y) of each window. Raises `IndexError` for a window
+    that extends beyond the right or lower edge. Negative corners are not checked.
     """
     views = np.lib.stride_tricks.sliding_window_view(picture, (side, side))
     x, y = np.asarray(corners).T

@@ -46,11 +46,21 @@ def hide_behind(
 ) -> None:
     """Draw a bat into `electrons` (region, row, column) [e], where it replaces the background.
 
-    `near` and `far` (region, station, 2) are its left and right edges in pixels, from the pivot to
-    the tip, and `corners` (region, 2) the first pixel (x, y) of each region. `light` is the
-    direction to the lamp in axes of the camera, ambient and softness, (5,). `white` is the number
-    of electrons for a surface of the bat that faces the lamp [e], and `blur` the standard deviation
-    of the edges [px].
+    Parameters
+    ----------
+    near, far
+        Left and right edges of the bat, from the pivot to the tip, (region, station, 2) [px].
+    corners
+        First pixel (x, y) of each region, (region, 2).
+    light
+        Direction to the lamp in axes of the camera (three numbers), ambient share and softness of
+        the light, (5,).
+    white
+        Electrons of a surface of the bat that faces the lamp [e].
+    blur
+        Standard deviation of the blur of the edges [px].
+    electrons
+        Picture to draw into.
     """
     for r in range(len(electrons)):
         last = near.shape[1] - 1

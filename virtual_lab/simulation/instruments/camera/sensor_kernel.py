@@ -36,9 +36,11 @@ def expect(
 ) -> bool:
     """Fill `out` (region, row, column) with the expected electrons of each pixel.
 
-    Return whether any pixel has fewer than 25 electrons, so that its noise is Poisson. `response`
-    is the map of the sensor, and `corners` (region, 2) are the first column and row of each region
-    in this map. Outside the sensor the response is 1. `dark` electrons are added to each pixel.
+    Return True if any pixel has fewer than 25 electrons, so that its noise must be drawn from a
+    Poisson distribution instead of a normal one. `electrons` have the shape of `out`; negative
+    numbers count as 0. They are multiplied by `response`, the map of the whole sensor, which is 1
+    beyond its edges. Then `dark` electrons are added to each pixel. `corners`, (region, 2), are the
+    first column and row of each region on the sensor.
     """
     dim = 0
     rows, columns = response.shape
@@ -80,10 +82,23 @@ def read_out(
 ) -> None:
     """Fill `out` (region, row, column) with gray values [DN], from 0 to the largest gray value.
 
-    `means` are the expected electrons, in the same shape, `corners` (region, 2) the first column
-    and row of each region, and `offset` the map of the dark signal [e]. `normal` and, if any pixel
-    is dim, `uniform` are random numbers in the shape of `out`. A random number of exactly 0 is the
-    middle of its distribution and gives the mean.
+    Parameters
+    ----------
+    means
+        Expected electrons, in the shape of `out`.
+    corners
+        First column and row of each region on the sensor, (region, 2).
+    offset
+        Map of the dark signal of the whole sensor, (row, column) [e].
+    normal
+        Standard normal numbers, in the shape of `out`.
+    uniform
+        Uniform numbers from -0.5 to 0.5, in the shape of `out`. They are used only for pixels below
+        25 electrons. A number of exactly 0 gives the mean.
+    wired
+        Constants of the electronics.
+    out
+        Result.
     """
     read, full_well, gain, black, whole, top = wired
     rows, columns = offset.shape

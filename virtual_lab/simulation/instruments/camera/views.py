@@ -44,8 +44,9 @@ def board_views(
 ) -> Iterator[tuple[NDArray[Any], Array]]:
     """Yield `views` pairs: a gray picture (row, column), and the true positions of its corners.
 
-    The corners are (corner, 3) in the calibrated axes [m]. In the first view the board is flat at Z
-    = 0, with its rows along X. In the others it is closer, tilted and off-center.
+    The corners of the squares are (corner, 3) in the calibrated axes [m]. In the first view the
+    board is flat at Z = 0, with its rows along X. In the other views it is closer, tilted and
+    off-center. `name` addresses the random numbers.
     """
     spec = camera.spec
     rays = _rays(camera.lens, (spec.sensor.rows, spec.sensor.columns))
