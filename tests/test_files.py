@@ -115,6 +115,24 @@ def test_files_appear_together_and_replace_none(tmp_path: Path) -> None:
     assert hidden(tmp_path) == set()
 
 
+def test_no_file_is_moved_if_one_exists(tmp_path: Path) -> None:
+    """Each of eight files is the existing one in turn, because the order of a folder is unknown."""
+    names = [f"{number}.csv" for number in range(8)]
+
+    def fill(draft: Path) -> None:
+        for name in names:
+            (draft / name).write_text("new")
+
+    for name in names:
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / name).write_text("earlier")
+        with pytest.raises(InputError, match="exists already"), new_files(folder) as draft:
+            fill(draft)
+        assert [file.name for file in folder.iterdir()] == [name]
+        assert (folder / name).read_text() == "earlier"
+
+
 def test_a_result_folder_is_overwritten_as_a_whole(tmp_path: Path) -> None:
     """After an error the earlier result is unchanged; a folder without settings.toml stays."""
     target = tmp_path / "result"

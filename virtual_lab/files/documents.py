@@ -401,18 +401,18 @@ def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     """Yield a temporary folder to fill, whose files are moved into `folder` if no error occurs.
 
     With `overwrite` the files in `folder` are replaced. Otherwise, if `folder` already contains one
-    of the files, `InputError` is raised; some of the other files may have been moved by then.
-    `InputError` is also raised if `folder` cannot be written, or for an `OSError` within the
-    context.
+    of the files, `InputError` is raised and no file is moved. `InputError` is also raised if
+    `folder` cannot be written, or for an `OSError` within the context.
     """
     try:
         with draft_in(folder) as draft:
             yield draft
-            for file in draft.iterdir():
-                if (folder / file.name).exists() and not overwrite:
-                    path = str(folder / file.name)
-                    raise InputError(path, "file", None, "exists already; name another file")
-                file.replace(folder / file.name)
+            targets = {file: folder / file.name for file in draft.iterdir()}
+            for target in targets.values():
+                if target.exists() and not overwrite:
+                    raise InputError(str(target), "file", None, "exists already; name another file")
+            for file, target in targets.items():
+                file.replace(target)
     except OSError as fault:
         raise InputError("", "out", str(folder), f"cannot be written ({fault.strerror})") from fault
 
