@@ -210,7 +210,7 @@ class Sets(NamedTuple):
         """Return the values for the selected sets only."""
         if self.rows is None or np.ndim(values) < 2:
             return values
-        if is_certain(values):
+        if is_broadcast(values):
             return values[..., : self.rows.size, :]
         return np.take(values, self.rows, axis=-2)
 
@@ -219,7 +219,7 @@ class Sets(NamedTuple):
         return values if self.rows is None else np.take(values, self.back, axis=-2)
 
 
-def is_certain(values: Array) -> bool:
+def is_broadcast(values: Array) -> bool:
     """Return whether all k sets of constants share their elements of `values` (..., k, 1).
 
     This is so if the array is broadcast along the axis k. Equal elements that are stored separately
@@ -240,7 +240,7 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
         return Sets(None, every)
     mask = np.zeros(max(value.shape[-2] for value in arrays), dtype=bool)
     for value in arrays:
-        if is_certain(value):
+        if is_broadcast(value):
             continue
         differs = value != value[..., :1, :]
         mask |= differs.any(axis=(*range(value.ndim - 2), value.ndim - 1))
