@@ -23,6 +23,7 @@ from tests.bench.days import (
     scenario,
 )
 from virtual_lab import catalog
+from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import Day
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.doubts import fault_titles
@@ -152,6 +153,26 @@ def test_the_cost_of_a_decision_equals_the_gain_of_a_day_without_it() -> None:
     else:
         cost = abs(found.value - found.truth) - abs(other.value - found.truth)
         assert costs[entry].cost == pytest.approx(cost, rel=1e-9)
+
+
+def test_a_checklist_hides_neither_costs_nor_effects_of_faults() -> None:
+    fault = "gate-moved"
+    plain = day_by("careless", fault)
+    actions = [Action(name=event.action, arguments=event.arguments) for event in plain.events]
+    listed = run_operator(
+        apparatus(fault),
+        lambda _: iter([action_of("start-checklist"), *actions]),
+        replace(plain.until(0), checklists=True),
+    )
+    found, expected = debrief_of(listed, fault), debrief_by("careless", fault)
+    assert [(each.what, each.cost) for each in found.costly] == [
+        (each.what, each.cost) for each in expected.costly
+    ]
+    assert found.costly
+    (moved,), (expected_moved,) = (
+        [each.moved for each in debriefed.fault_reviews] for debriefed in (found, expected)
+    )
+    assert moved == expected_moved is not None
 
 
 def test_a_lucky_mistake_is_called_luck() -> None:

@@ -11,12 +11,10 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.bench.day.actions import ARGUMENTS, RESULT_QUANTITIES, Action
-from virtual_lab.bench.day.day import Decision
+from virtual_lab.bench.day.day import CHECKLISTS, DISPUTE, Decision
 from virtual_lab.bench.day.desk import Desk, EnteredResult
 from virtual_lab.bench.day.protocol import omitted_steps
-from virtual_lab.bench.day.table import (
-    action_table,
-)
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.errors import InputError
@@ -132,9 +130,9 @@ def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]
     instead of by the trainee. Raises `InputError` if an action is impossible, or if a record that
     the acceptance windows need is missing.
     """
-    result = ("reduce", "enter-result", "give-verdict", "hand-in", "dispute-score")
-    actions_before_result = [a for a in actions if a.name not in result]
-    day = play_actions(apparatus, actions_before_result)
+    # a new day rejects checklists, which change nothing
+    left_out = {"reduce", "enter-result", "give-verdict", "hand-in", DISPUTE, *CHECKLISTS}
+    day = play_actions(apparatus, [each for each in actions if each.name not in left_out])
     reasons = Desk(day).reasons
     decided = {
         shot: Decision(accepted=not reasons[shot], because=reasons[shot]) for shot in by_windows
