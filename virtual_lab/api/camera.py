@@ -193,35 +193,35 @@ def track(
         Or an array of 8 or 16 bits, (frame, row, column) or (frame, row, column, color), with its
         rate as `fps`.
     ball
-        Diameter of the ball with its unit, ``73mm±0.5mm``; or a ball, which also sets the drag:
-        ``baseball``, the name of another ball in the catalog, the first letters of such a name if
-        no other name begins with them, or a .toml file.
+        Diameter of the ball with its unit, for example ``73mm±0.5mm``, or a ball, which also sets
+        the drag: ``baseball``, a name in the catalog, the first letters of only one such name, or a
+        .toml file.
 
         A `Sheet` of a ball is also allowed. A number without a unit is rejected.
     mass
-        Mass of the ball in g, kg or oz, ``145g``, from which its drag is computed.
+        Mass of the ball in g, kg or oz, for example ``145g``. The drag is computed from it.
     fps
         Frames per second of real time, including repeated frames. By default the rate of the file,
         or the rate at which the ball falls with g if the file's rate contradicts g.
     exposure
-        Exposure time of a frame, ``1/120`` or ``8ms``; a calibrated camera needs it here or in its
-        calibration file.
+        Exposure time of a frame, for example ``1/120`` or ``8ms``. A calibrated camera needs it
+        here or in its calibration file.
     gravity
         Local gravity [m/s²]. By default 9.81 ± 0.025.
     frames
-        First and last frame to use, counted from 0, ``17:52``.
+        First and last frame to use, counted from 0, for example ``17:52``.
     region
         Part of the picture to use, ``X,Y,WIDTH,HEIGHT`` [pixels from the upper left corner].
     ball_at
         Position of the ball [pixels from the upper left corner], ``X,Y@FRAME``, if other objects
         move too.
     scale
-        Two points [pixels] and their distance, ``X,Y:X,Y=50cm``.
+        Two points [pixels] and their distance, for example ``100,50:400,50=50cm``.
     ruler
         Ruler that sets the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size
         of the ``ball``. By default the one with the smaller uncertainty.
     readout
-        Readout time of a rolling shutter for one frame, ``16ms``.
+        Readout time of a rolling shutter for one frame, for example ``16ms``.
     global_shutter
         No rolling shutter: all rows are exposed at once.
     phone
@@ -370,7 +370,7 @@ def calibrate(
     height_u: LengthText | None = None,
     square_u: LengthText | None = None,
 ) -> Calibration:
-    """Calibrate the camera that took pictures of a board, for ``track``.
+    """Calibrate a camera from pictures of a board, for use by ``track``.
 
     In one picture the board is in the plane of the ball's flight, or parallel to it at a known
     height. In the other pictures it is tilted by about 30 deg.
@@ -385,11 +385,11 @@ def calibrate(
     plane
         Picture of the board in the ball's plane, or parallel to it. By default the first picture.
     height
-        Height of the ball's plane above that board, ``36.5mm``.
+        Height of the ball's plane above the board in this picture, for example ``36.5mm``.
     height_u
-        Standard uncertainty of that height, ``1mm``.
+        Standard uncertainty of this height, for example ``1mm``.
     square_u
-        Standard uncertainty of the side of a square, ``5um``.
+        Standard uncertainty of the side of a square, for example ``5um``.
 
     Raises
     ------

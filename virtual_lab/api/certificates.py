@@ -366,8 +366,6 @@ def certify(
 ) -> Certificate:
     """Test a bat by a procedure, and make its certificate.
 
-    Nothing is written before ``save``.
-
     Parameters
     ----------
     bat
@@ -386,7 +384,7 @@ def certify(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     rig
-        Rig to use instead of that of the procedure; it must write the records that the procedure
+        Rig to use instead of the procedure's rig. It must write the records that the procedure
         needs.
     seed
         Seed of all random numbers. A given seed makes the test reproducible, but anyone who knows
@@ -399,8 +397,8 @@ def certify(
         ``noise-free``: no randomness, but vibration of the bat, encoder counts, drag and friction
         remain. ``ideal``: bat, balls and instruments equal their nominal values.
     collision
-        Collision model. By default the fastest that is accurate enough; the certificate names it
-        with the reason.
+        Collision model. By default the fastest model that is accurate enough. The certificate names
+        the model and the reason.
     motion
         Motion of ball and bat: closed form for all shots, or one pymunk scene per shot.
     faults
@@ -412,14 +410,14 @@ def certify(
         correct for the balls.
     correction
         Conversion of the result to a standard ball, ``METHOD:E0``, such as ``trampoline:0.5``; the
-        methods are ``ratio`` and ``trampoline``. Only for procedures without a conversion; the
-        certificate marks it as assumed.
+        methods are ``ratio`` and ``trampoline``. Only for procedures without a conversion. The
+        certificate marks the conversion as assumed.
     film
         Save a video of the first shot; needs the rig ``filmed-cannon``.
     laboratory
         File of particulars for the certificate: laboratory, customer, bat, instruments. The command
-        ``virtual-lab template laboratory FILE`` writes an empty one; the next six parameters
-        override it.
+        ``virtual-lab template laboratory FILE`` writes an empty file. The next six parameters
+        override values of the file.
 
         Or its keys and values, ``{"customer": {"name": "Oak Bats"}}``; the logo is then a file in
         the current folder.
@@ -430,15 +428,15 @@ def certify(
     bat_condition
         Condition of the bat as received.
     received
-        Date of receipt, as 2026-11-25.
+        Date of receipt, for example 2026-11-25.
     operator
         Name of the operator.
     notes
         Notes for the certificate.
     replaces
-        Folder of the result that this one replaces.
+        Result folder of the report that the new report replaces.
     reason
-        Reason for the replacement; the certificate states both.
+        Reason for the replacement. The certificate states the replaced report and the reason.
     test
         Number of this test in its laboratory, with a seed. Tests with different numbers have the
         same calibrations, but different bats and balls.
@@ -447,13 +445,18 @@ def certify(
         balls of one lot. By default lot 0, but another lot in each numbered test.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such folders; at least three tests. The scatter of their hits is
-        included in the estimated scatter.
+        laboratory, or a folder of such folders. At least three tests are needed. The scatter of
+        their hits is included in the estimated scatter.
     uncertainty
         Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
     progress
         Function that is called with a message that names the current task. By default the progress
         is shown on stderr.
+
+    Returns
+    -------
+    Certificate
+        The certificate in memory; its method ``save`` writes the files.
 
     Raises
     ------
@@ -569,21 +572,24 @@ def reduce(
 ) -> Certificate:
     """Compute the certificate of a folder of raw records, without the truth.
 
-    Nothing is written before ``save``.
-
     Parameters
     ----------
     records
-        Folder ``records`` that ``certify`` wrote, or the folder of another laboratory with its
-        ``laboratory.toml``.
+        Folder of the records that ``certify`` wrote, OUT/records, or the folder of another
+        laboratory with its ``laboratory.toml``.
     replaces
-        Folder of the result that this one replaces.
+        Result folder of the report that the new report replaces.
     reason
-        Reason for the replacement; the certificate states both.
+        Reason for the replacement. The certificate states the replaced report and the reason.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such folders; at least three tests. They take the place of the
+        laboratory, or a folder of such folders. At least three tests are needed. They replace the
         history that the records name.
+
+    Returns
+    -------
+    Certificate
+        The certificate in memory; its method ``save`` writes the files.
 
     Raises
     ------
@@ -659,7 +665,7 @@ def sweep(
         an individual bat. A folder takes 540 kB with traces and 190 kB without, each including the
         truth. Needs ``certificates``.
     truth
-        Store the sealed truth with each certificate, for ``score``. It is 90 kB of the folder.
+        Store the sealed truth with each certificate, for ``score``. It takes 90 kB per folder.
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 

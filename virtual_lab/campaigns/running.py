@@ -35,7 +35,7 @@ def campaign(
 ) -> Account:
     """Certify bats in very many laboratories, and store the tests as Parquet files in a folder.
 
-    Finished parts stay if the run is interrupted; the next run makes those that are missing or
+    Finished parts stay if the run is interrupted. The next run makes the parts that are missing or
     damaged. The exit code of the program is 4 if a part is still missing because its block failed
     twice. To read the tests, use `Campaign.open`.
 
@@ -47,14 +47,14 @@ def campaign(
         Or its keys and values: ``bats``, ``procedures``, ``laboratories``, ``seed``, and
         ``repeats`` and ``change`` if wanted. None: the study that is already in the folder.
     folder
-        Folder of the campaign: a new one, or one of the same study, which is continued.
+        Folder of the campaign. A campaign of the same study in this folder is continued.
     workers
         Number of processes on this machine, each with one thread; 1 uses the current process.
     blocks
-        Make only share N of M, ``N/M``, for example ``3/40`` in a job array.
+        Compute only share N of M, for example ``3/40`` in a job array.
     dask
-        Address of a Dask scheduler whose workers see the same folder, ``tcp://HOST:8786`` (extra
-        ``dask``); it replaces the processes.
+        Address of a Dask scheduler, ``tcp://HOST:8786``, whose workers can access the same folder
+        (extra ``dask``). The workers replace the processes on this machine.
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 

@@ -137,7 +137,7 @@ class Verification(StudyResult):
 def verify(folder: Folder, *, key: File | None = None) -> Verification:
     """Repeat the reduction and the certificate of a result folder, and list the differences.
 
-    The truth stays closed; only its digest is compared. The exit code is 3 if anything was altered,
+    The truth is not read; only its digest is compared. The exit code is 3 if anything was altered,
     and 4 if a part could not be checked, or if another version made the folder and this version
     computes other results from its records.
 

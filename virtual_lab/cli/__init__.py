@@ -250,7 +250,7 @@ cli = Sections(
                         example="campaign summary campaign",
                     ),
                 ],
-                help="Certify bats in very many laboratories, into a folder of Parquet files.",
+                help="Certify bats in very many laboratories, and store the tests in a folder.",
             ),
             FunctionCommand("paper", output=DRAWN, example="paper --csv claims.csv"),
             FunctionCommand("reference", output=DRAWN, example="reference --csv reference.csv"),

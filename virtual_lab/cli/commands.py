@@ -248,8 +248,8 @@ class FunctionCommand(click.Command):
             is_eager=True,
             expose_value=False,
             callback=load,
-            help="A .toml file with values for these options, by the names of their parameters in "
-            "Python. Options on the command line override the file.",
+            help="A .toml file with values for these options. Its keys are the names of the "
+            "parameters in Python. Options on the command line override the file.",
         )
 
 

@@ -116,7 +116,7 @@ class Output:
             named, words = "FILE", self.file
         elif isinstance(self.folder, str) and self.folder:
             usual = re.sub(r"{(\w+)}", lambda key: key[1].upper(), self.folder)
-            words = f"New folder for all results.  [default: out/{usual}, or with -2, -3, …]"
+            words = f"New folder for all results.  [default: out/{usual}; -2, -3, … if it exists]"
         else:
             words = "New folder for all results."
         if self.folder or self.keeps or required:

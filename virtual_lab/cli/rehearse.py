@@ -37,28 +37,28 @@ def day(
 ) -> RehearsedDay | StudyResult | Answer:
     """Carry out a test day action by action, and learn the cost of each decision.
 
-    You do this on a page in the browser (needs the extra 'bench'), or a simulated operator or a
-    script does it for you; then --out saves the log, the sealed truth and the debrief.
+    You do this on a page in the browser (needs the extra 'bench'). A simulated operator or a script
+    can do it for you. In this case --out saves the log, the sealed truth and the debrief.
 
     Parameters
     ----------
     scenario
         The day: a name (listed on the page "Scenarios") or a .toml file.
     operator
-        Simulated operator who takes the day instead of you.
+        Simulated operator who carries out the day instead of you.
     script
-        A .json file of actions to run: {"actions": [{"do": "tare"}, …]}.
+        A .json file of actions to carry out: {"actions": [{"do": "tare"}, …]}.
     seed
         Seed of the laboratory. By default a random seed.
     operator_seed
         Seed of the operator's mistakes.
     day
-        Folder of the day; a day that is already there is continued. By default out/SCENARIO, or
-        with -2, -3, ….
+        Folder of the day. A day that is already there is continued. By default out/SCENARIO; -2,
+        -3, … if it exists.
     port
         Port of the page.
     host
-        Address of the page; other computers can reach it only with TLS.
+        Address of the page. Other computers can reach the page only with TLS.
     tls_certificate
         Certificate chain, PEM.
     tls_key
@@ -66,10 +66,10 @@ def day(
     trainees
         Number of trainees, each with a separate browser and folder.
     exam
-        Serve an exam to a class; the file has title, scenario and trainees.
+        File of an exam for a class, with title, scenario and trainees.
     replay
-        Repeat a day from its log, day.sqlite, after it was handed in: a table of its entries, with
-        --open a page for each entry.
+        Log of a handed-in day, day.sqlite, to repeat the day. Prints a table of the entries; with
+        --open, shows a page for each entry.
     open
         Open the page in a browser.
     """
@@ -148,17 +148,17 @@ def summary(folder: Folder) -> StudyResult:
 
 
 def trends(folder: Folder) -> StudyResult:
-    """Show learning curves, by score and by fault: the days of each folder below FOLDER."""
+    """Show the learning curves of the trainees below FOLDER, by score and by fault."""
     from virtual_lab.bench.entrance.review import trends as run
 
     return run(Path(folder))
 
 
 def branch(day: Folder, entry: int, folder: Folder) -> Answer:
-    """Copy a handed-in DAY up to number ENTRY of its log into FOLDER, to practice from there on.
+    """Copy a handed-in DAY up to number ENTRY of its log into FOLDER, and practice from there.
 
-    The entry itself is kept. The first entry is number 1; 0 repeats the whole day. If the
-    day began with ready records, the smallest allowed ENTRY is their number.
+    The entry itself is kept. The first entry is number 1; 0 repeats the whole day. If another
+    laboratory supplied the first entries, ENTRY is at least the number of these entries.
     """
     from virtual_lab.bench.machines.stored_day import StoredDay
 

@@ -181,7 +181,7 @@ def coverage(
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     laboratories
-        Number of laboratories, each with another bat, other balls and calibration errors.
+        Number of laboratories. Bat, balls and calibration errors differ between laboratories.
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     summed

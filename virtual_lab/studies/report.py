@@ -300,7 +300,7 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
     folders
         Result folders, each with a ``certificate.json``, or one folder of such folders.
     pdf
-        Write the report as PDF, too (needs the extra ``pdf``).
+        Also write the report as PDF (needs the extra ``pdf``).
     paper
         Paper size of the report.
 

@@ -50,7 +50,7 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
     Parameters
     ----------
     procedure
-        Name in the catalog or a .toml file; or ``laboratory``, or ``prices``.
+        A procedure: a name in the catalog or a .toml file. Or ``laboratory`` or ``prices``.
 
         Or a sheet.
     folder

@@ -182,14 +182,14 @@ def fit_bat(
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
-    """Make a bat that fits the measurements in a file, and show its remaining uncertainty.
+    """Fit a bat to the measurements in a file, and show its remaining uncertainty.
 
     Parameters
     ----------
     path
         File of the measurements, .toml; the page "A bat of your own" explains its keys.
     members
-        Number of fitted bats that show the spread; bats whose fit fails are omitted.
+        Number of fitted bats that show the spread. Bats whose fit fails are omitted.
     seed
         Seed of the random parameters and of the variation of the measurements.
     progress

@@ -107,7 +107,7 @@ class Interlab(Rows[InterlabTerm]):
 def interlab(
     study: File, *, predict: bool = False, workers: Positive = 1, progress: Progress = quiet
 ) -> Interlab:
-    """Compare laboratories: repeatability, reproducibility, and what causes them.
+    """Compare laboratories: repeatability, reproducibility, and their causes.
 
     In each exercise, several laboratories test the same bat with several lots of balls. The table
     has the standard deviations of repeats, lots and laboratories (ISO 5725-2), predicted and
@@ -117,10 +117,10 @@ def interlab(
     ----------
     study
         Study file, .toml. Its keys are ``procedures``, ``bats``, ``laboratories`` per exercise,
-        ``exercises``, ``lots`` per laboratory, ``repeats`` per lot, ``alone`` (laboratories in
-        which each factor acts alone), ``seed``, ``control`` (a control bat) and ``factors``.
+        ``exercises``, ``lots`` per laboratory, ``repeats`` per lot, ``alone`` (number of
+        laboratories for each factor alone), ``seed``, ``control`` (a control bat) and ``factors``.
     predict
-        Only predict the effect of each factor, and simulate no laboratories.
+        Predict the effect of each factor without simulating any laboratory.
     workers
         Number of processes, each with one thread, that share the laboratories.
     progress

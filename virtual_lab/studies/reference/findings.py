@@ -123,9 +123,9 @@ FARTHEST = 3.0  # largest deviation drawn [half widths]; farther results are arr
 def reference(*, progress: Progress = quiet) -> ReferenceResult:
     """Compare published measurements of bats, balls and tests with this laboratory.
 
-    Each row says how the laboratory represents the number: as a prediction, as a number of its
-    data files, or as an input of a fit. The CSV file also has the numbers that it cannot represent,
-    with the reason.
+    Each row states how the laboratory represents the number: as a prediction, as a number of its
+    data files, or as an input of a fit. The CSV file also lists the numbers that the laboratory
+    cannot represent, with the reason.
 
     Parameters
     ----------
