@@ -63,7 +63,7 @@ def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None
     assert test.value == alone.value
     assert "estimated from this test and 3 earlier tests together" in test.text
     assert "estimated from this test alone" in alone.text
-    told = re.search(r"would be (\d+)% shorter", alone.document["evaluation"])
+    told = re.search(r"would be (\d+) % shorter", alone.document["evaluation"])
     assert told is not None
     assert 2 <= int(told[1]) <= 30
     folder = test.save(tmp_path / "today")
@@ -81,7 +81,7 @@ def test_the_shorter_interval_is_that_of_this_test_and_ten_more() -> None:
     hits = next(part for part in found.metric.components if part.name == HITS)
     value = np.array([found.metric.value])
     alone = combine_components(value, types_a(HITS, value, np.array([hits.u]), 1.0))
-    assert "would be 83% shorter" in certificate(replace(found, first_order=alone)).evaluation
+    assert "would be 83 % shorter" in certificate(replace(found, first_order=alone)).evaluation
     assert f"{1 - 2.201 / 12.706:.0%}" == "83%"
 
 

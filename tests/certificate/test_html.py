@@ -230,7 +230,7 @@ def test_marginal_is_by_the_interval_and_not_by_u(share: float, side: int, margi
 def test_an_invalid_test_states_no_value_and_names_every_reason() -> None:
     text = words(page("no valid hit"))
     assert "No BPF can be stated" in text
-    assert "0 valid hits, the procedure requires 6" in text
+    assert "0 valid hits (6 required)" in text
     for reason in case("no valid hit").judgement.reasons:
         assert reason in text
 
@@ -543,7 +543,7 @@ def test_the_cameras_numbers_stand_on_page_and_text_each_in_its_column() -> None
     root = ElementTree.fromstring(certificate_page(document))
     rows = [["".join(cell.itertext()) for cell in row] for row in root.iter("tr")]
     shown = [row for row in rows if len(row) == 10]
-    assert shown[0][0] == "Of 5 hits"
+    assert shown[0][0] == "Means of 5 hits"
     for symbol, start, agreed in (("eA", 0.21, "agree"), ("e", 0.51, "disagree")):
         gates, video, joined = (f"{start + n / 100:.4f}" for n in range(3))
         row = [symbol, gates, "0.0011", video, "0.0014", joined, "0.0017", "−0.0123", "0.0045"]
@@ -631,10 +631,10 @@ def test_the_choice_of_a_position_raises_the_result_and_says_so() -> None:
     assert document.metric.value == pytest.approx(mean + raised, rel=1e-12)
     (line,) = (row for row in document.budget if row.component == "choice of the place")
     assert line.contribution == pytest.approx(document.choice.u)
-    assert "raised by" in words(page("scan with fresh hits"))
-    assert "raised by" in certificate_text(document)
+    assert "mean of the final hits plus" in words(page("scan with fresh hits"))
+    assert "chosen impact position" in certificate_text(document)
     assert certificate(quick()).choice is None
-    assert "raised by" not in words(page("pass"))
+    assert "mean of the final hits plus" not in words(page("pass"))
 
 
 @pytest.mark.parametrize("name", ["pass", "scan with fresh hits"])

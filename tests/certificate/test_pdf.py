@@ -109,7 +109,7 @@ def test_the_pdf_says_the_same_as_the_page(document: CertificateDocument, pdf: b
             text
         )  # an index is set as a subscript
     assert document.conditional_on in shown
-    assert "Limit of BPF 1.200; 6 valid hits." in shown
+    assert "Limit of BPF: 1.200. The test has 6 valid hits." in shown
 
 
 @pytest.mark.parametrize("kind", ["svg", "png"])

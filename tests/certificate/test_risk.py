@@ -83,9 +83,9 @@ def test_a_verdict_that_the_limit_does_not_decide_has_no_risk(
 def test_the_sentence_says_risk_and_prior(document: CertificateDocument) -> None:
     near = replace(document, risk=RiskStated(of="false acceptance", probability=0.0123))
     said = str(printed_result(near)["said"])
-    assert re.search(r"The bat meets the limit: 0\.\d+ does not exceed 1\.200; the risk", said)
-    assert "risk that its true value exceeds the limit is 1.2 %" in said
-    assert "specific risk of false acceptance, from this result alone, without a prior" in said
+    assert re.search(r"The bat meets the limit: 0\.\d+ does not exceed 1\.200\. The risk", said)
+    assert "risk that the true value exceeds the limit is 1.2 %" in said
+    assert "specific risk of false acceptance, computed from this result alone" in said
     assert "below 0.01 %" in str(printed_result(document)["said"])
 
 

@@ -98,7 +98,7 @@ SHOTS = (
         "impact position set with the rule, from the barrel tip",
         lambda c: c.readings.place,
         "impact_position_in",
-        InPrint("Place", "in", 2),
+        InPrint("Position", "in", 2),
     ),
     _C(
         "gate_time_in_us",
@@ -115,7 +115,7 @@ SHOTS = (
         "speed of the ball at the bat, before contact",
         _shots("speed"),
         "speed_mph",
-        InPrint("Speed", "mph", 2, otherwise="not seen"),
+        InPrint("Speed", "mph", 2, otherwise="not measured"),
     ),
     _C("rebound_speed_mph", "speed of the ball at the bat, after contact", _shots("rebound_speed")),
     _C(
@@ -215,7 +215,7 @@ SHOTS = (
         "collision efficiency e_A from the rebound of the ball",
         _shots("rebound_efficiency"),
         "rebound_efficiency",
-        InPrint("by rebound", symbol="e_A", otherwise="not seen"),
+        InPrint("by rebound", symbol="e_A", otherwise="not measured"),
     ),
     _C(
         "recoil_factor",
@@ -241,7 +241,7 @@ SHOTS = (
     _C("valid", "whether the hit is valid", lambda c: c.judgement.valid),
     _C(
         "reason",
-        "reason why the hit is not valid; empty: it is",
+        "reason why the hit is not valid; empty: the hit is valid",
         lambda c: list(c.judgement.reasons),
         "reason",
     ),

@@ -153,8 +153,9 @@ def certificate(
             certification.verdict.value,
             eligible=all(each.met for each in certification.findings),
         ),
-        decision_rule="PASS if the value does not exceed the limit (simple acceptance) and the bat "
-        "meets every other rule; marginal if the limit is within the 95 % interval",
+        decision_rule="The verdict is PASS if the value does not exceed the limit (simple "
+        "acceptance) and the bat meets every other rule. The result is marginal if the limit is "
+        "within the 95 % interval",
         **stated,
         recoil=RecoilStated(
             which=procedure.recoil,
@@ -444,7 +445,7 @@ def _method(certification: Certification, metric: Budget) -> str:
     return (
         f"The distributions are propagated (JCGM 101) with {drawn:,} draws; u and both ends of the "
         f"interval are accurate to {format_value(within, '.1g')} with 95 % probability. "
-        f"The mean of the draws is shifted by {shift}. {WIDER}"
+        f"The mean of the draws differs from the first-order value by {shift}. {WIDER}"
     )
 
 
@@ -460,8 +461,8 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
         less = 1 - then / now if now else 0.0  # an ideal laboratory has no interval
         return (
             f"{alone}. If {HISTORY} earlier tests with the same scatter were included, the "
-            f"interval would be {less:.0%} shorter. If the few hits of this test agree by chance, "
-            "the interval is too short."
+            f"interval would be {100 * less:.0f} % shorter. If the few hits of this test agree by "
+            "chance, the interval is too short."
         )
     if "metric" in today and larger_today(today["metric"], earlier):
         return (

@@ -77,7 +77,7 @@ CONDITIONS = {  # conditions of the hall: printed unit, its number per SI unit, 
 VERDICTS = {
     "PASS": "The bat meets the limit",
     "FAIL": "The bat does not meet the rules",
-    "INVALID": "The test is not valid, so there is no verdict on the bat",
+    "INVALID": "The test is not valid and gives no verdict on the bat",
     "MEASURED": "The procedure sets no limit",
 }
 
@@ -279,9 +279,9 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]
-    hits = f"{document.valid_hits} valid hits"
+    hits = f"{document.valid_hits} valid {'hit' if document.valid_hits == 1 else 'hits'}"
     if verdict == "INVALID":
-        hits += f", the procedure requires {document.procedure.hits_needed}"
+        hits += f" ({document.procedure.hits_needed} required)"
     unit = f" {printed.unit}" if printed.unit else ""
     sentence = VERDICTS[verdict]
     stated = _format_result(metric, printed.unit_si) if document.states_result else {}
@@ -291,7 +291,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     if verdict in ("FAIL", "INVALID"):
         sentence = ": ".join((sentence, "; ".join(document.reasons)))
     if document.risk:
-        sentence = f"{sentence}; {_risk(document.risk)}"
+        sentence = f"{sentence}. {_risk(document.risk)}"
     return {
         "words": printed.words,
         "symbol": printed.symbol,
@@ -316,13 +316,13 @@ def _first_order(document: CertificateDocument) -> str:
 
 
 def _risk(risk: RiskStated) -> str:
-    """Return the specific risk of a verdict, in words."""
+    """Return a sentence on the specific risk of a verdict, without its period."""
     percent = 100 * risk.probability
     chance = f"is {percent:.2g} %" if percent >= 0.01 else "is below 0.01 %"
     side = "exceeds" if risk.of == "false acceptance" else "does not exceed"
     return (
-        f"the risk that its true value {side} the limit {chance} (specific risk of {risk.of}, "
-        "from this result alone, without a prior)"
+        f"The risk that the true value {side} the limit {chance} (specific risk of {risk.of}, "
+        "computed from this result alone, without a prior)"
     )
 
 
@@ -391,11 +391,11 @@ def _correction(correction: CorrectionStated | None) -> str:
         return ""
     standard, control = correction.standard, correction.control
     if control is None:
-        return f"converted to a ball with e0 = {standard:g} by the method {correction.method}"
+        return f"is converted to a ball with e0 = {standard:g} by the method {correction.method}"
     ratio = _with_u(control)
     return (
-        f"divided by {ratio['value']} (u = {ratio['u']}), the ratio of the control bat's e with "
-        f"this lot of balls to its reference value {standard:g}"
+        f"has been divided by {ratio['value']} (u = {ratio['u']}), the ratio of the e of the "
+        f"control bat with this lot of balls to its reference value {standard:g}"
     )
 
 

@@ -28,7 +28,7 @@ def certificate_text(document: CertificateDocument) -> str:
     ]
     lines += [f"  FLAG {flag.name}: {flag.sentence}" for flag in document.flags]
     lines += [f"  {words[0].lower()}{words[1:-1]}" for words in printed["not_checked"]]
-    lines.append(f"  {document.valid_hits} valid hits, {len(document.rejected_hits)} rejected")
+    lines.append(f"  valid hits: {document.valid_hits}, rejected: {len(document.rejected_hits)}")
     lines += [f"    shot {hit.shot + 1}: {hit.reason}" for hit in document.rejected_hits]
     lines += [
         f"  ball {each.ball + 1} set aside: {each.reason}" for each in document.ball.set_aside
@@ -62,7 +62,7 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
     yield f"at {at['relative']} mph, {at['place']} in from the tip"
     if printed["choice"]:
         more = printed["choice"]
-        yield f"raised by {more} for the mean shortfall of the chosen impact position"
+        yield f"includes {more} because the chosen impact position may not be the best one"
     if width := printed["width"]:
         along = f"{width['value']} (u {width['u']})" if width["u"] else f"at least {width['value']}"
         where = f"{width['low']} to {width['high']} in from the tip"
@@ -80,7 +80,7 @@ def _result(document: CertificateDocument, printed: dict[str, Any]) -> Iterator[
         ]
         yield from (f"  {line}" for line in table_text(rows).splitlines())
     if printed["correction"]:
-        yield printed["correction"]
+        yield f"the result {printed['correction']}"
     yield from _camera(document, printed["camera"])
 
 
