@@ -149,7 +149,7 @@ def test_the_cost_of_a_decision_equals_the_gain_of_a_day_without_it() -> None:
     other = Desk(sound).certification.metric
     assert other is not None
     if found.value is None:
-        assert costs[entry].word == "because of it there is no result"
+        assert costs[entry].word == "this decision prevents a result"
     else:
         cost = abs(found.value - found.truth) - abs(other.value - found.truth)
         assert costs[entry].cost == pytest.approx(cost, rel=1e-9)

@@ -268,4 +268,4 @@ def test_a_day_has_one_system_of_units(said: str, printed: str) -> None:
 
 def test_a_value_that_rounds_to_zero_has_no_minus() -> None:
     column = printed_column("Shortened by [ms]", np.array([-4e-4, 4e-4, -6e-4, np.nan]), "+z.3f")
-    assert column.cells == ["+0.000", "+0.000", "-0.001", "not seen"]
+    assert column.cells == ["+0.000", "+0.000", "-0.001", "not measured"]

@@ -435,7 +435,7 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["profile", "r161", "--ball", "bat"], "allowed: baseball-2003"),
         (["profile", "r161", "--swing", "0", "--swing", "0.5"], "one exponent"),
         (["profile", "r161", "ea7"], "did you mean ea70?"),
-        (["profile", "r161", "r161"], "its own name"),
+        (["profile", "r161", "r161"], "different names"),
         (["profile", "r161", "ea70", "--swing", "nan"], "0 to 0.5"),
         (["profile", "r161", "ea70", "--reference-inertia", "1 kg"], "kg m^2"),
         (["sensitivity", "r116"], "did you mean r161?"),

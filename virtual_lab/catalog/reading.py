@@ -337,7 +337,7 @@ def require_own_names(key: str, names: Sequence[str]) -> None:
     """
     for name in names:
         if names.count(name) > 1:
-            raise InputError("", key, name, "is given twice; each needs its own name")
+            raise InputError("", key, name, "is given twice; allowed: different names")
 
 
 def datums(document: Any, prefix: str = "") -> Iterator[Datum]:

@@ -319,7 +319,7 @@ def _for_variant(
     foreign = [key for key in parameters if key not in takes and key != variant]
     if any(key in request for key in foreign):
         forms = ", ".join(f"--{key.replace('_', '-')}" for key in foreign)
-        usage(f"--{variant.replace('_', '-')} goes with none of {forms}")
+        usage(f"--{variant.replace('_', '-')} cannot be used with any of {forms}")
     return {key: value for key, value in request.items() if key in takes}
 
 

@@ -93,9 +93,9 @@ def day(
             operator_seed=operator_seed,
         )
     if click.get_current_context().params.get("out"):
-        usage("--out goes with --operator or --script; the page keeps its day in --day")
+        usage("--out needs --operator or --script; the page saves its day in the folder of --day")
     if (tls_certificate is None) != (tls_key is None):
-        usage("--tls-certificate and --tls-key go together")
+        usage("--tls-certificate and --tls-key are needed together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": open}
     if replay:
@@ -106,7 +106,7 @@ def day(
         names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
         return _serve_page(scenario, day, names, seed=seed, **served)
     if trainees > 1:
-        usage("--exam names the trainees, --trainees counts them")
+        usage("--trainees cannot be used with --exam, whose file names the trainees")
     from virtual_lab.bench.day.exam import load_class
 
     exam_class = load_class(exam)

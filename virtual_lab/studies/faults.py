@@ -250,7 +250,7 @@ def _require_predictions(sheets: Sequence[FaultSheet], procedures: Sequence[str]
             raise InputError("", "procedure", procedure, allowed)
     for fault, predicted_for in able.items():
         if not predicted_for & set(procedures):
-            allowed = f"it has predictions only for {', '.join(sorted(predicted_for))}"
+            allowed = f"the fault has predictions only for {', '.join(sorted(predicted_for))}"
             raise InputError("", "fault", fault, f"{allowed}, not for {', '.join(procedures)}")
 
 

@@ -56,7 +56,9 @@ def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) ->
         return certify_laboratory(folder, apply_options)
     inner = [path.parent for path in sorted(folder.glob(f"*/{SESSION}"))]
     if inner and not (folder / SESSION).exists():
-        raise InputError("", "records", str(folder), f"they are in {inner[0]}; give that folder")
+        raise InputError(
+            "", "records", str(folder), f"the records are in {inner[0]}; name this folder"
+        )
     if not inner and not (folder / SESSION).exists():
         allowed = f"holds no {SESSION} and no {FORM}; allowed: a folder of records"
         raise InputError("", "records", str(folder), allowed)

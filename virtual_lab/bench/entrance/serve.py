@@ -110,9 +110,11 @@ def serve(
     for (name, folder), address in zip(folders.items(), addresses, strict=True):
         status = "continued" if (folder / LOG).exists() else "begun"
         status = status if scenario else "replayed"
-        instruction = "; the code in it lets them in again" if hall else " once, in one browser"
+        instruction = (
+            " (sign in again with the code in this address)" if hall else " once, in one browser"
+        )
         say(f"{name or 'the day'}, {status} in {folder}: open {address}{instruction}")
-    say("Ctrl-C stops the server; the day is saved. You can read the sealed file, but no page can")
+    say("Ctrl-C stops the server. The day is saved. You can read the sealed file, but no page can")
     if browser:
         webbrowser.open(addresses[0])
     sys.setswitchinterval(5e-4)  # longest delay of an answer by imports in another thread [s]

@@ -92,7 +92,7 @@ class CheckStandards:
     ) -> Display:
         """Return, for each quantity of `hit`, the mean of today and the values of the chart.
 
-        The mean is "not seen" if no hit of today has a reading.
+        The mean is "not measured" if no hit of today has a reading.
         """
         hits = action_table().consequences.check_hits
         today = hit(self.laboratory, FIRST_SLOT + hits * (DAYS + earlier), hits)
@@ -100,7 +100,7 @@ class CheckStandards:
         rows: list[tuple[str, float | str, str]] = []
         for name, values in today.items():
             if not np.isfinite(values).any():
-                rows.append((f"{name}, today", "not seen", ""))
+                rows.append((f"{name}, today", "not measured", ""))
                 continue
             means = np.nanmean(chart[name].reshape(DAYS, hits), axis=1)
             rows += _chart_rows(name, float(np.nanmean(values)), means, 5, "")

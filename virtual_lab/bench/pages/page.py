@@ -417,7 +417,9 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[PrintedHit]:
     whole, metric = not desk.missing, METRICS[desk.rules.spec.metric]
 
     def number(value: float | None, unit: float, places: int) -> str:
-        return f"{value / unit:.{places}f}" if value is not None else "not seen" if whole else "–"
+        return (
+            f"{value / unit:.{places}f}" if value is not None else "not measured" if whole else "–"
+        )
 
     return [
         PrintedHit(

@@ -33,9 +33,9 @@ class PrintedColumn(NamedTuple):
 def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
     """Return a column of numbers, each in the format `form`.
 
-    NaN and infinity are printed as "not seen".
+    NaN and infinity are printed as "not measured".
     """
-    number = (format(each, form) if np.isfinite(each) else "not seen" for each in values)
+    number = (format(each, form) if np.isfinite(each) else "not measured" for each in values)
     return PrintedColumn(title, list(number))
 
 

@@ -141,7 +141,7 @@ def _panel(
 
 
 def _ms(time: float) -> str:
-    return f"{time:.3f}" if np.isfinite(time) else "not seen"
+    return f"{time:.3f}" if np.isfinite(time) else "not detected"
 
 
 def _summary(gates: int, missing: int, counts: Array) -> str:

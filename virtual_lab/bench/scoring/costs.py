@@ -98,9 +98,9 @@ def _cost(
         return
     if value is None or corrected_value is None or truth is None:
         word = (
-            "without it there is no result"
+            "there is no result without this decision"
             if corrected_value is None
-            else "because of it there is no result"
+            else "this decision prevents a result"
         )
         yield CostlyDecision(entry=entry, what=description, cost=None, u=0.0, word=word)
         return

@@ -123,7 +123,7 @@ def detection_score(
     detected = sum(is_named(name, named, rates) for name in faults)
     alarms = sum(is_named(name, named, rates) for name in named if name not in faults)
     words = (
-        f"{detected} of {len(faults)} faults named, {alarms} false alarms; sum of squared errors "
+        f"faults named: {detected} of {len(faults)}, false alarms: {alarms}; sum of squared errors "
     )
     return max(
         0.0, 1 - penalty
@@ -212,7 +212,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
     if needless:
         words += f", without {needless / 60:.0f} min of checks that a reading called for"
     words += f"; the expert took {theirs:.0f} min and {len(expert.fired)} shots"
-    return share * result, f"{words}; multiplied by the result"
+    return share * result, f"{words}; multiplied by the result score"
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:

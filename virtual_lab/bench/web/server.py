@@ -493,7 +493,9 @@ class Door:
                 403, "Open the address that the command printed. It works once, in one browser."
             )
         wrong = "This code does not exist. " if "token" in request.query_params else ""
-        opens = "Enter your code to open your day. A day open in another browser closes there."
+        opens = (
+            "Enter your code to open your day. If it is open in another browser, it closes there."
+        )
         sentence = f"{wrong}{opens}"
         return _sentence_page(403, sentence, title=self.hall.title, by_code=True)
 

@@ -57,7 +57,7 @@ class PlannedLaboratory:
             rules=setup.rules.spec, sample=SampledTests.of(shared, PILOT, other, workers)
         )
         if not forecast.sample.some.any():
-            raise InputError("", "bat", bat, "none of its tests has a result")
+            raise InputError("", "bat", bat, "no simulated test of this bat has a result")
         gains, samples = {}, {}
         for name, sheet in exchanges.items():
             with catalog.sheets_in_place({_key(sheet): sheet.text}):
