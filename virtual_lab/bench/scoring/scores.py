@@ -122,12 +122,10 @@ def detection_score(
     penalty = sum((p - (name in faults)) ** 2 for name, p in probabilities.items())
     detected = sum(is_named(name, named, rates) for name in faults)
     alarms = sum(is_named(name, named, rates) for name in named if name not in faults)
-    words = (
-        f"faults named: {detected} of {len(faults)}, false alarms: {alarms}; sum of squared errors "
-    )
-    return max(
-        0.0, 1 - penalty
-    ), words + f"{penalty:.2f} over all possible faults ({len(probabilities)})"
+    plural = "" if alarms == 1 else "s"
+    words = f"{detected} of {len(faults)} faults named, {alarms} false alarm{plural}"
+    errors = f"sum of squared errors over the {len(probabilities)} possible faults: {penalty:.2f}"
+    return max(0.0, 1 - penalty), f"{words}; {errors}"
 
 
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
@@ -208,11 +206,13 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
     share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
-    words = f"{minutes:.0f} min and {len(day.fired)} shots"
+    words = f"you took {minutes:.0f} min"
     if needless:
-        words += f", without {needless / 60:.0f} min of checks that a reading called for"
-    words += f"; the expert took {theirs:.0f} min and {len(expert.fired)} shots"
-    return share * result, f"{words}; multiplied by the result score"
+        words += f" (without {needless / 60:.0f} min of checks that a reading called for)"
+    words += (
+        f" and {len(day.fired)} shots, the expert {theirs:.0f} min and {len(expert.fired)} shots"
+    )
+    return share * result, f"{words}; the ratios are multiplied by the result score"
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
