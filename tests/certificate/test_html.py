@@ -585,7 +585,7 @@ def test_the_width_of_a_scan_is_stated_if_the_rules_require_it() -> None:
     assert width is not None
     assert width.u is not None
     value, u = (f"{number / 0.0254:.3f}" for number in (width.value, width.u))
-    assert f"along {value} in (u = {u} in), between" in words(page("scan with fresh hits"))
+    assert f"over {value} in (u = {u} in) of the barrel" in words(page("scan with fresh hits"))
     text = certificate_text(document)
     assert f"within 0.01 of the curve's maximum along {value} (u {u}) in of barrel" in text
     assert width.to_in - width.from_in == pytest.approx(width.value / 0.0254)
@@ -677,7 +677,7 @@ def test_the_text_states_everything_that_decides_the_verdict() -> None:
             assert reason in text
         if document.risk:
             side = "exceeds" if document.verdict == "PASS" else "does not exceed"
-            assert f"that its true value {side} the limit" in words(certificate_page(document))
+            assert f"that the true value {side} the limit" in words(certificate_page(document))
     pitches = certificate(quick()).ring.frequencies_hz
     assert len(pitches) > 1
     assert f"at {', '.join(f'{pitch:.0f}' for pitch in pitches)} Hz" in words(page("pass"))

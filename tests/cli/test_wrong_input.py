@@ -259,7 +259,7 @@ CASES: dict[str, Case] = {
     "a result for its records": (
         lambda at, records: shutil.copytree(records, at / "r161" / "records"),
         "reduce r161",
-        ["they are in r161/records"],
+        ["the records are in r161/records"],
     ),
     "a file for its records": (
         file("r.json", "{}"),

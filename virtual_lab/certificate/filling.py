@@ -154,8 +154,8 @@ def certificate(
             eligible=all(each.met for each in certification.findings),
         ),
         decision_rule="The verdict is PASS if the value does not exceed the limit (simple "
-        "acceptance) and the bat meets every other rule. The result is marginal if the limit is "
-        "within the 95 % interval",
+        "acceptance) and the bat meets every other rule. A result is called marginal if the "
+        "limit is within its 95 % interval",
         **stated,
         recoil=RecoilStated(
             which=procedure.recoil,
