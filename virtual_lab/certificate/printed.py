@@ -394,8 +394,8 @@ def _correction(correction: CorrectionStated | None) -> str:
         return f"is converted to a ball with e0 = {standard:g} by the method {correction.method}"
     ratio = _with_u(control)
     return (
-        f"has been divided by {ratio['value']} (u = {ratio['u']}), the ratio of the e of the "
-        f"control bat with this lot of balls to its reference value {standard:g}"
+        f"has been divided by {ratio['value']} (u = {ratio['u']}), the ratio of the control bat's "
+        f"e with this lot of balls to its reference value {standard:g}"
     )
 
 
