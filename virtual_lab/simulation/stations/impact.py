@@ -154,9 +154,10 @@ def _recoil(
     speed, yielding = scenes.relative_speed, np.empty(len(scenes))  # 1 / effective mass
     for body, shots in struck:
         modes = _rigid_modes(body, support)
-        place, inverse = np.unique(scenes.impact_position[shots], return_inverse=True)
-        # the mean over a patch is the value at its center, because rigid modes are straight
-        yielding[shots] = np.sum(modes.shape(place) ** 2, axis=1)[inverse]
+        # A rigid mode is a straight line: its mean over a patch is its value at the center.
+        tip, knob = modes.deflections[[0, -1]]
+        along = scenes.impact_position[shots, None] / modes.length
+        yielding[shots] = np.sum((tip + along * (knob - tip)) ** 2, axis=1)
     bat_speed = impulse * yielding
     ball_speed = impulse / scenes.ball_mass - speed
     return TrueRecoil(
@@ -168,22 +169,23 @@ def _recoil(
 def wall_restitution(scenes: Scenes) -> Array:
     """Return e0 of the balls of the scenes on a rigid wall, (n,), computed from the force law.
 
-    It is the square root of the work of the force during unloading over that during loading.
+    It is the square root of the work of the force during unloading over that during loading, which
+    does not depend on the stiffness.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # dense near zero compression
-    e0, names = np.empty(len(scenes)), ("stiffness", "exponent", "ball_restitution")
-    part_size = 256  # scenes per part, so that their forces fit in the cache
-    for first in range(0, len(scenes), part_size):
+    # Balls that hit a bat at rest have the same e0 at all positions.
+    balls, inverse = np.unique(scenes.exponent + 1j * scenes.ball_restitution, return_inverse=True)
+    e0 = np.empty(balls.size)
+    part_size = 256  # balls per part, so that their forces fit in the cache
+    for first in range(0, balls.size, part_size):
         part = slice(first, first + part_size)
-        ball: list[Any] = [getattr(scenes, name)[part, None] for name in names]
-        stiffness, exponent, restitution = ball
-        law = PowerLaw.of(
-            stiffness=stiffness, exponent=exponent, restitution=restitution, speed=1.0
-        )
+        exponent: Any = balls.real[part, None]
+        restitution: Any = balls.imag[part, None]
+        law = PowerLaw.of(stiffness=1.0, exponent=exponent, restitution=restitution, speed=1.0)
         loading = law.branch(Event.TOUCH, 0.0, None)
         unloading = law.branch(Event.TURN, 1.0, loading)
         nodes: Any = share
         work = [(width * branch.force(nodes, 0.0)).sum(axis=1) for branch in (loading, unloading)]
         e0[part] = np.sqrt(work[1] / work[0])
-    return e0
+    return e0[inverse]
