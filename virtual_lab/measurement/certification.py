@@ -6,7 +6,7 @@ another laboratory are evaluated in the same way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -254,12 +254,11 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
         effects=at_hits(outcome.effects),
         places=at_hits(np.round(reduced.place, 6)),
     )
-    block_size = max(CACHED // (variants.sets * hits.shape[1]), 1)
+    size = max(CACHED // (variants.sets * hits.shape[1]), 1)
     parts = [
-        _results(reduced, readings, weighing, earlier, slice(first, first + block_size), variants)
-        for first in range(0, laboratories, block_size)
+        _results(reduced, readings, *part) for part in _split(weighing, earlier, variants, size)
     ]
-    results = {name: Budgets.concatenate([each[name] for each, _ in parts]) for name in parts[0][0]}
+    results, apart = parts[0] if len(parts) == 1 else _join(parts)
     has_result = np.bincount(owner, mask, laboratories) > 0
     shortfall = shortfalls(
         rules,
@@ -282,7 +281,7 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
             some=has_result,
             variants=variants,
             hits=hits,
-            apart=np.concatenate([difference for _, difference in parts]),
+            apart=apart,
         )
     )
     reason_table = (
@@ -314,26 +313,45 @@ class Weighing(AlignedArrays):
     aligned: ClassVar = EVERY_FIELD
 
 
+def _split(
+    weighing: Weighing, earlier: Mapping[str, HitVariance], variants: Variants, size: int
+) -> Iterator[tuple[slice, Weighing, Mapping[str, HitVariance], Variants]]:
+    """Yield the arguments for `size` laboratories at a time, after the slice of these."""
+    laboratories = len(weighing.hits)
+    if laboratories <= size:  # not copied
+        yield slice(None), weighing, earlier, variants
+        return
+    for first in range(0, laboratories, size):
+        rows = slice(first, first + size)
+        history = {name: each.select(rows) for name, each in earlier.items()}
+        yield rows, weighing.select(rows), history, variants.select(rows)
+
+
+def _join(parts: Sequence[tuple[dict[str, Budgets], Array]]) -> tuple[dict[str, Budgets], Array]:
+    """Return the results of `_results` for the laboratories of all parts, in order."""
+    results, apart = zip(*parts, strict=True)
+    names = results[0]
+    budgets = {name: Budgets.concatenate([each[name] for each in results]) for name in names}
+    return budgets, np.concatenate(apart)
+
+
 def _results(
     reduced: Reduction,
     readings: ImpactReadings,
+    rows: slice,
     weighing: Weighing,
     earlier: Mapping[str, HitVariance],
-    rows: slice,
     variants: Variants,
 ) -> tuple[dict[str, Budgets], Array]:
     """Return the results of some laboratories, and the differences of e_A of their hits.
 
-    A difference is e_A from recoil minus e_A from rebound. The array has the shape (laboratory, k,
-    hit), with k sets of constants.
+    `rows` are the laboratories to which the other arguments belong. A difference is e_A from recoil
+    minus e_A from rebound. The array has the shape (laboratory, k, hit), with k sets of constants.
     """
-    weighing = weighing.select(rows)
     model = reduced.model(readings, weighing.hits, rows)
-    variants = variants.select(rows)
     columns = variants.columns
     bat = bat_properties(columns)
     shots = model.shots(columns, bat)
-    history = {name: each.select(rows) for name, each in earlier.items()}
     results = {
         name: means_of_hits(
             variants,
@@ -341,7 +359,7 @@ def _results(
             weighing.weights,
             weighing.places,
             weighing.effects if name in DECIDING else weighing.weights,
-            history.get(name),
+            earlier.get(name),
         )
         for name, values in model.quantities(columns, bat, shots).items()
     }

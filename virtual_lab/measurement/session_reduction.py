@@ -154,14 +154,14 @@ class Reduction(AlignedArrays):
         """Return the shots that the procedure requires next, none for a complete test."""
         asking = np.zeros(self.preparation.laboratories, dtype=bool)
         asking[... if self.latest is None else self.latest] = True
-        shots, turn = self.select(asking[self.owner]), np.cumsum(asking) - 1
+        mask, turn = asking[self.owner], np.cumsum(asking) - 1
         following = next_shots(
             self.procedure,
             self.preparation.percussion[asking],
-            turn[shots.owner],
-            shots.place,
-            shots.valid,
-            shots.objective.value,
+            turn[self.owner[mask]],
+            self.place[mask],
+            self.valid[mask],
+            self.objective.value[mask],
         )
         return NextShots(np.flatnonzero(asking)[following.owner], following.place)
 

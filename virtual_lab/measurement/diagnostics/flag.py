@@ -162,7 +162,7 @@ def pairs(
     """
     budget = combine_components(value, components)
     u, likely = chances(budget, least)
-    moves = np.broadcast_to(np.asarray(moves, dtype=float), value.shape)
+    moves = np.asarray(moves, dtype=float)
     harms = moves > 0
     spared = np.where(harms, HARMLESS / np.where(harms, moves, 1.0), 0.0)
     _, harmful = chances(budget, np.maximum(least, spared))

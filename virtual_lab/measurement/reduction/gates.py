@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import count
 from math import prod
 from typing import ClassVar, Self
@@ -98,7 +99,7 @@ def _of_boards(record: BoardRecord, lowest: float, pitch: float) -> Passages:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class GateReadings:
     """Passages of a stage's balls through its gates or boards."""
 
@@ -140,7 +141,7 @@ class GateReadings:
         tall = f"{stage}.gates.height_0" in calibration
         return cls(stage=stage, passages=readings, distances=distances, shows_height=tall)
 
-    @property
+    @cached_property
     def raw(self) -> RawFlights:
         """The flights between the first gate and the last, at a constant speed."""
         times = self.passages.times

@@ -236,9 +236,10 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
         for name, value in x.items()
         if name.startswith(names) and not name.startswith(others) and np.ndim(value) > 1
     ]
-    if not arrays:
+    number = max((value.shape[-2] for value in arrays), default=1)
+    if number == 1:
         return Sets(None, every)
-    mask = np.zeros(max(value.shape[-2] for value in arrays), dtype=bool)
+    mask = np.zeros(number, dtype=bool)
     for value in arrays:
         if is_broadcast(value):
             continue
@@ -328,7 +329,9 @@ def shot_results(
     number = readings.ball.shape[-1]
 
     def wide(each: Any, many: int) -> NDArray[Any]:
-        return np.broadcast_to(each, (*shape, many)).reshape(*block, many)
+        whole = (*shape, many)  # `broadcast_to` takes microseconds, even if it has nothing to do
+        every = each if np.shape(each) == whole else np.broadcast_to(each, whole)
+        return every.reshape(*block, many)
 
     names = [each.name for each in fields(kind)]
     columns = {
