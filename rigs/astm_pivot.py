@@ -137,6 +137,8 @@ class AstmPivotStation(RestingBatStation):
 
     def at(self, owner: Owner) -> AstmPivotStation:
         """Return the station with the true constants of each shot's laboratory."""
+        if owner is ...:
+            return self
         station = RestingBatStation.at(self, owner)
         return replace(station, clamp=of_owners(self.clamp, owner))
 

@@ -105,6 +105,7 @@ class Laboratory:
         lot_draws, bench = setup.lot_draws(seed), stations[Stage.BENCH]
         store = bench.store_humidity(lot_draws) if isinstance(bench, StoringStation) else None
         collision = setup.collision or collision_of(bat, ball, rules, setup.rung)
+        count = setup.count
         return cls(
             setup=setup,
             seed=seed,
@@ -120,7 +121,7 @@ class Laboratory:
                 collision=collision,
             ),
             calibration={
-                name: each if isinstance(each, Estimates) else Estimates.stack([each] * setup.count)
+                name: each if isinstance(each, Estimates) else Estimates.stack([each] * count)
                 for name, each in entered.items()
             },
         )

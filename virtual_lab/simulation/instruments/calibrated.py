@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from math import inf
 from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, cast
 
@@ -85,6 +86,11 @@ class CalibratedSpec(Spec):
 S = TypeVar("S", bound=CalibratedSpec)
 
 
+@lru_cache(maxsize=256)  # laboratories of a study have instruments of the same data sheets
+def _certificate_of(spec: CalibratedSpec) -> Mapping[str, Estimate]:
+    return spec.certificate()
+
+
 def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
     """Return a constant as stated on a data sheet, with `sigma` as its u.
 
@@ -108,7 +114,7 @@ def drawn(
     distributed about the value, with standard deviation σ. `name` is the name of the instrument,
     which is the key of its random stream.
     """
-    numbers = np.moveaxis(draws.normal(f"{name}.errors", 2 * len(sheet)), -1, 0)
+    numbers = draws.normal(f"{name}.errors", 2 * len(sheet)).T
     laboratories = numbers.shape[1:]
     of_each = numbers.copy() if laboratories else numbers.tolist()
     stated: dict[str, Stated] = {}
@@ -166,7 +172,7 @@ class CalibratedInstrument(Generic[S]):
     @classmethod
     def commission(cls, spec: S, draws: Draws, name: str) -> Self:
         """Return an instrument of a data sheet, with constants drawn under `name`."""
-        return cls(spec, *drawn(spec.certificate(), draws, name))
+        return cls(spec, *drawn(_certificate_of(spec), draws, name))
 
     def restated(
         self, records: Sequence[Record], known: Mapping[str, Estimate], draws: Draws, name: str

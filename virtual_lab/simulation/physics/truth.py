@@ -95,16 +95,8 @@ class TrueBalls:
     def _of_owners(self, index: Any) -> TrueBalls:
         """Return the balls at `index` of the lots, with the properties of their lots."""
         owner = index[0] if isinstance(index, tuple) else index
-        line = self.spec.restitution
         return TrueBalls(
-            spec=replace(
-                self.spec,
-                radius=of_owners(self.spec.radius, owner),
-                stiffness=of_owners(self.spec.stiffness, owner),
-                restitution=replace(
-                    line, value=of_owners(line.value, owner), slope=of_owners(line.slope, owner)
-                ),
-            ),
+            spec=self.spec if owner is ... else _spec_of_owners(self.spec, owner),
             mass=self.mass[index],
             restitution=self.restitution[index],
             store=None if self.store is None else of_owners(self.store, owner),
@@ -263,6 +255,19 @@ def _make_body(spec: BatSpec, density: float, modulus: float, tilt: float) -> Ba
     return replace(body, material=material)
 
 
+def _spec_of_owners(spec: BallSpec, owner: Any) -> BallSpec:
+    """Return the sheet of a ball with the properties of the lots of the laboratories `owner`."""
+    line = spec.restitution
+    return replace(
+        spec,
+        radius=of_owners(spec.radius, owner),
+        stiffness=of_owners(spec.stiffness, owner),
+        restitution=replace(
+            line, value=of_owners(line.value, owner), slope=of_owners(line.slope, owner)
+        ),
+    )
+
+
 def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
     """Return the sheet of a ball with the properties of a lot, drawn at random [SI].
 
@@ -270,7 +275,7 @@ def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSp
     has a lot, and the properties are arrays (laboratory,). `store` is the relative humidity in
     which the lot was kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
     """
-    wider, steeper = np.moveaxis(draws.normal("lot", 2), -1, 0)
+    wider, steeper = draws.normal("lot", 2).T
     line, law = spec.restitution, spec.humidity
     damp: Any = 1.0 if law is None or store is None else law.factor(store)
     stiffer: Any = draws.normal("lot.stiffness")
