@@ -119,9 +119,10 @@ class TestDay:
         assert self.preparation is not None, "prepare() comes first"
         done = 0 if self.reduced is None else self.reduced.owner.size
         ends = np.cumsum([plan.slot.size for plan in self.plans])
-        sessions = self.collect_records(int(np.searchsorted(ends, done, side="right")))
+        first = int(np.searchsorted(ends, done, side="right"))  # round that is not yet judged
+        sessions = self.collect_records(first)
         reduce_all = self.reduced is None or acceptance is not None or sessions.counted
-        if reduce_all:
+        if reduce_all and first:
             sessions = self.collect_records()
         readings = observe_hits(sessions, self.preparation)
         reduced = reduce_shots(sessions, self.preparation, readings)

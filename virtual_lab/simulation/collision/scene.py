@@ -105,6 +105,8 @@ class Scenes:
 
     def part(self, chosen: slice | NDArray[Any]) -> Self:
         """Return the `chosen` scenes: a slice, a mask or indices."""
+        if isinstance(chosen, slice) and chosen == slice(len(self)):
+            return self
         return replace(self, **{name: value[chosen] for name, value in self._arrays()})
 
     def require_on(self, length: float) -> None:
