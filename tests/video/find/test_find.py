@@ -114,6 +114,22 @@ def test_drift_and_background_of_a_hand_held_phone_are_found() -> None:
     assert np.ptp(still.sampled[:, 2:] * 160, axis=0).max() < 0.15  # rim [px]
 
 
+def test_a_drift_is_found_if_most_pictures_are_far_from_the_first() -> None:
+    """Where the first picture has edges, most of the others show a plain wall."""
+    wall = np.full((290, 460), 150.0)
+    for column, row in ((60, 30), (330, 40), (70, 170), (340, 180), (200, 110)):
+        wall[row : row + 16, column : column + 16] = 90.0
+    noise, late = np.random.default_rng(5), np.arange(24)
+    shifts = np.rint(np.where(late < 4, 8 * late, 32 + 4 * np.sin(late))).astype(int)
+    frames = [
+        cv2.GaussianBlur(wall[k : k + 240, k : k + 360], (0, 0), 1.0)
+        + noise.normal(0, 1.0, (240, 360))
+        for k in shifts
+    ]
+    still = still_of([each.round().astype(np.uint8) for each in frames], 8, 6)
+    np.testing.assert_allclose(still.sampled[:, :2], -np.stack([shifts, shifts], 1), atol=0.2)
+
+
 def test_the_turn_of_a_phone_in_the_hand_is_found() -> None:
     """Positions at the rim are right to 0.5 px; by a shift alone they are wrong by nearly 4 px."""
     scene = replace(UNSEEN["rolled"], count=60)

@@ -70,8 +70,6 @@ class _Search:
     largest: float = 0.12  # largest area of a blob [share of the picture]
     regions: int = 24  # largest number of regions examined per frame and threshold
     solid: float = 0.8  # smallest share of its hull's area that a blob fills
-    # range of the ratio of a hull's area to that of the ellipse with the same moments
-    filled: tuple[float, float] = (0.85, 1.12)
     # smallest ratio of a blob's shorter axis to its longer one: motion blur of almost five balls
     thinnest: float = 0.22
     # percentiles of a blob's difference from the background that are used as its contrast; the
@@ -120,7 +118,7 @@ def blobs(
         if pair is None:
             continue
         rivals = [each for each in pairs if _same(pair[0], each[0])]
-        if all(_surer(pair[0], each) for each, _ in rivals):
+        if all(_doubt(pair[0]) < _doubt(each) for each, _ in rivals):
             pairs = [each for each in pairs if not any(each is other for other in rivals)]
             pairs.append(pair)
     return np.array([row for row, _ in pairs], BLOB), [view for _, view in pairs]
@@ -139,16 +137,13 @@ def _same(one: BlobRow, other: BlobRow) -> bool:
     return bool(away < 0.6 * max(one[3], other[3]) and 0.5 < one[3] / other[3] < 2.0)
 
 
-def _surer(one: BlobRow, other: BlobRow) -> bool:
-    return bool(
-        (one[7] > _SEARCH.ring_level, one[5] / one[3])
-        < (other[7] > _SEARCH.ring_level, other[5] / other[3])
-    )
+def _doubt(blob: BlobRow) -> tuple[bool, float]:
+    """Return a rank by which the smaller of two blobs in one place is more likely to be a ball."""
+    return blob[7] > _SEARCH.ring_level, blob[5] / blob[3]
 
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
     """Yield left, top, width and height [full pixels] of differing regions, for each threshold."""
-    coarse_boxes: set[tuple[int, int, int, int]] = set()
     kernel = np.ones((3, 3), np.uint8)
     largest = _SEARCH.largest * off.size
     for threshold in _SEARCH.thresholds:
@@ -160,12 +155,8 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
         for area, k in sorted(zip(areas, range(len(areas)), strict=True), reverse=True)[
             : _SEARCH.regions
         ]:
-            if not _SEARCH.least_area <= area <= largest:
-                continue
-            left, top, wide, high = cv2.boundingRect(outlines[k])
-            coarse = (left // 2, top // 2, wide // 2, high // 2)
-            if coarse not in coarse_boxes:
-                coarse_boxes.add(coarse)
+            if _SEARCH.least_area <= area <= largest:
+                left, top, wide, high = cv2.boundingRect(outlines[k])
                 yield shrink * left, shrink * top, shrink * wide, shrink * high
 
 
@@ -195,7 +186,8 @@ def _blob(
             for each in (part, behind)
         )
     off = np.asarray(
-        cv2.GaussianBlur(difference_of(part, behind), (0, 0), _SEARCH.softened), np.float32
+        cv2.GaussianBlur(difference_of(part, behind).astype(np.float32), (0, 0), _SEARCH.softened),
+        np.float32,
     )
     inner = off[
         (top - y0) // fine : (top - y0 + high) // fine,
@@ -286,14 +278,9 @@ def _hull(off: NDArray[np.float32], level: float) -> Hull | None:
     xx, yy, xy = (moments[key] / whole for key in ("mu20", "mu02", "mu11"))
     apart = np.hypot((xx - yy) / 2, xy)
     long, short = (2 * np.sqrt(max((xx + yy) / 2 + sign * apart, 0)) for sign in (1, -1))
-    filled = whole / (np.pi * long * short) if short > 0 else 0.0
     x, y = moments["m10"] / whole, moments["m01"] / whole
     solid = cv2.contourArea(outline) / whole
-    if (
-        solid < _SEARCH.solid
-        or not _SEARCH.filled[0] < filled < _SEARCH.filled[1]
-        or short + 0.5 < _SEARCH.thinnest * (long + 0.5)
-    ):
+    if solid < _SEARCH.solid or short + 0.5 < _SEARCH.thinnest * (long + 0.5):
         return None
     # OpenCV's outline passes through the middle of pixels, half a pixel inside the edge.
     return (

@@ -38,12 +38,16 @@ class _Alignment:
     hold: tuple[float, ...] = (0.01, 0.01, 0.2, 0.05)
     # longer side of the small pictures in which a large step is searched [pixels]
     coarse: int = 128
+    # smallest steepness of an edge that shows a drift if there are few [DN/px]; H.264 keeps flatter
+    # edges in place while the camera drifts
+    coded: float = 6.0
     # largest ratio of costs at which a drift far from the likely drift replaces it
     far: float = 0.6
 
 
 _ALIGN = _Alignment()
 STEEP = 2.0  # smallest steepness of an edge [DN/px]; smaller values are noise
+PARTS = 12  # number of parts of a picture along each axis in which edges are counted
 FAR_OFF = 2.0  # distance beyond which an edge moves by itself, or a picture has leapt [pixels]
 BLACK = 12  # gray level [DN] of a pixel that is not part of the picture
 
@@ -74,12 +78,14 @@ class Edges:
         return best
 
     def _cost(self, grey: Image, drift: Array) -> float:
-        """Return the sum of clipped residuals of a drift [DN]; the limit for an edge outside."""
+        """Return the sum of clipped deviations of a drift [DN]; the limit for an edge outside."""
         clip = FAR_OFF * np.hypot(*self.design[:, :2].T)
-        return float(np.fmin(np.abs(self._left(grey, drift)), clip).sum())
+        return float(np.fmin(np.abs(self.deviation(grey, drift)), clip).sum())
 
-    def _left(self, grey: Image, drift: Array) -> Array:
+    def deviation(self, grey: Image, drift: Array) -> Array:
         """Return gray values of a drifted picture minus those of the edges [DN]; NaN outside."""
+        if not self.value.size:  # OpenCV fails without a pixel
+            return self.value
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
         real, (x, y) = grey.astype(np.float32), cv2.split(at)
         view = cv2.remap(real, x, y, cv2.INTER_LINEAR, borderValue=np.nan).ravel()
@@ -87,12 +93,25 @@ class Edges:
         light = upper_median(self.value[visible] / view[visible]) if visible.any() else 1.0
         return np.where(visible, light * view - self.value, np.nan)
 
+    def count_parts(self, size: tuple[int, int]) -> int:
+        """Count the parts of a picture of this size that have edges.
+
+        One object may move by itself, so the largest group of parts that spans less than half of
+        the picture is left out.
+        """
+        x, y = self.places[np.hypot(*self.design[:, :2].T) > _ALIGN.coded, 0].T
+        ends = [(0, side) for side in size]
+        textured = np.histogram2d(x, y, PARTS, ends)[0] >= 3
+        _, _, stats, _ = cv2.connectedComponentsWithStats(textured.astype(np.uint8))
+        reach = stats[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1, initial=0)
+        return int(textured.sum() - stats[1:, cv2.CC_STAT_AREA][reach < PARTS / 2].max(initial=0))
+
     def _settle(self, grey: Image, start: Array) -> Array:
         """Return the drift of a picture, refined from a start close to it."""
         drift, side = start, max(grey.shape) / 2
         units = np.array([1.0, 1.0, side, side])
         for _ in range(_ALIGN.steps):
-            left = self._left(grey, drift)
+            left = self.deviation(grey, drift)
             finite = np.isfinite(left)
             left, design = left[finite], self.design[finite]
             if not left.size:

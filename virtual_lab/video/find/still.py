@@ -10,14 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from virtual_lab.units import Array, Mask
+from virtual_lab.units import Array
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.clips.source import Frame
 from virtual_lab.video.find.drift import (
@@ -44,18 +43,14 @@ class _StillSettings:
     # fastest drift, of a camera that is turned with the ball [longer sides of the picture per
     # frame]
     swung: float = 0.025
-    # smallest steepness of an edge that shows a drift [DN/px]; H.264 keeps flatter edges in place
-    # while the camera drifts
-    coded_still: float = 6.0
-    # number of parts of the picture along each axis, and smallest number of parts with edges that
-    # can show a drift, without those of one moving object
-    parts: int = 12
+    # smallest number of parts of the picture with edges that can show a drift, without those of one
+    # moving object
     shown_parts: int = 4
     # fastest drift that few edges may show [longer sides of the picture per frame], because they
     # may all belong to one object that moves faster than a hand-held camera
     held: float = 0.006
-    # largest ratio of the change at edges with a drift to the change without it; 0.1 to 0.7 for
-    # hand-held cameras, at least 0.83 on a stand
+    # largest ratio of the deviation at edges with a drift to that without it; 0.1 to 0.35 for
+    # hand-held cameras, at least 1 on a stand
     better: float = 0.75
     # smallest number of samples that show whether a ball is lighter or darker than the background
     fewest: int = 8
@@ -154,7 +149,7 @@ class Still:
             light = upper_median(ratio)
             light[np.abs(light - 1) < 0.005] = 1.0
         behind = _as_bright(self.small, light)
-        apart = _strongest(cv2.absdiff(warp_back(small, drift, corner, behind), behind))
+        apart = difference_of(warp_back(small, drift, corner, behind), behind)
         return np.asarray(cv2.subtract(apart, self.restless), np.uint8), light
 
     def cut(
@@ -174,9 +169,13 @@ class Still:
         return warp_back(picture, drift, (x + self.origin[0], y + self.origin[1]), behind), behind
 
 
-def difference_of(part: Image, behind: Image) -> NDArray[np.float32]:
-    """Return the absolute difference between two images, largest channel, (row, column) [DN]."""
-    return _strongest(cv2.absdiff(part, behind)).astype(np.float32)
+def difference_of(part: Image, behind: Image) -> Image:
+    """Return the absolute difference of two pictures, largest channel, (row, column) [DN]."""
+    apart = cv2.absdiff(part, behind)
+    if apart.ndim == 3:
+        one, two, three = cv2.split(apart)
+        apart = cv2.max(cv2.max(one, two), three)
+    return np.asarray(apart, np.uint8)
 
 
 def still_of(
@@ -212,7 +211,7 @@ def still_of(
     behind = _shrunk(background, shrink)
     corner = (origin[0] // shrink, origin[1] // shrink)
     off = [
-        _strongest(cv2.absdiff(warp_back(each, drift, corner, behind), behind))
+        difference_of(warp_back(each, drift, corner, behind), behind)
         for each, drift in zip(small, drifts, strict=True)
     ]
     restless = of_rank(np.stack(off), round(_STILL.restless * (len(off) - 1)))
@@ -238,49 +237,30 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
     `most`.
     """
     none = np.zeros((len(greys), 4))
-    size = columns, rows = greys[0].shape[1::-1]
+    size = greys[0].shape[1::-1]
     steps = [none[0]]
     for before, grey in pairwise(greys):
         edges = edges_of(before, turns=False)
         steps.append(edges.drift(grey, steps[-1], none[0], leap_of(before, grey)))
     laid, few = np.cumsum(steps, axis=0), True
     for turns in (False, True, True, True):
-        behind, (left, top) = _panorama(greys, laid)
-        first = behind[-top : rows - top, -left : columns - left]
-        few = _count_parts(first) < _STILL.shown_parts
-        edges = edges_of(behind, size, (left, top), turns=turns and not few)
+        behind, corner = _panorama(greys, laid)
+        few = edges_of(behind, size, corner).count_parts(size) < _STILL.shown_parts
+        edges = edges_of(behind, size, corner, turns=turns and not few)
         # One or two successive pictures may be aligned wrongly.
         usual = ndimage.median_filter(laid, (5, 1), mode="nearest")
         laid = np.array([edges.drift(*each) for each in zip(greys, usual, laid, strict=True)])
         laid = laid - laid[0]
-    moved = _change(greys, laid, first, _steep(first))
-    stood = _change(greys, none, _panorama(greys, none)[0], _steep(first))
-    # The lower third is used, because hands and balls change the rest with or without a drift.
-    ratio = np.quantile([1.0, *moved[stood > 0] / stood[stood > 0]], 1 / 3)
+    stands = edges_of(_panorama(greys, none)[0])
+    # The median is used, because hands and balls change fewer than half of the edges.
+    moved, stood = (
+        np.nanmedian(np.append(0.0, np.abs([*map(each.deviation, greys, drifts)])))
+        for each, drifts in ((edges, laid), (stands, none))
+    )
     fast = np.abs(np.diff(laid[:, :2], axis=0)).max()
-    drifts = ratio < _STILL.better and not (few and fast > most)
+    drifts = moved < _STILL.better * stood and not (few and fast > most)
     hidden = 0.0 if drifts else _slope(laid[:, :2])
     return laid if drifts else none, None if few else hidden
-
-
-def _steep(grey: Image) -> Mask:
-    """Return a mask of the pixels at edges that show a drift, without the border of the picture."""
-    slopes = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
-    return np.pad((np.hypot(*slopes) > _STILL.coded_still)[2:-2, 2:-2], 2)
-
-
-def _count_parts(grey: Image) -> int:
-    """Count the picture's parts that have edges.
-
-    One object may move by itself, so the largest group of parts that spans less than half of the
-    picture is left out.
-    """
-    side, steep = _STILL.parts, _steep(grey)
-    share = cv2.resize(steep.astype(np.float32), (side, side), interpolation=cv2.INTER_AREA)
-    textured = share * steep.size >= 3 * side**2
-    _, _, stats, _ = cv2.connectedComponentsWithStats(textured.astype(np.uint8))
-    reach = stats[1:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1, initial=0)
-    return int(textured.sum() - stats[1:, cv2.CC_STAT_AREA][reach < side / 2].max(initial=0))
 
 
 def _slope(shifts: Array) -> float:
@@ -289,23 +269,6 @@ def _slope(shifts: Array) -> float:
         return 0.0
     (slope, _), spread = np.polyfit(np.arange(len(shifts)), shifts, 1, cov=True)
     return float(2 * np.maximum(np.abs(slope), np.sqrt(spread[0, 0])).max())
-
-
-def _change(greys: Sequence[Image], drifts: Array, behind: Image, steep: Mask) -> Array:
-    """Return the upper quartile of differences from a background at edges, for each part [DN]."""
-    size, flags = greys[0].shape[1::-1], cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    back = [
-        cv2.warpAffine(
-            grey.astype(np.float32), matrix_of(drift, size), size, flags=flags, borderValue=np.nan
-        )[steep]
-        for grey, drift in zip(greys, drifts, strict=True)
-    ]
-    off = np.sort(np.abs(back - behind[steep].astype(float)), axis=0)
-    rank = _STILL.restless * (np.isfinite(off).sum(axis=0) - 1)
-    change = np.zeros(behind.shape)
-    change[steep] = np.take_along_axis(off, rank.astype(int)[None], axis=0)[0]
-    parts = (_STILL.parts, _STILL.parts)
-    return np.asarray(cv2.resize(change, parts, interpolation=cv2.INTER_AREA), float)
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
@@ -337,16 +300,10 @@ def warp_back(
     back = matrix_of(drift, picture.shape[1::-1])
     back[:, 2] += back[:, :2] @ [x, y]
     back[:, :2] *= every
-    # OpenCV needs half the time for four channels than for three, except for small regions.
-    wider = picture.ndim == 3 and 2 * behind.size > picture.size
-    there, here = (
-        np.asarray(cv2.cvtColor(each, cv2.COLOR_BGR2BGRA), np.uint8) if wider else each
-        for each in (picture, behind)
-    )
-    here = here if wider else here.copy()
     flags, mode = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_TRANSPARENT
-    cv2.warpAffine(there, back, (columns, rows), dst=here, flags=flags, borderMode=mode)
-    return np.asarray(cv2.cvtColor(here, cv2.COLOR_BGRA2BGR) if wider else here, np.uint8)
+    size, here = (columns, rows), behind.copy()
+    cv2.warpAffine(picture, back, size, dst=here, flags=flags, borderMode=mode)
+    return here
 
 
 def share_of(pictures: Sequence[Image]) -> float:
@@ -421,16 +378,7 @@ def _soft(picture: Image) -> Image:
     return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
 
 
-def _strongest(apart: NDArray[Any]) -> NDArray[Any]:
-    if apart.ndim == 2:
-        return apart
-    one, two, three = cv2.split(apart)
-    return cv2.max(cv2.max(one, two), three)
-
-
 def _as_bright(behind: Image, light: Array) -> Image:
     """Return the background scaled to the brightness of a picture, per channel."""
-    if (light == 1.0).all():
-        return behind
-    values = np.clip(np.rint(np.arange(256)[:, None] * light), 0, 255).astype(np.uint8)
-    return np.asarray(cv2.LUT(behind, values.reshape(1, 256, -1)), np.uint8).reshape(behind.shape)
+    same = (light == 1.0).all()  # then no memory is taken
+    return behind if same else np.asarray(cv2.multiply(behind, light), np.uint8)

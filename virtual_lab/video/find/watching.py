@@ -13,7 +13,7 @@ from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
 from virtual_lab.video.find.blobs import BLOB, Blobs, BlobView, blobs, free
-from virtual_lab.video.find.still import Image, Still, eight_bits, still_of
+from virtual_lab.video.find.still import Still, eight_bits, still_of
 
 # largest change of the drift per frame that a hand can cause [share of the fastest drift]
 LEAP_SHARE = 0.4
@@ -69,7 +69,6 @@ def watch(
     change = np.full(clip.count, np.nan)
     by_frame: list[Blobs] = [np.zeros(0, BLOB)]
     drift, ahead, since = np.zeros(4), np.zeros(4), 1
-    before: Image | None = None
     latest = still.shrunk(eight_bits(clip.samples[0], depth)), drift
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
@@ -92,14 +91,12 @@ def watch(
             drift, ahead, since = drift + drifted, drifted / since, 1
         else:
             since += 1
-        latest = small, drift
+        before, latest = latest[0], (small, drift)
         if number < first:
             continue  # only the drift is needed, as the start for the next frame
-        if before is not None:
+        if number > first:
             # The mean over 5 x 5 pixels is used because changes of fewer pixels are noise.
-            changed = cv2.blur(cv2.absdiff(small, before), (5, 5))
-            change[number] = float(np.max(changed))
-        before = small
+            change[number] = cv2.blur(cv2.absdiff(small, before), (5, 5)).max()
         if with_thumbs:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
         moving, around = blobs(number, picture, small, drift, still)
