@@ -96,9 +96,9 @@ class Track:
     @cached_property
     def places(self) -> pd.DataFrame:
         """One row per position, as in ``track.csv``."""
-        from virtual_lab.video.show.course import course_of, course_rows
+        from virtual_lab.video.show.course import course_of, course_table
 
-        return _table(course_rows(course_of(self.clip)))
+        return with_units(course_table(course_of(self.clip)))
 
     def plot(self, path: str | Path | None = None) -> PageFigure:
         """Return the picture of the course, as in ``track.png``, which a notebook shows.
@@ -114,10 +114,7 @@ class Track:
         from virtual_lab.video.show.pictures import Pictures
         from virtual_lab.video.show.track_text import track_title
 
-        figure = Pictures(self.clip).draw(track_title(self.clip))
-        if path is not None:
-            figure.savefig(path)
-        return figure
+        return Pictures(self.clip).draw(track_title(self.clip)).written(path)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write track, result, plot, contact sheet, and a film on request into a new folder.
@@ -287,12 +284,9 @@ def track(
 
 
 def _table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return rows as a table, with value and u in adjacent columns."""
-    import pandas as pd
+    from virtual_lab.video.show.track_text import estimate_table
 
-    from virtual_lab.video.show.track_text import in_columns
-
-    return with_units(pd.DataFrame([in_columns(row) for row in rows]))
+    return with_units(estimate_table(rows))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -325,10 +319,7 @@ class Calibration:
         """
         from virtual_lab.video.show.calibration import draw_calibration
 
-        figure = draw_calibration(self.camera)
-        if path is not None:
-            figure.savefig(path)
-        return figure
+        return draw_calibration(self.camera).written(path)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the .toml file that `track` reads, and a picture of the residuals beside it.

@@ -173,10 +173,7 @@ class Certificate:
         """Return a figure of the metric of each hit with result, interval and limit; save it."""
         from virtual_lab.studies.certificate_plot import plot_hits
 
-        figure = plot_hits(self.certification, self.printed.statement)
-        if path is not None:
-            figure.savefig(path)
-        return figure
+        return plot_hits(self.certification, self.printed.statement).written(path)
 
     def score(self) -> dict[str, QuantityScore]:
         """Compare with the sealed truth: measured and true values, errors in units and in u.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from matplotlib import style
@@ -34,6 +35,12 @@ class PageFigure(Figure):
         """Write the figure into a file, like `matplotlib.figure.Figure.savefig`."""
         with style.context(self.look, after_reset=True):
             super().savefig(fname, **options)
+
+    def written(self, path: str | Path | None) -> PageFigure:
+        """Write the figure into a file if one is named, and return the figure."""
+        if path is not None:
+            self.savefig(path)
+        return self
 
     def _repr_png_(self) -> bytes:
         """Return the PNG picture that a notebook shows."""

@@ -102,9 +102,7 @@ class StudyResult(ABC):
         if draw is None:
             raise InputError("", "plot", self.name, "this result has no picture")
         picture: PageFigure = draw()
-        if path is not None:
-            picture.savefig(path)
-        return picture
+        return picture.written(path)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write the tables as CSV and the picture as PNG into a new folder.

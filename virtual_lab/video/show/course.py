@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array
 from virtual_lab.video.follow.following import FollowedClip
 from virtual_lab.video.locate.located import PlaceFlag
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # one record per position, in the still frame; NaN: unknown
 Places = NDArray[np.void]
@@ -90,10 +93,12 @@ def course_of(track: FollowedClip) -> Places:
     return places
 
 
-def course_rows(places: Places) -> list[dict[str, Any]]:
-    """Return the rows of track.csv, one per position that is known or flagged."""
+def course_table(places: Places) -> pd.DataFrame:
+    """Return the table track.csv, one row per position that is known or flagged."""
+    import pandas as pd
+
     rows = places[np.isfinite(places["x_px"]) | (places["flag_names"] != "")]
-    return [dict(zip(WRITTEN, row, strict=True)) for row in rows[[*WRITTEN]].tolist()]
+    return pd.DataFrame(rows[[*WRITTEN]])
 
 
 def spots(places: Places) -> Array:

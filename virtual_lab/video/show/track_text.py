@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +17,9 @@ from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.following import Flight, FollowedClip
 from virtual_lab.video.follow.knowledge import GRAVITY
 from virtual_lab.video.follow.ruler import SAID, off_u
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RATIOS = {"floor": "speeds along the vertical", "wall": "speeds along the level"}
 Row = dict[str, Any]
@@ -76,29 +78,11 @@ def in_columns(row: Mapping[str, Any]) -> Row:
     return cells
 
 
-def write_table(rows: Iterable[Mapping[str, Any]], path: Path) -> None:
-    """Write rows as CSV; None and NaN give empty cells."""
-    cells = [{name: _cell(name, each) for name, each in in_columns(row).items()} for row in rows]
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, dict.fromkeys(name for row in cells for name in row))
-        writer.writeheader()
-        writer.writerows(cells)
+def estimate_table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return rows as a table, with value and u of an estimate in adjacent columns."""
+    import pandas as pd
 
-
-def _cell(name: str, value: object) -> object:
-    # A time is written in full, because it identifies its frame.
-    if not isinstance(value, float) or name == "time_s":
-        return value
-    return "" if np.isnan(value) else f"{value:.7g}"
-
-
-def _json_value(value: Any) -> Any:
-    """Return a value for JSON."""
-    if isinstance(value, Estimate):
-        return {"value": value.value, "u": value.u}
-    if isinstance(value, Mapping):
-        return {name: _json_value(each) for name, each in value.items()}
-    return [_json_value(each) for each in value] if isinstance(value, list | tuple) else value
+    return pd.DataFrame([in_columns(row) for row in rows])
 
 
 def track_document(track: FollowedClip) -> Row:
@@ -118,7 +102,7 @@ def track_document(track: FollowedClip) -> Row:
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
-    rate = Estimate(value=track.knowledge.rate, u=track.knowledge.rate * track.knowledge.rate_u)
+    rate = track.knowledge.rate
     document = {
         "clip": track.clip.source.path.name,
         "motion": motion_of(track),
@@ -144,7 +128,11 @@ def track_document(track: FollowedClip) -> Row:
             "roll_deg": _roll(track),
             "checks": [_scale(e) | {"off_u": off_u(track.scale, e)} for e in track.checks],
         },
-        "frames_per_second": _json_value(rate) | {"from": track.knowledge.rate_of},
+        "frames_per_second": {
+            "value": rate,
+            "u": rate * track.knowledge.rate_u,
+            "from": track.knowledge.rate_of,
+        },
         "exposure_s": track.knowledge.exposure,
         "drag_per_m": track.drag_per_m,
         "counts": {
@@ -155,7 +143,9 @@ def track_document(track: FollowedClip) -> Row:
         "flags": track.flags,
         "warnings": track.warnings,
     }
-    return {name: _json_value(each) for name, each in document.items()}
+    text = json.dumps(document, default=lambda each: {"value": each.value, "u": each.u})
+    plain: Row = json.loads(text)
+    return plain
 
 
 def _scale(scale: PixelScale) -> Row:

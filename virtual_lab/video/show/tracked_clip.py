@@ -32,12 +32,12 @@ from virtual_lab.video.follow.knowledge import (
     knowledge_of,
 )
 from virtual_lab.video.follow.ruler import RULER
-from virtual_lab.video.show.course import course_rows
+from virtual_lab.video.show.course import course_table
 from virtual_lab.video.show.track_text import (
+    estimate_table,
     flight_rows,
     track_document,
     track_title,
-    write_table,
 )
 
 # statements of the user in SI units. The names are keys of a calibration file, fields of
@@ -162,8 +162,10 @@ def save_track(
     progress("drawing")
     pictures = Pictures(track, film=film)
     with new_folder(folder, settings, overwrite=overwrite) as draft:
-        write_table(course_rows(pictures.places), draft / "track.csv")
-        write_table(flight_rows(track), draft / "speeds.csv")
+        # A time is written in full, because it identifies its frame.
+        course = course_table(pictures.places).astype({"time_s": object})
+        for name, table in (("track", course), ("speeds", estimate_table(flight_rows(track)))):
+            table.to_csv(draft / f"{name}.csv", index=False, float_format="%.7g")
         text = json.dumps(track_document(track), indent=2, allow_nan=False)
         (draft / "result.json").write_text(text + "\n", encoding="utf-8")
         figure = pictures.draw(track_title(track))
