@@ -237,8 +237,8 @@ def track(
     film_of_track
         Also write the marked frames as a film, ``track.webp``, when the result is saved.
     progress
-        Function that is called with a message that names the current task. By default the progress
-        is shown on stderr.
+        Function that is called with a message that names the current task. If it is not given, the
+        functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

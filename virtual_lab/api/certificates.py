@@ -447,8 +447,8 @@ def certify(
     uncertainty
         Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
     progress
-        Function that is called with a message that names the current task. By default the progress
-        is shown on stderr.
+        Function that is called with a message that names the current task. If it is not given, the
+        functions of `virtual_lab` and the commands show the progress on stderr.
 
     Returns
     -------
@@ -668,8 +668,8 @@ def sweep(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message, the number of tests done, and the total. By default
-        the progress is shown on stderr.
+        Function that is called with a message, the number of tests done, and the total. If it is
+        not given, the functions of `virtual_lab` and the commands show the progress on stderr.
 
     Returns
     -------

@@ -28,8 +28,8 @@ def chart(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message that names the current task. By default the progress
-        is shown on stderr.
+        Function that is called with a message that names the current task. If it is not given, the
+        functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------
@@ -56,8 +56,8 @@ def stability(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message that names the current task. By default the progress
-        is shown on stderr.
+        Function that is called with a message that names the current task. If it is not given, the
+        functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

@@ -61,7 +61,8 @@ def campaign(
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a message, the number of tests done, and the total. While a new
-        campaign is prepared, cases are counted instead. By default the progress is shown on stderr.
+        campaign is prepared, cases are counted instead. If it is not given, the functions of
+        `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

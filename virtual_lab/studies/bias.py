@@ -74,8 +74,8 @@ def bias(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message, the number of bats done, and the total. By default
-        the progress is shown on stderr.
+        Function that is called with a message, the number of bats done, and the total. If it is not
+        given, the functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

@@ -198,8 +198,9 @@ def coverage(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message, the number of laboratories done, and the total. By
-        default the progress is shown on stderr.
+        Function that is called with a message, the number of laboratories done, and the total. If
+        it is not given, the functions of `virtual_lab` and the commands show the progress on
+        stderr.
 
     Raises
     ------

@@ -188,7 +188,8 @@ def faults(
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a message that names the procedure and the fault, the number of
-        laboratories done, and the total. By default the progress is shown on stderr.
+        laboratories done, and the total. If it is not given, the functions of `virtual_lab` and the
+        commands show the progress on stderr.
 
     Returns
     -------

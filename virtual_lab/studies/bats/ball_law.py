@@ -111,8 +111,8 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
 
         Or a sheet, ``vl.bat("r161")``, whose values may be changed.
     progress
-        Function that is called with a message that names the law and its exponent. By default the
-        progress is shown on stderr.
+        Function that is called with a message that names the law and its exponent. If it is not
+        given, the functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

@@ -194,8 +194,8 @@ def fit_bat(
         Seed of the random parameters and of the variation of the measurements.
     progress
         Function that is called with a message, the number of bats fitted, and the total. Before the
-        collisions are computed, it is called with a message only. By default the progress is shown
-        on stderr.
+        collisions are computed, it is called with a message only. If it is not given, the functions
+        of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

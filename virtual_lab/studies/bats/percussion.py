@@ -202,7 +202,8 @@ def percussion(
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
         Function that is called with a message, the number of impact positions done in all
-        laboratories, and the total. By default the progress is shown on stderr.
+        laboratories, and the total. If it is not given, the functions of `virtual_lab` and the
+        commands show the progress on stderr.
 
     Returns
     -------

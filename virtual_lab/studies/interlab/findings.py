@@ -124,8 +124,8 @@ def interlab(
     workers
         Number of processes, each with one thread, that share the laboratories.
     progress
-        Function that is called with a message, the number of cases done, and the total. By default
-        the progress is shown on stderr.
+        Function that is called with a message, the number of cases done, and the total. If it is
+        not given, the functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------

@@ -88,8 +88,8 @@ def paper(*, progress: Progress = quiet) -> Findings:
     Parameters
     ----------
     progress
-        Function that is called with a message, the number of claims done, and the total. By default
-        the progress is shown on stderr.
+        Function that is called with a message, the number of claims done, and the total. If it is
+        not given, the functions of `virtual_lab` and the commands show the progress on stderr.
     """
     rows: list[Row] = []
     for claim in CLAIMS:

@@ -130,8 +130,8 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
     Parameters
     ----------
     progress
-        Function that is called with a message, the number of rows done, and the total. By default
-        the progress is shown on stderr.
+        Function that is called with a message, the number of rows done, and the total. If it is not
+        given, the functions of `virtual_lab` and the commands show the progress on stderr.
     """
     rows: list[ReferenceRow] = []
     for number in read_published():

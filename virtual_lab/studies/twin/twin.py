@@ -199,8 +199,9 @@ def twin(
     seed
         Seed of the days.
     progress
-        Function that is called with a message, the number of days or faults done, and the total. By
-        default the progress is shown on stderr.
+        Function that is called with a message, the number of days or faults done, and the total. If
+        it is not given, the functions of `virtual_lab` and the commands show the progress on
+        stderr.
 
     Raises
     ------
