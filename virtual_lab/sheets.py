@@ -406,7 +406,8 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     Raises
     ------
     InputError
-        There is no such stage, or no key after it.
+        There is no such stage, or no key after it; or the rig or instrument has no sheet, or one
+        that is not TOML.
     """
     stage, _, key_in_rig = key.partition(".")
     if stage not in rigs or not key_in_rig:
@@ -425,9 +426,11 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
 def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
     """Return the arguments of a call as a file of settings, which ``--config`` reads.
 
-    `call` is the first line. An argument that a file cannot contain (a sheet with changed values,
-    an array, a function) is only named in a comment. If the truth is sealed, seed and faults are
-    left out. Faults are not even named, because a comment would reveal that faults exist.
+    `call` is the first line, as a comment. An argument that a file cannot contain (a sheet with
+    changed values, an array, a function) is only named in a comment. Arguments that are None, and
+    `progress`, are left out. If the truth is sealed, a comment says that the seed is sealed,
+    without its value. Faults are then not mentioned at all, because a comment would reveal that
+    faults exist.
     """
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():

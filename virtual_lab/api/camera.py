@@ -376,7 +376,8 @@ def calibrate(
     plane
         Picture of the board in the ball's plane, or parallel to it. By default the first picture.
     height
-        Height of the ball's plane above the board in this picture, for example ``36.5mm``.
+        Height of the ball's plane above the board in this picture, toward the camera, for example
+        ``36.5mm``.
     height_u
         Standard uncertainty of this height, for example ``1mm``.
     square_u

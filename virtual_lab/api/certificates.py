@@ -460,8 +460,8 @@ def certify(
     InputError
         An unknown name; a file that cannot be used; a seed that is not a whole number of at least
         0; `number`, `test` or `lot` without a seed; any of these four arguments if `reality` is not
-        ``real``; a film at a rig without a camera; or a `history` that has fewer than three tests
-        or tests of another kind.
+        ``real``; a film at a rig without a camera; `replaces` without `reason`, or the reverse; or
+        a `history` that has fewer than three tests or tests of another kind.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report

@@ -34,7 +34,7 @@ def chart(
     Raises
     ------
     InputError
-        Another part.
+        An unknown part, or an instrument that no rig of the study uses.
     """
     result: SpeedChart = _study(part, "chart")(progress)
     return result
@@ -62,7 +62,7 @@ def stability(
     Raises
     ------
     InputError
-        Any other part.
+        An unknown part, or an instrument that no rig of the study uses.
     """
     result: StabilityMap = _study(part, "stability")(progress)
     return result

@@ -70,7 +70,7 @@ def read_frames(text: str) -> tuple[int, int]:
     """Return the numbers of the first and last frame from a string such as ``17:52``.
 
     Frames are counted from 0. The result is None if `text` is None. Raises `ValueError` for a
-    string of another form, or if the first is not before the last.
+    string of another form, for a negative number, and if the first is not before the last.
     """
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
@@ -81,8 +81,8 @@ def read_region(text: str) -> tuple[float, float, float, float]:
     """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
 
     x and y are the distances of its upper left corner from the upper left corner of the picture.
-    The result is None if `text` is None. Raises `ValueError` for a string of another form, and for
-    a part narrower or lower than 1 px.
+    The result is None if `text` is None. Raises `ValueError` for a string of another form, for a
+    width or height below 1 px, and for any number beyond ±1e6 px.
     """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
@@ -93,7 +93,7 @@ def read_position(text: str) -> tuple[float, float, int]:
     """Return x and y of a ball [px], and the number of its frame, from ``210,85@17``.
 
     x and y are counted from the upper left corner of the picture. The result is None if `text` is
-    None. Raises `ValueError` for a string of another form.
+    None. Raises `ValueError` for a string of another form, and for x or y beyond ±1e6 px.
     """
     position, frame = text.split("@")
     x, y = _numbers(position, 2)
@@ -103,9 +103,10 @@ def read_position(text: str) -> tuple[float, float, int]:
 def scale_keys(text: str | None) -> dict[str, float]:
     """Return the scale [m/px] and its u by calibration key, from two points and their distance.
 
-    The string is ``X,Y:X,Y=50cm``, with points in pixels. Each point has a u of 1 px. The result is
-    empty for None. Raises `ValueError` for a string of another form or points closer than 10 px,
-    and `InputError` for a length that is not allowed.
+    The keys are ``metres_per_pixel`` and ``metres_per_pixel_u``. The string is ``X,Y:X,Y=50cm``,
+    with points in pixels. Each point has a u of 1 px. The result is empty for None. Raises
+    `ValueError` for a string of another form or points closer than 10 px, and `InputError` for a
+    length that has no unit or is not from 1 mm to 1000 m.
     """
     if text is None:
         return {}
@@ -121,9 +122,15 @@ def scale_keys(text: str | None) -> dict[str, float]:
 def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
     """Return the calibration keys for a statement about the ball: diameter [m] and its u.
 
-    The statement is a length, or a kind of ball; then the result also has the mass [kg]. The key
-    ``assumed`` is true if no u of the diameter was stated, so that a usual u is assumed. The result
-    is empty for None.
+    The keys are ``ball_diameter_m``, ``ball_diameter_m_u`` and ``assumed``. `ball` is a diameter
+    with its unit, the first letters of exactly one ball in the catalog, a .toml file, or a sheet.
+    For a ball in the catalog, a file or a sheet, the result also has its mass, ``ball_mass`` [kg].
+    ``assumed`` is true if no u of the diameter was stated, so that a u of 1 % is assumed. The
+    result is empty for None.
+
+    Raises `ValueError` for letters that do not fit exactly one ball. Raises `InputError` for a
+    diameter that has no unit or is not from 1 mm to 1 m, and for a file that is not the sheet of a
+    ball.
     """
     if ball is None:
         return {}

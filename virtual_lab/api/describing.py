@@ -101,7 +101,8 @@ class Description:
 def describe(module: str, name: str) -> Description:
     """Return the description of a function of a module, parsed from source without an import.
 
-    Raises `ValueError` if there is no such function or no docstring.
+    `name` is the name of a function, or ``Class.method``. Raises `FileNotFoundError` for an unknown
+    module, and `ValueError` if there is no such function or no docstring.
     """
     (function,) = ast.parse(_header(module, name)).body
     assert isinstance(function, ast.FunctionDef)
@@ -136,9 +137,10 @@ def describe(module: str, name: str) -> Description:
 
 
 def advice(rule: ParameterRule, value: Any) -> str:
-    """Return a sentence that states the values a rule allows.
+    """Return the part of an error message that states which values a rule allows.
 
-    If allowed names are similar to `value`, the sentence begins with them.
+    It has the form ``did you mean r161? allowed: …``. The question is left out if `value` is not a
+    string or is similar to no allowed name.
     """
     hint = nearest(value, rule.complete()) if isinstance(value, str) else ""
     return f"{hint}allowed: {rule.allowed}"
@@ -147,7 +149,8 @@ def advice(rule: ParameterRule, value: Any) -> str:
 def first_line(module: str, name: str) -> str:
     """Return the first line of a function's docstring without an import of its module.
 
-    Raises `ValueError` if there is no such function or no docstring.
+    `name` is the name of a function, or ``Class.method``. Raises `FileNotFoundError` for an unknown
+    module, and `ValueError` if there is no such function or no docstring.
     """
     return _header(module, name).split('"""')[1].split("\n")[0]
 

@@ -27,9 +27,10 @@ Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
     """Return the public function of the library with this name; its module loads at the first call.
 
-    `place` is the module of the function and its name there. A call raises `InputError` for an
-    argument that is missing, unknown or not allowed, and for an instrument that no rig of the test
-    uses.
+    `place` is the module of the function and its name there. If the function has a parameter
+    `progress` and a call does not give it, the call shows the progress on stderr. A call raises
+    `InputError` for an argument that is missing, unknown or not allowed, and for an instrument that
+    no rig of the test uses.
     """
     description = describe(*place)
 
@@ -68,8 +69,9 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
 def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, sealed: bool) -> Any:
     """Return a result with the arguments of its call as the text of ``settings.toml``.
 
-    A result without a field `settings` is returned unchanged. If the truth is `sealed`, seed and
-    faults are left out.
+    `call` is the first line of the text, as a comment. A result without a field `settings` is
+    returned unchanged. If the truth is `sealed`, the values of seed and faults are left out; a
+    comment says that the seed is sealed.
     """
     if not hasattr(result, "settings"):
         return result

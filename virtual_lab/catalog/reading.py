@@ -99,7 +99,7 @@ def names(kind: str) -> tuple[str, ...]:
 def title(kind: str, name: str) -> str:
     """Return the `title` of a catalog entry, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError` if there is no such entry or file, or if it has no title.
+    Raises `InputError` if there is no such entry or file, or if it is not TOML or has no title.
     """
     text, where = source(kind, name)
     document = parse_toml(text, where)
@@ -111,7 +111,8 @@ def title(kind: str, name: str) -> str:
 def find(kind: str, name: str) -> Path:
     """Return the path of a catalog entry's file, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError`, which suggests similar names, if there is no such file.
+    Raises `InputError` if there is no such file. For a name that does not end in .toml, the message
+    suggests similar names.
     """
     if name.endswith(".toml"):
         if not os.path.isfile(name):  # False also for a name that is too long
@@ -130,8 +131,9 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
     """Return the content of an entry's file as a mapping, and its numbers with their sources.
 
     Values and units are those written in the file. The numbers of a modified bat include those that
-    it inherits from its base; the mapping does not. Raises `InputError` for an unknown entry, and
-    for a file that is not TOML.
+    it inherits from its base; the mapping does not. Raises `InputError` for an unknown entry, for a
+    file that is not TOML, and for an invalid bat. Raises `KeyError` for a number without ``source``
+    or ``verified``.
     """
     text, where = source(kind, name)
     numbers = load_bat(name).sheet if kind == "bats" else _numbers(text, where)
@@ -139,11 +141,10 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
 
 
 def count_unverified(kind: str, name: str) -> dict[str, str]:
-    """Return the number of unverified values of a catalog entry and of all entries it refers to.
+    """Return the number of unverified values of a catalog entry, and of a rig's instruments.
 
-    A rig, for example, refers to its instruments. The result has the form ``{"rigs/astm-pivot": "4
-    of 5", …}``, which means that 4 of 5 values are unverified. An entry whose values are all
-    verified is left out.
+    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of 5 values are
+    unverified. An entry whose values are all verified is left out. Raises the errors of `sheet`.
     """
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
@@ -158,7 +159,8 @@ def count_unverified(kind: str, name: str) -> dict[str, str]:
 def text(kind: str, name: str) -> str:
     """Return the text of a catalog entry's file, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError` if there is no such file.
+    Within `sheets_in_place`, a text that replaces the file is returned instead. Raises `InputError`
+    if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     return source(kind, name)[0]
 
@@ -202,7 +204,8 @@ def load_bat(name: str) -> Entry[BatSpec]:
     """Return a bat of the catalog, or of the user's file if `name` ends in .toml, in SI.
 
     The file describes the bat completely, or as a modification of another bat (``base = "…"``).
-    Raises `InputError` in the cases of `find` and `read_bat`.
+    Raises `InputError` if there is no such file, if it is not a valid bat, or if its base is not in
+    the catalog.
     """
     return read_bat(*source("bats", name))
 
@@ -284,7 +287,7 @@ def source(kind: str, name: str) -> tuple[str, str]:
 
     The name is the file name for an entry of the catalog, and the path for a user's file. Within
     `sheets_in_place`, a string that replaces the file is returned with the name of the entry.
-    Raises `InputError` if there is no such file.
+    Raises `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     in_place = _in_place.get()
     if in_place is not None:
@@ -344,8 +347,8 @@ def datums(document: Any, prefix: str = "") -> Iterator[Datum]:
     """Yield the numbers of a parsed file with unit and source as written, in the order of the file.
 
     The key of a number is its path, such as ``body.lumps.knob.mass``. The path contains the name of
-    a list item, or its index if it has no name. Entries without a unit are skipped. `prefix` is put
-    before each key. Raises `KeyError` for a number without a source.
+    a list item, or its index if it has no name. Values without a unit are skipped. `prefix` is put
+    before each key. Raises `KeyError` for a number without ``source`` or ``verified``.
     """
     if isinstance(document, Mapping):
         if "value" in document and "unit" in document:

@@ -24,12 +24,11 @@ RESULT = ("verdict", "metric", "shots", "budget")
 
 
 def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
-    """Return the reference to the report in `folder`, which a new report replaces; None without it.
+    """Return the reference to the old report in a result folder, which a new report replaces.
 
-    The reference holds number, digest and folder name of the old report, and the reason.
-
-    `folder` is the result folder of the report. Raises `InputError` if the folder has no
-    certificate, or if only one of folder and reason is stated.
+    The reference holds the number, digest and folder name of the old report, and the reason. The
+    result is None if `folder` is None and `reason` is empty. Raises `InputError` if only one of
+    them is stated, or if the folder has no certificate that this version can read.
     """
     if folder is None and not reason:
         return None
@@ -68,8 +67,8 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
 def result_folders(folder: Path) -> list[Path]:
     """Return `[folder]` if it is a result folder, else the result folders directly in it, sorted.
 
-    A result folder holds a ``certificate.json``. Raises `InputError` if the folder is missing or
-    there is not a result folder.
+    A result folder holds a ``certificate.json``. Raises `InputError` if `folder` is missing, or if
+    neither it nor a folder directly in it is a result folder.
     """
     if not folder.is_dir():
         raise InputError(str(folder), "result folder", None, "no such folder")

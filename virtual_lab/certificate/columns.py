@@ -251,7 +251,8 @@ SHOTS = (
 def shot_columns(metric: str) -> dict[str, ShotColumn]:
     """Return every column that ``readings.csv`` may have, by column name, in the order of the file.
 
-    `metric` is the name of the procedure's metric, which is part of some column names.
+    `metric` is the name of the procedure's metric, which is part of some column names. Raises
+    `KeyError` for an unknown metric.
     """
     metric_name = name_with_unit(metric, METRICS[metric].si_unit)
     return {each.name.format(metric_name): each for each in SHOTS}

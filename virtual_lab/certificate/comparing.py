@@ -149,7 +149,8 @@ def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterato
     """Yield one mismatch per key of a JSON document whose value differs; nothing if all agree.
 
     Numbers that differ only by rounding are equal. `stated` is the value in the file `file`, and
-    `expected` is the value that this program computes. `key` is the key of both values.
+    `expected` is the value that this program computes. `key` is the path of both values in the
+    document, empty for the whole document. Lists of different lengths are one mismatch.
     """
     if isinstance(stated, Mapping) and isinstance(expected, Mapping):
         for name in [*expected, *(name for name in stated if name not in expected)]:
@@ -180,6 +181,10 @@ def _value(value: Any) -> str:
 
 
 def cut_short(text: str) -> str:
-    """Return a string; beyond 60 characters, only its beginning and a digest."""
+    """Return a string, shortened if it has more than 60 characters.
+
+    A shortened string has the first 48 characters, an ellipsis, and the first 8 hexadecimal digits
+    of the SHA-256 of the whole string.
+    """
     cut = f"{text[:48]}… {hashlib.sha256(text.encode()).hexdigest()[:8]}"
     return text if len(text) <= 60 else cut

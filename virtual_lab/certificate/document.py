@@ -660,14 +660,19 @@ class CertificateDocument(Spec):
 
 
 def text_of(stated: Mapping[str, Any]) -> str:
-    """Return the text of a ``certificate.json`` with these values: indented JSON and a line end."""
+    """Return the text of a ``certificate.json`` with these values: indented JSON and a line end.
+
+    Raises `ValueError` for NaN or an infinite number, and `TypeError` for a value that JSON does
+    not have.
+    """
     return json.dumps(stated, indent=2, allow_nan=False) + "\n"
 
 
 def number_of(stated: Mapping[str, Any]) -> str:
     """Return the number of a certificate, 12 hexadecimal digits, from its JSON values.
 
-    The values may have any schema version. The number does not depend on the commit.
+    The values may have any schema version. The number does not depend on the commit. Raises the
+    errors of `text_of`.
     """
     counted = {**stated, "commit": None} if "commit" in stated else stated
     return hashlib.sha256(text_of(counted).encode()).hexdigest()[:12]
@@ -702,7 +707,7 @@ def statement_of(laboratory: str | None) -> str:
 def require_schema(parsed: Mapping[str, Any], where: str) -> None:
     """Raise `InputError` for a certificate of another schema than `SCHEMA`.
 
-    `parsed` are its values of JSON, `where` names the file.
+    `parsed` are the JSON values of the certificate. `where` is the name of its file.
     """
     if parsed.get("schema") != SCHEMA:
         allowed = (

@@ -38,8 +38,8 @@ def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
 def hits_figure(document: CertificateDocument) -> str:
     """Return an SVG figure of the metric of each hit, and of the result against the limit.
 
-    The hits are drawn in the order of the shots; those of a scan against the impact position [in
-    from the tip]. Without a result the right panel is left out.
+    The hits are drawn in the order of the shots, or for a scan against the impact position [in from
+    the tip]. The result is drawn in a second panel, which is left out if there is no result.
     """
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0
@@ -131,7 +131,8 @@ def budget_figure(document: CertificateDocument) -> str:
 def rebound_figure(document: CertificateDocument) -> str | None:
     """Return an SVG figure of e_A from rebound against e_A from recoil, one point per hit.
 
-    The result is None if fewer than two hits have both values.
+    A second panel shows the difference of each hit, rebound minus recoil, by shot. The result is
+    None if fewer than two hits, or no valid hit, have both values.
     """
     both = [
         (row, row.recoil_efficiency, row.rebound_efficiency)

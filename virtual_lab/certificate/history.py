@@ -20,7 +20,7 @@ def kind_of(session: Session) -> dict[str, str]:
     """Return the properties that tests must share if their scatter is pooled.
 
     The keys are ``bat``, ``procedure`` (text of its sheet), ``rig`` (of the impact stage) and
-    ``laboratory`` (its name).
+    ``laboratory`` (its name). Raises `KeyError` for a session without an impact stage.
     """
     return {
         "bat": session.bat,
@@ -49,8 +49,9 @@ def earlier_scatter(
     Raises
     ------
     InputError
-        There are fewer than three tests, a folder has no certificate, or a test is listed twice, is
-        the test of today, is of another kind, or is INVALID.
+        There are fewer than three tests, a folder has no certificate, the records of a test do not
+        yield its certificate, or a test is listed twice, is the test of today, is of another kind,
+        or is INVALID.
     """
     if not folders:
         return {}
@@ -65,10 +66,11 @@ def earlier_scatter(
 def earlier_tests(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> list[dict[str, HitVariance]]:
-    """Return the variance of one hit [SI] per result, keyed by name, one mapping per earlier test.
+    """Return one mapping per earlier test: the variance of one hit [SI], keyed by result.
 
-    `kind` holds the properties that all tests must have, all or some of those of `kind_of`. Raises
-    `InputError` like `earlier_scatter`.
+    `folders` and `today` are as in `earlier_scatter`. `kind` holds the properties that all tests
+    must have, all or some of those of `kind_of`. Raises `InputError` in the cases of
+    `earlier_scatter`, and without folders.
     """
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:

@@ -46,7 +46,12 @@ def descriptors(
     shots
         Columns of ``readings.csv`` keyed by name, each of shape (shot,).
     folder
-        The result folder, which holds all other files.
+        The result folder, in which all other files exist already.
+
+    Raises
+    ------
+    KeyError
+        A column of `shots` is not among `shot_columns`.
     """
     title = f"Test of bat {document.bat.name} by {document.procedure.name}"
     meanings = shot_columns(document.metric.name)

@@ -140,7 +140,7 @@ def source_of_pdf() -> bytes:
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
     """Return the template's inputs, keyed by name, for a document whose characters all have glyphs.
 
-    `paper` is ``a4`` or ``letter``.
+    `paper` is ``a4`` or ``letter``. Raises `KeyError` for another paper size.
     """
     printable = _dump_view(_view(document), set())
     return {"view": printable, "document": document.text, "paper": PAPERS[paper]}

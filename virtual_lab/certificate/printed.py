@@ -273,9 +273,10 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 def printed_result(document: CertificateDocument) -> dict[str, object]:
     """Return verdict, result, limit and number of hits in printed units, keyed by name.
 
-    The values are strings, except for the bools `stated`, `decides` and `uncertain`. Without a
-    result, for example of an INVALID test, `stated` is False, and the dictionary has neither
-    `uncertain` nor the keys of value and uncertainty.
+    The values are strings, except for three bools. `stated` is whether there is a result. `decides`
+    is whether there is a result and the bat meets every rule other than the limit. `uncertain` is
+    whether u is not printed as 0. Without a result, for example of an INVALID test, the dictionary
+    has neither `uncertain` nor the keys of value and uncertainty.
     """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]
@@ -526,9 +527,11 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     """Return the budget as rows of strings.
 
-    Each component with at least 1 % of the variance has a row, and a last row combines the others.
-    A row holds a description, u of the input, type, contribution to u in the printed unit of the
-    metric, and share [%]. The list is empty without a result, without a budget, or if u is 0.
+    Each component with at least 1 % of the variance has a row. If there are smaller components, a
+    last row combines them. The keys of a row are ``words`` (name of the input), ``u`` (of the
+    input, with its unit), ``type`` (A, B or both), ``contribution`` (to u of the metric, in the
+    printed unit of the metric) and ``share`` (of the variance [%]). The list is empty without a
+    result, without a budget, or if u is printed as 0.
     """
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si

@@ -41,7 +41,7 @@ def json_schema() -> dict[str, Any]:
 def document_classes(kind: Any) -> dict[str, type]:
     """Return the dataclasses that occur in a type, and in their fields, keyed by name.
 
-    The result is empty for a type without one.
+    The result is empty for a type without dataclasses.
     """
     if isinstance(kind, type) and is_dataclass(kind):
         inner = [document_classes(each) for each in get_type_hints(kind).values()]

@@ -47,8 +47,9 @@ def require_key(path: Path, *, private: bool) -> Any:
 def write_sums(folder: Path, key: Path | None = None) -> None:
     """Write the SHA-256 digests of all files in a folder, and their signature if there is a key.
 
-    The list is written to ``SHA256SUMS``, and its signature to a file beside it. `key` is the file
-    of a private key. Raises `InputError` if it cannot be used, as described for `require_key`.
+    The list is written to ``SHA256SUMS``, and its signature to ``SHA256SUMS.sig``, in base64. The
+    list does not contain these two files. `key` is the file of a private key. Raises `InputError`
+    if it cannot be used, as described for `require_key`.
     """
     private = None if key is None else require_key(key, private=True)
     lines = [f"{_digest(folder / name)}  {name}\n" for name in _list_files(folder)]
@@ -62,8 +63,8 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
     """Compare a folder with its list of digests; yield one finding per difference.
 
     A changed file (apart from its line ends), a missing file, a file that is not listed, and a
-    missing list are mismatches. If a folder in `optional` is completely missing, it is reported
-    as one unchecked part.
+    missing list are mismatches. `optional` holds names of folders directly in `folder`. If such a
+    folder is listed but missing, it is reported as one unchecked part instead.
     """
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")

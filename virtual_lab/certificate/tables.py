@@ -44,7 +44,8 @@ def shot_units(columns: Mapping[str, ArrayLike]) -> dict[str, str]:
 def budget_table(budget: Budget) -> pd.DataFrame:
     """Return the uncertainty budget as a table with values in SI units.
 
-    It has one row per component, sorted by contribution, the largest first.
+    It has one row per component, sorted by contribution, the largest first. The columns are the
+    fields of `BudgetLine`.
     """
     import pandas as pd
 

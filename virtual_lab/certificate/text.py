@@ -12,7 +12,7 @@ from virtual_lab.records.particulars import Particulars
 
 
 def certificate_text(document: CertificateDocument) -> str:
-    """Return the certificate as text of about a dozen lines, in printed units."""
+    """Return the certificate as text of several lines, in printed units."""
     procedure, printed = document.procedure, printed_values(document)
     marginal = ", marginal: the limit is within the 95 % interval" if document.marginal else ""
     words = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""

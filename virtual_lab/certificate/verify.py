@@ -178,8 +178,10 @@ def reduced_document(
 ) -> CertificateDocument:
     """Return the certificate of a certification as this program writes it, for a comparison.
 
-    `stated` are the JSON values of the certificate to compare with. Its versions, commit and digest
-    of the truth are adopted if they have the form of this program.
+    `stated` are the JSON values of the certificate to compare with. Its digest of the truth is
+    adopted, and so are its versions and its commit if they have the keys that this program writes.
+    Otherwise the versions are those of this program, and the commit is None. `session_digest` is
+    the SHA-256 of ``session.json``.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)

@@ -346,9 +346,11 @@ def settings_in(
 ) -> dict[str, Any]:
     """Return the values in a file of settings, keyed by parameter name.
 
-    A single value of a parameter that takes several values becomes a list. Raises `InputError` with
-    file and key for an unknown key or a value that is not allowed. `name` is the name of the
-    command for the message.
+    A single value of a parameter that takes several values becomes a list. The values of
+    `instruments` are not checked. `name` is the name of the command for the message.
+
+    Raises `InputError` if the file is missing or not TOML, and for an unknown key or a value that
+    is not allowed. The message names file and key.
     """
     from virtual_lab.files import parse_toml, read_text
 
@@ -382,5 +384,5 @@ def in_help(each: ParameterDescription) -> str:
 
 
 def for_shell(words: str) -> str:
-    """Return a sentence of a docstring in the form of the help, without backticks."""
+    """Return a text of a docstring without backticks, as the help shows it."""
     return re.sub(r"``(.*?)``|`~?(.*?)`", lambda match: match[1] or match[2], words)

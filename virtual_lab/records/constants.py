@@ -225,7 +225,8 @@ def require_plausible(key: str, constant: Estimate, where: str) -> None:
 
     The u may be as large as the width of the range, because a budget shifts the constant by its u,
     and far outside the range the model is meaningless. A constant of an unknown kind may have any
-    value up to `GREATEST`. `key` is the name of the constant and `where` the name of its file.
+    value between -1e18 and 1e18. `key` is the name of the constant and `where` the name of its
+    file.
     """
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)

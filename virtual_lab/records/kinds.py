@@ -303,7 +303,7 @@ def record_types() -> Mapping[str, type[Record]]:
     """Return the classes of all kinds of record, keyed by name: ours and those of other packages.
 
     A package adds a kind by an entry point in the group ``virtual_lab.records``. It cannot replace
-    one of our kinds.
+    one of our kinds. If a package cannot be loaded, its error is passed on.
     """
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.records")}
     # our kinds come first, and a package cannot replace them

@@ -47,7 +47,8 @@ def logo_of(name: str, folder: Path, where: str) -> str:
     Raises
     ------
     InputError
-        The file is missing, is not a PNG or SVG, is too large, or does not state its size.
+        The file is missing, is outside the folder, is not a PNG or SVG, is damaged, is too large,
+        or states a size that is not valid.
     """
     key, path = "laboratory.logo", inside(folder, name, where, "laboratory.logo")
     kind = KINDS.get(path.suffix.lower())

@@ -100,9 +100,9 @@ def crate(
 ) -> dict[str, Any]:
     """Return the content of ``ro-crate-metadata.json`` (RO-Crate) for a folder's files, as JSON.
 
-    `files` are paths in the folder; those below ``records`` are inputs, the others results. `day`
-    is the date of publication, empty if there is none. Raises `KeyError` for a file whose ending is
-    not in `MEDIA`.
+    `files` are paths in the folder. Files below ``records`` are listed as inputs, all others as
+    results. `day` is the date of publication, empty if there is none. `version` is the version of
+    this program. Raises `KeyError` for a file whose ending is not in `MEDIA`.
     """
     parts = [{"@id": name} for name in files]
     results = [part for part in parts if not part["@id"].startswith("records/")]

@@ -254,10 +254,11 @@ def read_particulars(
 ) -> Particulars:
     """Return the particulars in a file, after replacing those that `changes` states.
 
-    `file` is a path, or the keys and values of such a file; the logo is then a file in the current
-    folder. Keys of `changes` have the form ``laboratory.name``; empty values are ignored. Without a
-    file, the particulars are only those of `changes`. `replaces` is the earlier report that the new
-    report replaces.
+    `file` is a path, or the keys and values of such a file. The logo is a file in the folder of
+    `file`, or in the current folder if `file` has keys and values. Without a file, the particulars
+    are only those of `changes`. Its keys have the form ``laboratory.name``; empty values are
+    ignored. `replaces` is the earlier report that the new report replaces; if it is None, the file
+    may state one.
 
     Raises
     ------

@@ -284,9 +284,11 @@ def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[s
 
 
 def join(parts: list[Record]) -> Record:
-    """Return one record from those of several rounds, in their order.
+    """Return one record from the records of several rounds of shots, in their order.
 
-    Fields with a leading shot axis are concatenated. The other fields are those of the first round.
+    All records must be of the same kind. Fields whose first axis is the shot are concatenated; all
+    other fields are taken from the first record. Raises `IndexError` for an empty list, and
+    `ValueError` if the lengths of other axes differ.
     """
     first = parts[0]
     if len(parts) == 1:

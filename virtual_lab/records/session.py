@@ -326,7 +326,8 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
 def require_channel(stage: str, channel: str, where: Path) -> None:
     """Raise `InputError` for the name of a stage or channel that could lead out of the folder.
 
-    Letters, digits, - and _ are allowed. `where` is the file that contains the names.
+    Allowed are 1 to 100 ASCII letters, digits, - and _. `where` is the file that contains the
+    names.
     """
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):

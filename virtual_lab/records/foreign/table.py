@@ -56,8 +56,9 @@ class _Meaning:
 def column_names(column: str) -> dict[str, float]:
     """Return the allowed names of a column, one per unit, and the factor of each to SI.
 
-    For ``mass_kg`` the result is ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. For a column of
-    counts or indices it contains only the column itself, with the factor 1.
+    For ``mass_kg`` the result is ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. For a name that does
+    not end in an SI unit, such as a count or an index, it contains only the column itself, with the
+    factor 1.
     """
     fitting = [
         (dimension, ending)
