@@ -66,7 +66,7 @@ def nearest(name: object, names: Iterable[str]) -> str:
 
 
 def of_extra(module: str, name: str, who: str) -> Any:
-    """Return a module of the extra `name`, imported. Raises `InputError` if it is not installed.
+    """Import and return a module of the extra `name`. Raises `InputError` if it is not installed.
 
     `who` is the subject of the message, the feature that needs the extra.
     """

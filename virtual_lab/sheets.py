@@ -257,12 +257,12 @@ AnyEntries = str | Path | Sheet | Sequence[str | Path | Sheet]
 
 
 def entry_name(entry: AnyEntry) -> str:
-    """Return the name or path of an entry of the catalog, given as name, path or sheet."""
+    """Return the name or path of a catalog entry, which is a name, a path or a sheet."""
     return entry.name if isinstance(entry, Sheet) else str(entry)
 
 
 def entry_names(entries: AnyEntries) -> tuple[str, ...]:
-    """Return the names or paths of one entry of the catalog, or of a list of them, as a tuple."""
+    """Return the names or paths of one catalog entry, or of a list of entries, as a tuple."""
     if isinstance(entries, str | Path | Sheet):
         return (entry_name(entries),)
     return tuple(map(entry_name, entries))
@@ -274,10 +274,11 @@ def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def entry_rule(kind: str, more: str = "") -> ParameterRule:
-    """Return the rule of one entry of the catalog: a name, a path or a sheet of the same kind.
+    """Return the rule of a parameter that is a catalog entry: a name, a path or a sheet.
 
-    The rule does not check whether the entry exists. `more` is appended to the sentence of what is
-    allowed.
+    `kind` is the kind of entry, such as ``bats``. The rule rejects a sheet of another kind, but it
+    does not check whether a named entry exists. `more` is appended to the description of the
+    allowed values.
     """
     one = kind.removesuffix("s")
     allowed = f"a {one}: its name (vl.shelf('{kind}')), a .toml file or a sheet, vl.{one}(…)"

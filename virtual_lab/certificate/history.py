@@ -33,7 +33,7 @@ def kind_of(session: Session) -> dict[str, str]:
 def earlier_scatter(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> dict[str, Estimate]:
-    """Return the variance of one hit [SI] for each result keyed by name, pooled over earlier tests.
+    """Return the variance of one hit [SI] for each result by name, pooled over earlier tests.
 
     Without folders the result is empty.
 

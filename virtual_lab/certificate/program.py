@@ -21,7 +21,7 @@ REGULAR = 0o100000  # mode of a regular file in the index, without its permissio
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of this program and the libraries behind its numbers, keyed by name."""
+    """Return the versions of this program and of its numerical libraries, keyed by name."""
     return {"virtual-lab": VERSION} | {name: _installed(name) for name in LIBRARIES}
 
 

@@ -19,7 +19,7 @@ from virtual_lab.files.column_units import PURE, unit_of
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of ``certificate.json``, draft 2020-12.
 
-    Each property has a ``description``, and a ``unit`` (UCUM code) if its name ends in one.
+    Each property has a ``description``, and a ``unit`` (UCUM code) if its name ends in a unit.
     """
     from pydantic import TypeAdapter
 

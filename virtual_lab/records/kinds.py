@@ -311,9 +311,9 @@ def record_types() -> Mapping[str, type[Record]]:
 
 
 def record_type(name: str) -> type[Record] | None:
-    """Return the class of a kind of record, None if there is none of this name.
+    """Return the class of a kind of record by its name, such as "gates"; None for an unknown name.
 
-    Other packages are loaded only for a kind that is not ours.
+    Other packages are loaded only for a kind that is not ours. Raises the errors of `record_types`.
     """
     return RECORD_TYPES.get(name) or record_types().get(name)
 

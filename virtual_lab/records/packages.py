@@ -61,8 +61,8 @@ def data_package(
 ) -> dict[str, Any]:
     """Return the content of ``datapackage.json`` (Frictionless) for a folder's tables, as JSON.
 
-    `tables` maps the path of each table in the folder to its columns. The unit of a column is the
-    ending of its name.
+    `tables` maps the path of each table in the folder to its columns. The unit of a column is read
+    from the ending of its name.
     """
     return {
         "profile": "tabular-data-package",

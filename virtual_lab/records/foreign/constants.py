@@ -17,7 +17,7 @@ KEYS = ("value", "unit", "u", "dof", "source")
 def read_constants(entries: Mapping[str, Any], where: str) -> dict[str, Estimate]:
     """Return the constants of another laboratory's form keyed by name, in SI.
 
-    An entry has the keys value, unit and u, and possibly dof (inf if missing) and source. Raises
+    An entry has the keys value, unit and u; dof (inf if missing) and source are optional. Raises
     `InputError`, which names the file `where` and the key, for the first entry that cannot be used
     or is not plausible.
     """

@@ -91,8 +91,8 @@ def _read_form(path: Path) -> LaboratoryForm:
 def procedure_name(folder: Path) -> str:
     """Return the procedure that the form in `folder` names: a catalog name, or the path of a file.
 
-    The path begins with `folder`. Raises `InputError` for an incomplete form, and for a file
-    outside the folder.
+    The path begins with `folder`. Raises `InputError` for a missing or incomplete form, and for a
+    file outside the folder.
     """
     return _procedure(_read_form(folder / FORM).procedure, folder)
 
