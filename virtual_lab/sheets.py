@@ -257,12 +257,15 @@ AnyEntries = str | Path | Sheet | Sequence[str | Path | Sheet]
 
 
 def entry_name(entry: AnyEntry) -> str:
-    """Return the name or path of a catalog entry, which is a name, a path or a sheet."""
+    """Return the name of a sheet; a name or a path is returned as a string."""
     return entry.name if isinstance(entry, Sheet) else str(entry)
 
 
 def entry_names(entries: AnyEntries) -> tuple[str, ...]:
-    """Return the names or paths of one catalog entry, or of a list of entries, as a tuple."""
+    """Return the names or paths of one catalog entry, or of a list of entries, as a tuple.
+
+    An entry is a name, a path or a sheet.
+    """
     if isinstance(entries, str | Path | Sheet):
         return (entry_name(entries),)
     return tuple(map(entry_name, entries))
@@ -429,9 +432,8 @@ def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> s
 
     `call` is the first line, as a comment. An argument that a file cannot contain (a sheet with
     changed values, an array, a function) is only named in a comment. Arguments that are None, and
-    `progress`, are left out. If the truth is sealed, a comment says that the seed is sealed,
-    without its value. Faults are then not mentioned at all, because a comment would reveal that
-    faults exist.
+    `progress`, are left out. If the truth is sealed, a comment takes the place of the seed, and
+    faults are not mentioned at all, because a comment would reveal that faults exist.
     """
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():

@@ -70,8 +70,8 @@ def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, seale
     """Return a result with the arguments of its call as the text of ``settings.toml``.
 
     `call` is the first line of the text, as a comment. A result without a field `settings` is
-    returned unchanged. If the truth is `sealed`, the values of seed and faults are left out; a
-    comment says that the seed is sealed.
+    returned unchanged. If the truth is `sealed`, seed and faults are left out. A comment then takes
+    the place of the seed.
     """
     if not hasattr(result, "settings"):
         return result

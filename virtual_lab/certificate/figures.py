@@ -56,10 +56,10 @@ def hits_figure(document: CertificateDocument) -> str:
 
 
 def along_figure(document: CertificateDocument) -> str:
-    """Return an SVG plot of e_A, e and the metric along the barrel, with u and fitted curves.
+    """Return an SVG plot of e_A, e, ball speed and metric along the barrel, with fitted curves.
 
-    Positions are in inches from the tip; the bars are standard uncertainties. The document must
-    have curves along the barrel.
+    Positions are in inches from the tip, all values in printed units. The bars are standard
+    uncertainties. The document must have curves along the barrel.
     """
     along = document.along
     assert along is not None

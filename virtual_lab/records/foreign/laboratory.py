@@ -48,8 +48,9 @@ def load_laboratory(folder: Path) -> Session:
     Raises
     ------
     InputError
-        The form is incomplete, keys, units or columns do not fit, a table cannot be read, or times
-        decrease. The message names file, key, value and what is allowed.
+        The form is incomplete, keys, units or columns do not fit, a constant is not plausible, a
+        table cannot be read, or times decrease. The message names file, key, value and what is
+        allowed.
     """
     path = folder / FORM
     form = _read_form(path)
