@@ -13,7 +13,9 @@ import pytest
 
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_files, new_folder
+from virtual_lab.files.documents import parse_table
 from virtual_lab.files.tables import csv_text
+from virtual_lab.records.record import require_numbers
 
 HALF_WAY = """
 import sys, time
@@ -226,3 +228,15 @@ def test_a_table_is_written_as_pandas_writes_it() -> None:
     )
     assert csv_text(table) == table.to_csv(index=False, lineterminator="\n")
     assert csv_text({"one": np.array([np.nan])}) == 'one\n""\n'  # no empty line
+
+
+def test_a_row_longer_than_the_header_is_named() -> None:
+    why = r"x\.csv: CSV; cannot be read: line 3 has 3 cells, the header has 2"
+    with pytest.raises(InputError, match=why):
+        parse_table(b"a,b\n1,2\n3,4,5\n6,7\n", "x.csv")
+
+
+def test_a_cell_that_is_no_number_is_named_with_its_row() -> None:
+    table = parse_table(b"a,b\n1,2\n3,n.a.\n6,7\n", "x.csv")
+    with pytest.raises(InputError, match=r"x\.csv: b, row 2 = 'n\.a\.'; must be numbers"):
+        require_numbers(table, "x.csv")

@@ -28,6 +28,7 @@ DEEPEST = 32  # largest nesting depth of a document; the files of this project h
 # pattern of a dotted key that is nested too deeply
 DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 NESTED = f"is nested deeper than {DEEPEST} levels"
+LONGER_ROW = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")  # words of pandas
 EMPTY_CELL = re.compile(rb"(?<=[,\n])(?=[,\r\n])")
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
@@ -227,6 +228,9 @@ def parse_table(
             raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
         except (ValueError, pd.errors.ParserError) as fault:
             why = " ".join(str(fault).split())
+            if longer := LONGER_ROW.search(why):
+                header, line, cells = longer.groups()
+                why = f"line {line} has {cells} cells, the header has {header} (decimal commas?)"
             raise InputError(where, "CSV", None, f"cannot be read: {why}") from fault
     if table.empty:
         raise InputError(where, "rows", 0, "the table has a header but no rows")
