@@ -193,7 +193,8 @@ def test_the_signature_reveals_a_rewritten_folder(signed: Path, keys: tuple[Path
     shutil.copytree(other, signed, dirs_exist_ok=True)
     honest(verify(signed), NO_KEY)
     found = verify(signed, key=keys[1])
-    assert (found.code, found.signed) == (3, False)
+    assert (found.code, found.signature, found.signed) == (3, "not valid", False)
+    assert found.text.endswith("the signature is not valid for this key")
     (row,) = found.rows
     assert (row.file, row.key) == ("SHA256SUMS.sig", "signature")
 
@@ -208,10 +209,12 @@ def test_an_alteration_after_signing_is_named(
     def faults() -> list[tuple[str, str]]:
         found = verify(result, key=keys[1])
         assert (found.code, found.signed) == (3, False)
+        assert "no signature was checked" not in found.text
         return [(row.file, row.key) for row in found.rows]
 
     (result / "truth" / "more.json").write_text("{}")
     assert faults() == [("truth/more.json", "sha256")]
+    assert "SHA256SUMS was signed by the owner of the key, but" in verify(result, key=keys[1]).text
     sums_again(result)
     assert faults() == [("SHA256SUMS.sig", "signature")]
     (result / "SHA256SUMS.sig").write_text("no signature")

@@ -70,8 +70,15 @@ RESULTS = re.compile(  # keys whose differences from this program are listed sin
     r"(verdict|flags|metric\.(value|u|interval_95)"
     r"|shots(\[\d+\]\.(recoil_efficiency|rebound_efficiency|used|reason))?)(\[\d+\]|\.|$)"
 )
-UNSIGNED = (
-    "no signature was checked: anybody with the program can make a folder of invented records"
+SIGNED = "signed by the owner of the key"
+SIGNATURES = {  # last line of the text by state of the signature
+    "valid": SIGNED,
+    "not valid": "the signature is not valid for this key",
+    "not checked": "no signature was checked: "
+    "anybody with the program can make a folder of invented records",
+}
+ALTERED_THOUGH_SIGNED = (
+    f"{SUMS} was {SIGNED}, but the folder differs from this list or contradicts itself"
 )
 STATES = {"whole": 0, "altered": 3, "differs": 4, "not all checked": 4}  # exit codes
 
@@ -83,7 +90,7 @@ class Verification(StudyResult):
     folder: str
     rows: tuple[Mismatch, ...]
     unchecked: tuple[str, ...]  # parts that could not be compared here, and why
-    signed: bool = False  # whether the given key signed it
+    signature: str = "not checked"  # one of `SIGNATURES`
     note: str = ""  # remarks on the program that made it and on the replaced report
 
     name = "verify"
@@ -95,6 +102,11 @@ class Verification(StudyResult):
         if states:
             return "altered" if "altered" in states else "differs"
         return "not all checked" if self.unchecked else "whole"
+
+    @property
+    def signed(self) -> bool:
+        """Whether the given key signed the folder, and nothing in it was altered."""
+        return self.signature == "valid" and self.state != "altered"
 
     @property
     def title(self) -> str:
@@ -117,6 +129,7 @@ class Verification(StudyResult):
             "altered": [asdict(row) for row in self._of("altered")],
             "differs": [asdict(row) for row in self._of("differs")],
             "unchecked": list(self.unchecked),
+            "signature": self.signature,
             "signed": self.signed,
             "note": self.note,
         }
@@ -130,7 +143,9 @@ class Verification(StudyResult):
         if differing := self._of("differs"):
             lines += ["differs from this program:", table_text(differing)]
         lines += [f"not checked: {each}" for each in self.unchecked]
-        worth = "signed by the owner of the key" if self.signed else UNSIGNED
+        worth = SIGNATURES[self.signature]
+        if self.signature == "valid" and not self.signed:
+            worth = ALTERED_THOUGH_SIGNED
         return "\n".join([*lines, *filter(None, [self.note]), worth])
 
 
@@ -159,8 +174,8 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     findings = [*_findings(folder), *([fault] if fault else [])]
     rows = tuple(each for each in findings if isinstance(each, Mismatch))
     unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
-    signed = key is not None and not fault
-    if (folder / FILM).is_dir() and not signed:
+    signature = "not checked" if key is None else "not valid" if fault else "valid"
+    if (folder / FILM).is_dir() and signature != "valid":
         unchecked.append(f"{FILM}: the film of a shot cannot be compared with any record")
     if (folder / SIGNATURE).exists() and key is None:
         unchecked.append(f"{SIGNATURE}: checking the signature needs the public key (--key)")
@@ -168,7 +183,7 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
         folder=str(folder),
         rows=rows,
         unchecked=tuple(dict.fromkeys(unchecked)),
-        signed=signed and not rows,
+        signature=signature,
         note="; ".join(dict.fromkeys(each.text for each in findings if isinstance(each, Remark))),
     )
 
