@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def plot_hits(certification: Certification, statement: str) -> PageFigure:
-    """Return a figure of the metric of each shot, in its printed unit, against its number from 0.
+    """Return a figure of the metric of each shot, in its printed unit, against its number from 1.
 
     For a scan the horizontal axis is the impact position [in from the tip], and the fitted curve is
     drawn. Hits of the result are filled circles, other valid hits are open circles, and rejected
@@ -28,7 +28,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
 
     printed, procedure = METRICS[certification.procedure.metric], certification.procedure
     values, place = certification.shot_metric / printed.unit_si, certification.readings.place / INCH
-    across = np.arange(values.size) if procedure.scan is None else place
+    across = 1 + np.arange(values.size) if procedure.scan is None else place
     valid, in_result = certification.judgement.valid, certification.outcome.used
     with page_figure(2.6) as figure:
         axes = figure.add_subplot()
