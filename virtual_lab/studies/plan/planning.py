@@ -33,7 +33,7 @@ SHOWN = 10  # largest number of plans that are simulated and shown
 TERMS = 3  # number of the largest terms of the floor that are named
 HALF = (
     "Exchanged: an instrument with half of each standard uncertainty of its data sheet, or the one"
-    " offered."
+    " offered; `pivot` is the survey of the rig, in the rig's data sheet."
 )
 
 
@@ -115,7 +115,8 @@ def plan(
     by minutes, or by price if `prices` is given. A plan is left out if it would still reach the
     target with one exchange fewer or with one count a step smaller.
 
-    A plan has one to four times the hits, balls and wall hits of the procedure. It may exchange up
+    A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
+    procedure, rounded; numbers between these are not tried. It may exchange up
     to eight instruments for ones with half of each standard uncertainty, or for those of the sheets
     in `prices`. Instruments that hardly lower u are not considered. An exchange does not change the
     minutes.
@@ -228,7 +229,11 @@ class _Search:
         plans = cheapest(u, self.cost, self.target, SHOWN)
         single = cheapest_single_change(u, self.cost, self.target)
         chosen = {PRESENT: present, **{str(n): at for n, at in enumerate(plans, 1)}}
-        words = [HALF, f"Plans were chosen by {ratio:.3f} times the planned u."]
+        words = [
+            HALF,
+            f"Plans were chosen by {ratio:.3f} times the planned u: the first choice, simulated, had"
+            " this ratio. Simulated u is a median over tests.",
+        ]
         if plans == [present]:
             del chosen["1"]
             words.append("The present laboratory reaches the target.")
