@@ -231,8 +231,8 @@ class _Search:
         chosen = {PRESENT: present, **{str(n): at for n, at in enumerate(plans, 1)}}
         words = [
             HALF,
-            f"Plans were chosen by {ratio:.3f} times the planned u: the first choice, simulated, had"
-            " this ratio. Simulated u is a median over tests.",
+            f"Plans were chosen by {ratio:.3f} times the planned u: the first choice, simulated,"
+            " had this ratio. Simulated u is a median over tests.",
         ]
         if plans == [present]:
             del chosen["1"]
