@@ -68,11 +68,12 @@ class PendulumRecord(Record):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClimateReadings(Record):
-    """Readings of the hall's thermometer, hygrometer and barometer, shape (reading,).
+    """Readings of a thermometer, a hygrometer and a barometer, shape (reading,).
 
-    Reading 0 was taken at the start of the test, the last one at its end. The relative humidity is
-    a number from 0 to 1. The density of the air is computed from these readings. Without this
-    record the density in the calibration is used.
+    They were taken in the hall, or in the store in which the balls are conditioned. Reading 0 was
+    taken at the start of the test, the last one at its end. The relative humidity is a number from
+    0 to 1. The density of the air is computed from the readings of the hall; without them the
+    density in the calibration is used.
     """
 
     temperature: Array
@@ -80,12 +81,10 @@ class ClimateReadings(Record):
     pressure: Array
     columns: ClassVar[Mapping[str, RecordColumn]] = {
         "temperature": RecordColumn(
-            "temperature_K", ("reading",), "temperature of the hall shown by the thermometer"
+            "temperature_K", ("reading",), "air temperature shown by the thermometer"
         ),
         "humidity": RecordColumn(
-            "humidity",
-            ("reading",),
-            "relative humidity of the hall shown by the hygrometer, 0 to 1",
+            "humidity", ("reading",), "relative humidity shown by the hygrometer, 0 to 1"
         ),
         "pressure": RecordColumn(
             "pressure_Pa", ("reading",), "air pressure shown by the barometer"

@@ -268,10 +268,11 @@ def require_numbers(table: Table, where: str) -> None:
 
         cells = pd.Series(values, dtype=str if kind == "b" else None)
         text = cells[pd.to_numeric(cells, errors="coerce").isna()].dropna()
-        cell, key = None, str(name)
-        if len(text):
-            cell, key = str(text.iloc[0]), f"{name}, row {text.index[0] + 1}"
-        raise InputError(where, key, cell, "must be numbers, without unit or decimal comma")
+        cell, row = (
+            (str(text.iloc[0]), f"; see row {text.index[0] + 1}") if len(text) else (None, "")
+        )
+        allowed = f"must be numbers, without unit or decimal comma{row}"
+        raise InputError(where, str(name), cell, allowed)
 
 
 def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[str, int]) -> None:
