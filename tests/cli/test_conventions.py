@@ -80,8 +80,8 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
         ("profile r161 --plot picture.bmp", ".png, .svg, .pdf"),
         (f"slope --csv {'x' * 300}.csv", "cannot be written"),
         ("slope --csv there.csv/table.csv", "cannot be written"),
-        ("coverage --clips 3 --effects", "none of"),
-        ("coverage --clips 3 --laboratories 9", "none of"),
+        ("coverage --clips 3 --effects", "cannot be used with any of"),
+        ("coverage --clips 3 --laboratories 9", "cannot be used with any of"),
         ("coverage --clips 1", "clips"),
     ],
 )
