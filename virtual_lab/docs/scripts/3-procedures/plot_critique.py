@@ -3,7 +3,7 @@ Does a procedure rank bats as play does?
 ========================================
 
 Probability (%) that a laboratory ranks two bats opposite to their order in play (near 50: by
-chance; near 100: the slower bat wins). Only the proposed procedure ranks all pairs correctly.
+chance; near 100: the slower bat wins), for swings with n = 0.3.
 """
 
 from pathlib import Path
