@@ -59,10 +59,25 @@ def contacts_of(
 ) -> tuple[list[Contact], list[Note]]:
     """Return the contacts between consecutive flights, and notes on doubtful ones.
 
-    `step` is the duration of a time step [s]. Flights that are nearest to each other outside the
-    gap between them give a note instead of a contact. The restitution of a contact is None if one
-    of the flights is too short, if what was struck is neither level nor upright and g was not
-    stated, or if a note gives another reason.
+    Two flights give no contact if they pass each other at a distance. They also give no contact if
+    they would meet before the first flight ends or after the second one begins. If this is by less
+    than a frame, they give a note. The restitution of a contact is None if one of the flights is
+    too short, if what was struck is neither level nor upright and g was not stated, or if a note
+    gives another reason.
+
+    Parameters
+    ----------
+    ways
+        Flights in the order of time.
+    model
+        Fit of these flights, and alternative fits for the u.
+    step
+        Duration of a time step [s].
+    scale
+        Scale of the positions in meters.
+    sharp
+        The sharply located ball; None if the flights are made of blobs. With it, the first two
+        flights give a note if there is no contact and no other note.
     """
     notes: list[Note] = []
     contacts = []

@@ -100,7 +100,10 @@ class Falls:
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
-    """Return a note that the stated size of the ball contradicts a stated length; empty if not."""
+    """Return a note that the stated size of the ball contradicts the stated length.
+
+    The list is empty if they agree, or if one of the two was not stated.
+    """
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
@@ -121,7 +124,8 @@ def against_flights(
 ) -> list[Note]:
     """Return notes on a second ball, unexplained motion, the background, and missing frames.
 
-    The list is empty without flights.
+    `ways` are the flights of the ball, and `pieces` all pieces of smooth motion. The list is empty
+    without flights.
     """
     if not ways:
         return []
@@ -167,7 +171,10 @@ def against_flights(
 
 
 def without_flight(pieces: Sequence[Piece]) -> str:
-    """Return the reason why there is no flight, and advice."""
+    """Return a sentence with the reason why there is no flight, and advice.
+
+    `pieces` are the pieces of smooth motion, none of which is a flight.
+    """
     if not pieces:
         return (
             "no round object moves smoothly through five frames; point at the ball with --ball-at "
@@ -182,7 +189,10 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
-    """Return notes on the camera; `drift` is the largest undetected drift [px/frame]."""
+    """Return notes on a tilted camera, a rolling shutter, and a drift that cannot be seen.
+
+    `drift` is the largest undetected drift of the camera [px/frame]; 0 gives no note on drift.
+    """
     notes, fit = [], model.fit
     if model.tilted:
         words = (
@@ -211,8 +221,8 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
     """Return the note that the readout time of the camera is unknown.
 
-    The note states the largest change of a restitution if the readout took half a frame
-    interval. `rolled` are the same contacts, computed with that readout.
+    The note states the largest change of a restitution for a readout time of half a frame interval.
+    `rolled` are the same contacts, computed with this readout time.
     """
     by = {each.before: each.restitution for each in rolled}
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]

@@ -11,10 +11,20 @@ from virtual_lab.units import Array
 
 @njit(cache=True, error_model="numpy")
 def fly_with_drag(states: Array, pull: Array, drag: Array, dt: Array, steps: int) -> None:
-    """Advance `states`, (row, position, 4), by the times `dt`, (position,), in place (Runge-Kutta).
+    """Move flights on in time with gravity and drag, in place, by the Runge-Kutta method.
 
-    `pull`, (row, position, 2), is the acceleration without drag. `drag`, (row,), is the share of
-    the speed that is lost per unit of path.
+    Parameters
+    ----------
+    states
+        x, y and their velocities, (row, position, 4); overwritten with the result.
+    pull
+        Acceleration without drag, (row, position, 2).
+    drag
+        Share of the speed that is lost per unit of path, (row,).
+    dt
+        Time by which each position is moved, (position,); it may be negative.
+    steps
+        Number of Runge-Kutta steps per position.
     """
     for row in range(states.shape[0]):
         k = drag[row]

@@ -79,7 +79,7 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
 
 
 def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
-    """Return whether g bends the longest flight from its chord by at least `radii` of the ball."""
+    """Return whether g bends the longest flight from its chord by at least `radii` ball radii."""
     longest = max(float(np.ptp(each.t)) for each in flights)
     sag = fit.size * longest**2 / 8
     return sag >= radii * flights[0].radius
@@ -277,8 +277,8 @@ def _nearest(
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     """Return the contacts between consecutive flights: index of the flight before, time [frames].
 
-    Flights that pass each other at a distance have no contact. Flights of blobs, which are not
-    located sharply, have no contact either if more than `contact_frames` are between them.
+    Flights that pass each other at a distance have no contact. Flights without sharp positions have
+    no contact either if more than `FLIGHTS.contact_frames` frames are between them.
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
@@ -292,7 +292,11 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Return the readout time [frames]; if it is unknown, 0 unless the flights contradict this."""
+    """Return the readout time of the camera [frames].
+
+    If the scene does not state it, the result is 0, unless another readout time fits the flights
+    much better.
+    """
     if scene.readout is not None:
         return scene.readout
     fits = [fit_flights(scene, flights, readout=each) for each in (0.0, *FLIGHTS.readouts)]
@@ -347,9 +351,10 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the `pieces` that are flights of a second ball.
+    """Return the `pieces` that are flights of a second ball; empty if there is none.
 
-    They share frames with `flights`, the flights of the first ball, but have other positions there.
+    `flights` are the flights of the first ball. Flights of a second ball share frames with them but
+    have other positions there.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     # A shadow on a wall moves like its ball.
@@ -373,10 +378,10 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 
 
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
-    """Return the share, 0 to 1, of the frames with a similar moving ball that the flights span.
+    """Return the share, 0 to 1, of the frames with a moving ball that `flights` span.
 
-    A similar ball has the size and the color of the ball of the flights, and moves by at least a
-    diameter. The share is 1 if no other piece is such a ball.
+    A frame counts if a flight spans it, or if one of `pieces` in it has the size and color of the
+    flying ball and moves by more than a diameter.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))
@@ -397,9 +402,9 @@ def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
     """Return the flights without the positions that a contact or another flight makes doubtful.
 
     At a contact the earlier flight keeps the positions whose exposure ends before the contact, and
-    the later flight the positions whose exposure begins after it. If two flights overlap in time,
-    the later flight loses its positions up to the end of the earlier one. No flight is removed, but
-    a flight may be empty. An unknown exposure time is assumed to be a whole frame.
+    the later flight keeps the positions whose exposure begins after it. An unknown exposure time is
+    assumed to be a whole frame. If two flights overlap in time, the later flight loses its
+    positions up to the end of the earlier one. No flight is removed, but a flight may be empty.
     """
     if len(flights) < 2:
         return flights

@@ -93,10 +93,16 @@ class FollowedClip:
 def follow(
     clip: Clip, knowledge: ClipKnowledge, *, progress: Callable[[str], None] = lambda _: None
 ) -> FollowedClip:
-    """Follow the ball through a clip.
+    """Follow the ball through a clip, and return its flights, contacts, scale and doubts.
 
-    Raises `InputError` if the stated frame rate implies an impossibly large g, or if the
-    requested scale is gravity and no flight shows it.
+    A clip without a flight gives a result without flights, and a warning. `progress` is called with
+    messages about the work.
+
+    Raises
+    ------
+    InputError
+        The stated frame rate implies an impossibly large g, gravity was requested for the scale but
+        no flight shows it, or nothing sets the scale of a calibrated clip.
     """
     progress("looking for the ball")
     watched = watch(
@@ -120,8 +126,7 @@ def follow_blobs(
     """Follow the ball through a clip whose moving objects are already known (`watched`).
 
     `flights` are flights of the ball that were corrected by hand; by default they are searched for.
-    A clip without a flight gives a result without flights, and a warning. Raises `InputError` in
-    the same cases as `follow`.
+    Apart from the search for moving objects, result and errors are those of `follow`.
     """
     same = repeats(watched)
     if flights is not None:
@@ -154,12 +159,14 @@ def measure(
     """Measure flights, contacts and scale in SI, and note doubts about them.
 
     The result has no flights if `search` has none, or if no scale is known. If the user stated no
-    frame rate, and that of the file contradicts g, the rate that agrees with g is used.
+    frame rate, and the rate in the file contradicts g, the rate that agrees with g is used.
 
     Parameters
     ----------
     search
         Scene and flights; with sharp positions if they could be measured.
+    sharp
+        The sharply located ball; None if the flights in `search` are made of blobs.
     fault
         Reason why a calibrated camera gave no sharp positions; empty otherwise.
 

@@ -156,19 +156,25 @@ def fit_flights(
     tilt: Array | None = None,
     floor: Floor = (),
 ) -> Fit:
-    """Return the joint fit of flights of at least four positions each, or three if g is known.
+    """Return the joint fit of flights: a common g and drag, and the motion of each flight.
+
+    Each flight needs at least four positions, or three if g is known. This number is not checked.
 
     Parameters
     ----------
     readout
         Readout time from the first row to the last [frames]. None: the readout time of the scene,
         or 0 if it is unknown.
-    drag, shared
-        Whether drag is fitted, and whether all flights share one g.
+    drag
+        Whether drag is fitted; otherwise it is 0. For flights with sharp positions it is fixed at
+        the drag of the scene.
+    shared
+        Whether all flights share one g; otherwise each flight has its own.
     tilt
-        Tilt of the perspective, (2,) [1/px]; None: it is fitted.
+        Tilt of the perspective, (2,) [1/px]. None: it is fitted, or 0 for flights with sharp
+        positions.
     floor
-        Contacts with a common floor, which is assumed to be level within `slant_u`.
+        Contacts with a common floor, which is assumed to be level within `FLIGHT_FIT.slant_u`.
     """
     readout = (scene.readout or 0.0) if readout is None else readout
     times = [each.t + readout * scene.late(each.blobs) for each in flights]
@@ -300,9 +306,19 @@ def _solve(
 
 
 def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
-    """Return the covariance (2, 2) of position and velocity along an axis, caused by the pattern.
+    """Return the covariance of position and velocity along an axis, caused by the ball's pattern.
 
-    `late`, (position,), is the time from the middle of the flight [frames].
+    Its shape is (2, 2), and its units are pixels and frames.
+
+    Parameters
+    ----------
+    flight
+        Flight with sharp positions.
+    residuals
+        Residuals of its positions, (position, axis) [pixels]. If they are larger than noise and
+        pattern explain, the covariance is larger.
+    late
+        Time of each position since the middle of the flight, (position,) [frames].
     """
     t, u, pattern_u = flight.t, flight.u, flight.pattern_u
     assert u is not None

@@ -52,7 +52,8 @@ class ClipKnowledge:
 def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     """Return the knowledge of a clip from its calibration file.
 
-    A calibrated camera is assumed to have a global shutter.
+    The camera is assumed to stand still and to have a global shutter. The direction of g in the
+    picture is not used if the camera's lens is calibrated.
     """
     scale, camera = calibration.metres_per_pixel, calibration.camera
     said = calibration.exposure_s

@@ -86,7 +86,8 @@ def _slow_errors(ways: Sequence[Piece], fit: Fit) -> list[Fit]:
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
     """Return another fit of the flights with the readout time and the floor of `fit`.
 
-    `changed` are arguments of `fit_flights`; the others have their defaults.
+    `changed` are arguments of `fit_flights`, which may replace these two. All other arguments have
+    their defaults.
     """
     same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
     return fit_flights(scene, ways, **same | changed)

@@ -79,10 +79,11 @@ class Piece:
 
 
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
-    """Return the coefficients of a polynomial, the matrix of their fit, and the rms residual.
+    """Return the coefficients of a polynomial fit, the matrix of the fit, and the rms residual.
 
-    The coefficients, (power, 2), begin with the lowest power. They are the matrix, (power,
-    position), times `xy`. The residual is that of one coordinate, per degree of freedom.
+    The coefficients, (power, 2), begin with the lowest power. They are the product of the matrix,
+    (power, position), and `xy`, (position, 2). The residual is the rms of one coordinate, corrected
+    for the degrees of freedom, in the unit of `xy`.
     """
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy

@@ -116,15 +116,24 @@ def rulers_of(
 
     Parameters
     ----------
+    knowledge
+        Stated scale, ball size and g, and the requested ruler.
     blobs
         Blobs of the ball, `find.blobs.BLOB`.
     model
         Fit of the ball's flights; None without flights.
+    ways
+        Flights of the ball.
     step
-        Duration of a frame [s].
+        Duration of a time step [s].
     where
-        Name of the clip for the `InputError` that is raised if gravity was requested but is not
-        visible in any flight.
+        Name of the clip for an error message.
+
+    Raises
+    ------
+    InputError
+        Gravity was requested, but no flight measures it to 25 %, the camera is tilted by 10 degrees
+        or more, or g was already used for the frame rate.
     """
     rulers = []
     if knowledge.ball and len(blobs):

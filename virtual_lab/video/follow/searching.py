@@ -41,11 +41,14 @@ class FlightsFound:
 
 
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
-    """Return the flights. Frame times are time stamps, or a count of the frames without repeats.
+    """Return the flights of the ball, and the scene with the frame times that fit them best.
 
-    `same`, (frame,), is the mask of the repeats. With fewer than two repeats the time stamps are
-    used. With more than 40 % repeats, where most frames are stored twice, the count is used.
-    Otherwise the times are used that give the flights with the larger support, see `_support`.
+    Frame times are the time stamps, or a count of the frames without repeats. With fewer than two
+    repeats the time stamps are used. With more than 40 % repeats the count is used, because most
+    frames are then stored twice. Otherwise the times are used that give more positions with less
+    scatter.
+
+    `same`, (frame,), is the mask of the repeated frames.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
@@ -57,11 +60,17 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 def clip_scene(
     clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
-    """Return the scene before the search.
+    """Return blobs, frame times, and knowledge of camera and scale, in pixels and frames.
 
-    The time of a repeated frame is NaN. If `squeezed`, frames after a repeat are earlier by one
-    frame, as if the repeat were absent; otherwise they keep their times. The fall is None if no
-    length is known, or if most frames are stored twice.
+    The value of g (`fall`) is None if no length is known, or if most frames are stored twice.
+
+    Parameters
+    ----------
+    same
+        Mask of the repeated frames, (frame,). The time of a repeated frame is NaN.
+    squeezed
+        Whether a repeated frame takes no time, so that the frames after it are one frame earlier.
+        Otherwise they keep their times.
     """
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):
@@ -135,12 +144,11 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 
 
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Return the mean time between two different pictures [s].
+    """Return the duration of a time step of `scene.time` [s].
 
-    This is the frame period 1 / rate if every frame counts as a time step. It is longer if repeated
-    frames are padding that takes no time step of its own. The share of repeats is counted in the
-    frames of the flights, because frames without motion are identical anyway. Without flights all
-    frames are used. With fewer than two frames the result is 1 / rate.
+    It is 1 / rate if every frame takes one time step, and longer if repeated frames take no time.
+    The share of repeats is counted in the frames of the flights `ways`, or in all frames without
+    flights. With fewer than two frames the result is 1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

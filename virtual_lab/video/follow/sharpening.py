@@ -87,9 +87,11 @@ class SharpBall:
 
 
 def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
-    """Return whether the ball can be located sharply, and gravity is not the requested ruler.
+    """Return whether to try the sharp location of the ball by `sharpen`, which may still fail.
 
-    This requires a calibrated camera that does not move or interlace, and one or two flights.
+    It is tried if the calibration states a camera, the lens blur or the exposure, the camera does
+    not move, the clip is not interlaced, there are one or two flights, and gravity is not the
+    requested ruler.
     """
     calibration = knowledge.calibration
     # A file that only states rate or scale replaces options and is not a reason for an outline fit.
@@ -108,15 +110,15 @@ def sharpen(
     search: FlightsFound,
     progress: Callable[[str], None],
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Locate the ball by its outline in each frame. Return scene and flights with these positions.
+    """Locate the ball by its outline, and return scene, flights and ball with the sharp positions.
 
-    The third result is the ball.
+    The ball is located in each frame of the flights of `search`.
 
     Raises
     ------
     NotSharpError
-        The calibration lacks a key, no object has the size of the ball, the ball is located in too
-        few frames, or their time stamps contradict the positions.
+        The calibration lacks the lens blur or the exposure time, no object has the size of the
+        ball, the ball is located in too few frames, or their time stamps contradict the positions.
     InputError
         Nothing sets the scale.
     """
@@ -187,11 +189,14 @@ def settle(
     """Return scene, flights and ball for the fit of the sharp positions.
 
     The scene has the gravity and drag of the calibration. The flights have the positions of `ball`,
-    corrected for the height of the ball above the plane. Positions that are unusable, outliers or
+    corrected for the height of the ball above the plane. Unusable positions, outliers and positions
     near a contact are left out. `ball` must have one position per position of `ways`, in their
-    order. The returned ball has all positions; usable ones that were left out have the flag
-    `OFF_WAY`. It also has notes on doubts. Raises `NotSharpError` if too few positions of a flight
-    remain.
+    order.
+
+    The returned ball has all positions. Usable positions that were left out have the flag
+    `OFF_WAY`. The notes of the ball name each flight that leaves the plane or does not fit the
+    model of a flight, and its `aside` has fits with other slopes to the plane. Raises
+    `NotSharpError` if too few positions of a flight remain.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None

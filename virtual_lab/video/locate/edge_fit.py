@@ -84,11 +84,11 @@ def fit_edge(
     oval: ArrayLike = 0.0,
     oval_u: float = RIM_FIT.oval_u,
 ) -> Located:
-    """Return the balls of a batch of regions from their outlines.
+    """Return the position and radius of the ball in each region, from a fit of its outline.
 
-    `x_u` and `y_u` only include noise; `pattern_u` is the u of x, and of y, caused by the pattern.
-    A ball that cannot be fitted has the flag `NOT_FOUND`, and all its values except the blur are
-    NaN.
+    The radius is in pixels, and positions are in pixels of the full frame. `x_u` and `y_u` only
+    include noise; `pattern_u` is the u of x, and of y, caused by the pattern of the ball. A ball
+    that cannot be fitted has the flag `NOT_FOUND`, and its values are NaN except for the blur.
 
     Parameters
     ----------
@@ -96,14 +96,17 @@ def fit_edge(
         Regions that contain the blurred ball and some pixels around it. The level of the background
         is fitted.
     start
-        Position of the ball to about a pixel, its radius, and its blur; the blur is not fitted.
+        Position of the ball to about a pixel, its radius, and its motion blur. The blur is not
+        fitted.
     noise, lens
         Noise of the camera, and standard deviation of the blur of its lens [pixel].
-    oval, oval_u
-        Known deviation of the outlines from circles: c and s of r = R (1 + c cos 2a + s sin 2a),
-        of a shape that broadcasts to (region, 2), and their u. The u may be 0 only if c and s are
-        known to 0.0005, because a wrong ellipse looks like a pattern. The outline of a sphere at an
-        angle b from the camera's axis is longer by 1 / cos b in the direction away from the axis.
+    oval
+        Known deviation of the outlines from circles: c and s of r = R (1 + c cos 2a + s sin 2a), of
+        a shape that broadcasts to (region, 2). The outline of a sphere at an angle b from the
+        camera's axis is longer by 1 / cos b in the direction away from the axis.
+    oval_u
+        Standard uncertainty of c and s. It may be 0 only if c and s are known to 0.0005, because a
+        wrong ellipse looks like a pattern.
     """
     from virtual_lab.video.locate.edge_kernel import View
 
@@ -253,10 +256,9 @@ def _like(sectors: int) -> float:
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     """Return the solution of a cyclic block-tridiagonal system, in the shape of `right`.
 
-    `blocks` (block, n, n) are on the diagonal, and `links` couple each block with the next, the
-    last with the first. `right` is (block, n, m). In the order 0, last, 1, last - 1, … neighbors
-    are at most two blocks apart, so the matrix is a band. Raises `LinAlgError` if it is not
-    positive definite.
+    `blocks`, (block, n, n), are on the diagonal. `links`, (block, n, n), couple each block with the
+    next one, and the last block with the first. `right` is (block, n, m). Raises `LinAlgError` if
+    the matrix is not positive definite.
     """
     from scipy.linalg import solveh_banded
 
@@ -317,12 +319,12 @@ def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> f
 
 
 def hidden_share(view: View, p: Array, noise: Noise) -> float:
-    """Return the share of the rim's pixels that show only the background.
+    """Return the share of the pixels along the ball's rim that show only the background, 0 to 1.
 
-    An object that covers part of the ball (a bat, a cable, the sabot's catcher) belongs to the
-    background, because it was in the picture before the ball. The share is 0 if the ball looks like
-    its background, or if no pixel of the rim is in the picture. `p` holds the shared parameters of
-    the fit.
+    An object that covers part of the ball, such as a bat or a cable, belongs to the background
+    because it was in the picture before the ball. The share is 0 if the ball looks like its
+    background, or if no pixel of the rim is in the picture. `p` are the fitted parameters, in the
+    order of `AT`.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]

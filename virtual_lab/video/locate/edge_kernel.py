@@ -121,12 +121,23 @@ def _weigh(
 def sector_sums(
     view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
 ) -> Array:
-    """Add up the normal equations of a region by sector of the rim, and return the tally.
+    """Add up the normal equations of a region for each sector of the rim, and count its pixels.
 
-    `sums` is (sector + 1, n, n); the last sector is for pixels off the rim. The n variables are the
-    shared parameters, the pattern's knots at the beginning and at the end of the sector (`pattern`,
-    (sector, knot)), and the residual of the pixel. `first` is True as long as the model is too
-    inaccurate for the expected gray values to give the noise; then some of the rows are enough.
+    Return the counts and other sums over the pixels, in the order of `TALLY`.
+
+    Parameters
+    ----------
+    p
+        Shared parameters, in the order of `AT`.
+    pattern
+        Brightness of the pattern at the beginning of each sector, (sector, knot).
+    first
+        Whether the model is still too inaccurate for its gray values to give the noise. Then only
+        some of the rows are used.
+    sums
+        Overwritten with the equations, (sector + 1, n, n). The last row of the first axis is for
+        pixels off the rim. The n variables are the shared parameters, the knots of the pattern at
+        the beginning and at the end of the sector, and the residual of the pixel.
     """
     region, back, way = view
     rows, cols = region.shape

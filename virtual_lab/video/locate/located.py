@@ -94,15 +94,17 @@ Parts = TypeVar("Parts", Located, Regions)
 
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
-    """Return the selected regions."""
+    """Return the regions of `whole` with the indices `which`."""
     return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 
 def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, int]]:
-    """Return the corners of square regions about the balls, (region, 2), and their shape.
+    """Return the upper left corners of square regions around the balls, and their shape.
 
-    A region that would extend beyond the frame is moved inside; the edge of the frame then cuts the
-    ball.
+    All regions have the same shape, (rows, columns), which fits the largest ball with a margin. A
+    region that would extend beyond the frame is moved inside, and the ball is then not in its
+    middle. The corners, (region, 2), are x and y in pixels of the frame. `shape` is that of the
+    frame.
     """
     blur = np.hypot(start.blur_x, start.blur_y)
     half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN
@@ -112,7 +114,11 @@ def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, i
 
 
 def cut(picture: Frame, corners: Array, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the regions of a gray picture at these corners, (region, row, col)."""
+    """Return the regions of a gray picture with these upper left corners, (region, row, col).
+
+    `corners`, (region, 2), are x and y [pixels], and `shape` is that of one region. Each region
+    must be inside the picture.
+    """
     left, top = corners.astype(int).T
     views = np.lib.stride_tricks.sliding_window_view(picture, shape)
     return np.asarray(views[top, left], np.float32)

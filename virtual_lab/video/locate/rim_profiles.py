@@ -59,10 +59,19 @@ class Profiles(NamedTuple):
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Return the rim tables for balls of about `radius` and motion blur `blur`.
+    """Return tables of the brightness near the rim of a ball, for the fit of its outline.
 
-    `width` is the standard deviation of the blur by lens and pixel together, and `inside` the
-    largest depth inside the outline at which pixels are used, without blur. All are in pixels.
+    Parameters
+    ----------
+    radius
+        Approximate radius of the balls [pixels].
+    width
+        Standard deviation of the blur by lens and pixel together [pixels].
+    inside
+        Largest depth inside the outline at which pixels are used, if there is no motion blur
+        [pixels].
+    blur
+        Shift of the ball during the exposure [pixels]. It is added to `inside`, up to the radius.
     """
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)

@@ -34,7 +34,8 @@ SHARP = SharpSettings()
 def noise_of_clip(clip: Clip) -> Noise:
     """Return the noise of a clip's pixels from frame to frame.
 
-    It is estimated from the frames that were sampled for the background.
+    It is estimated from the frames that were sampled for the background, of which there must be at
+    least two.
     """
     every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
     return Noise.from_frames(clip.grey_samples(every), clip.full_scale)
@@ -43,10 +44,19 @@ def noise_of_clip(clip: Clip) -> Noise:
 def sharp_places(
     clip: Clip, regions: Regions, start: Located, *, lens: float, ball_radius: float | None = None
 ) -> Located:
-    """Return the positions of the ball in regions of a clip, in pixels of the full frame.
+    """Return the ball in regions of a clip, with its positions in pixels of the full frame.
 
-    `lens` is the standard deviation of the blur of the lens, and `ball_radius` the radius of the
-    ball if the scale of the clip is known, both in pixels.
+    A ball that cannot be fitted has the flag `NOT_FOUND`, and its position is NaN.
+
+    Parameters
+    ----------
+    start
+        Position of the ball to about a pixel, its radius, and its motion blur.
+    lens
+        Standard deviation of the blur of the lens [pixels].
+    ball_radius
+        Radius of the ball, if the scale of the clip is known [pixels]. With it, a ball that is lit
+        from the side is located by its lit limb.
     """
     if ball_radius and float(np.median(start.radius)) < SHARP.lit_share * ball_radius:
         start = on_the_limb(regions, replace(start, radius=np.full(len(start.x), ball_radius)))
@@ -63,12 +73,21 @@ def place(
     middle: tuple[float, float],
     oval: tuple[float, float] = (0.0, RIM_FIT.oval_u),
 ) -> Located:
-    """Return the positions of the ball in the full frame; `start` has them to about a pixel.
+    """Return the ball in regions, with its positions in pixels of the full frame.
 
-    `lens` is the standard deviation of the blur of the lens [pixel], and `middle` the pixel on the
-    axis of the camera. A sphere at the distance d from this pixel, in the direction a_d, has the
-    outline r = R (1 + k d² cos 2(a - a_d)). `oval` is the pair of k [1/px²] and the standard
-    uncertainty of k d². A position that cannot be fitted is NaN, with the flag `NOT_FOUND`.
+    A ball that cannot be fitted has the flag `NOT_FOUND`, and its position is NaN.
+
+    Parameters
+    ----------
+    start
+        Position of the ball to about a pixel, its radius, and its motion blur.
+    lens
+        Standard deviation of the blur of the lens [pixels].
+    middle
+        Position (x, y) of the camera's axis in the frame [pixels].
+    oval
+        The factor k [1/px²], and the standard uncertainty of k d². A sphere at the distance d from
+        `middle`, in the direction a_d, has the outline r = R (1 + k d² cos 2(a - a_d)).
     """
     x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval
@@ -88,7 +107,10 @@ def place(
 
 
 def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return a mask (1: set) of pixels brighter than the background, by Otsu's threshold."""
+    """Return a mask (1: set) of the pixels brighter than the background, by Otsu's threshold.
+
+    `off` is the difference of a picture from its background [DN]; the mask has its shape.
+    """
     import cv2
 
     grey = np.clip(255 * off / max(float(off.max()), 1.0), 0, 255).astype(np.uint8)
@@ -96,12 +118,13 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def on_the_limb(regions: Regions, start: Located) -> Located:
-    """Return positions from the lit limb, to a pixel or two; without a limb, those of `start`.
+    """Return `start` with positions from the lit limb of the ball, correct to a pixel or two.
 
     A lamp at the side lights only part of a ball. One side of the outline of this part is the limb
     of the ball, and the other side is the border of the shade. The position is the center of the
-    circle with the ball's size that contains most of the outline. The motion during an exposure
-    must be small compared with the radius, which must be correct to 3 % in `start`.
+    circle with the radius in `start` that contains most of the outline. A region without a limb
+    keeps the position of `start`. The motion during an exposure must be small compared with the
+    radius, which must be correct to 3 %.
     """
     import cv2
 
