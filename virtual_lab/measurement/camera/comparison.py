@@ -77,7 +77,9 @@ class CameraComparison:
 def compare_camera(
     block: SessionBlock, reduced: Reduction, readings: ImpactReadings, outcome: HitWeights
 ) -> CameraComparison | None:
-    """Return the camera results of one laboratory, None without a camera.
+    """Return the camera results of one laboratory.
+
+    The result is None without a camera, or if neither gates nor light boards timed the balls.
 
     Raises
     ------

@@ -40,11 +40,13 @@ def reduce_film(
 ) -> CameraResults:
     """Return the flights of the balls from the camera's pictures, for each shot.
 
+    The result is NaN for a shot in which the camera did not see the ball.
+
     Parameters
     ----------
     x
-        Calibration constants keyed by name, numbers or columns (k, 1). With columns, the results
-        have shape (k, shot).
+        Calibration constants by name, numbers or columns (k, 1). With columns, the results have the
+        shape (k, shot).
     stage
         First part of the constants' names, always ``impact``, the stage with the camera.
     sightings
@@ -90,10 +92,11 @@ def reduce_film(
 def frames_u(
     x: Constants, stage: str, sightings: Sightings, results: CameraResults
 ) -> dict[str, Array]:
-    """Return the standard uncertainty of each result, due to errors in single frames, (shot,).
+    """Return the standard uncertainty of each result due to errors in single frames, (shot,).
 
-    Noise is independent in every frame. The seam pattern causes similar errors in neighboring
-    frames. Their correlation depends on the unknown spin, so the least favourable spin is assumed.
+    The results are speed_in and speed_out [m/s], efficiency (e_A), place [m] and angle [rad]. Noise
+    is independent in every frame. The seam pattern causes similar errors in neighboring frames.
+    Their correlation depends on the unknown spin, so the least favorable spin is assumed.
     """
     flights = results.flights
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]

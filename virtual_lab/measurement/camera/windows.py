@@ -55,17 +55,21 @@ class Sightings:
 def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightings:
     """Return the positions of the ball in the camera's frames, for each shot.
 
+    Frames in which the ball was not located reliably are NaN.
+
     Parameters
     ----------
     record
         Image windows with their background, or positions that the camera itself tracked.
     x
-        Constants as numbers: calibration of the stage's camera, and radius of the ball.
+        Constants as numbers by name: calibration of the stage's camera, and radius of the ball.
+    stage
+        First part of the constants' names, always ``impact``.
 
     Raises
     ------
     InputError
-        The record has windows without pixels or without background.
+        The record has windows without pixels, without background, or beyond the edge of the frame.
     """
     stem = f"{stage}.camera."
     of = {name.removeprefix(stem): float(x[name]) for name in x if name.startswith(stem)}

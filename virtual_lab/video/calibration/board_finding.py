@@ -22,7 +22,7 @@ class BoardView:
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
-    """Return the corners of a board in a gray picture, None if fewer than eight are found.
+    """Return the corners of a board in a gray picture, or None if fewer than eight are found.
 
     A chessboard must be completely visible; a board with markers may be visible in part. The first
     square may also be white, as OpenCV before 4.6 printed it if the number of rows was even.

@@ -95,11 +95,17 @@ class Calibrated:
 
 
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
-    """Calibrate the camera that took some pictures: name and gray values (row, column), read once.
+    """Return the calibration of a camera from its pictures of a board.
 
-    Raises `InputError` if the pictures differ in size, fewer than three show a board, the plane
-    view shows none, all boards are parallel, the residuals are too large for a lens, or the plane
-    is behind the camera.
+    `pictures` are pairs of name and gray values (row, column), which are read once.
+
+    Raises
+    ------
+    InputError
+        The pictures differ in size, or fewer than three of them show the board. The plane view is
+        not one of the pictures, or shows no board. The pictures do not determine the camera, for
+        example because all boards are parallel, or the residuals are too large. The ball's plane is
+        behind the camera.
     """
     looked, size, plane, blur = _find_boards(pictures, plan)
     views = {name: view for name, view in looked.items() if view}
@@ -148,7 +154,10 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 
 
 def lengths_of(model: CameraModel) -> Array:
-    """Return the lengths in the plane along half of width and height, (2,) [m]."""
+    """Return the lengths in the ball's plane along half the width and half the height, (2,) [m].
+
+    The two lines are centered in the picture.
+    """
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])
     reach = np.array([[wide / 4, 0.0], [0.0, high / 4]])

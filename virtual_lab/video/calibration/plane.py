@@ -42,11 +42,17 @@ class Plane(PixelScale):
 
 
 def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Plane:
-    """Return the positions of a ball in the plane [m].
+    """Return the positions of a ball in its plane [m], and the scale of the plane.
 
     The scale comes from the calibrated camera if there is one, otherwise from metres_per_pixel if
-    stated, otherwise from the diameter of the ball. Raises `InputError` if none of these is known,
-    or if only the diameter is known and no frame shows the whole ball.
+    stated, otherwise from the diameter of the ball. A position that is NaN in `outlines` is NaN.
+    `where` names the clip in a message.
+
+    Raises
+    ------
+    InputError
+        None of the three scales is known, or only the diameter is known and no frame shows the
+        whole ball.
     """
     pixels, camera, diameter = outlines.places, calibration.camera, calibration.ball_diameter_m
     if camera:
@@ -104,7 +110,8 @@ def distance_of(camera: CameraModel) -> float:
 def foot_of(camera: CameraModel) -> Array:
     """Return the position of the camera relative to the ball's plane, (3,) [m].
 
-    The three numbers are X and Y in the plane, and the height above it.
+    The three numbers are X and Y in the plane, and Z relative to the plane. If Z points away from
+    the camera, it is negative.
     """
     return np.asarray(_pose(camera)[1] - [0.0, 0.0, camera.plane_height_m])
 
@@ -116,16 +123,16 @@ def _pose(camera: CameraModel) -> tuple[Array, Array]:
 
 
 def relative_u_of(camera: CameraModel) -> float:
-    """Return the relative u of lengths in the ball's plane caused by the u of its height."""
+    """Return the relative u of lengths in the ball's plane, including the u of its height."""
     return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
 
 
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
-    """Return the points where the rays of pixels meet the ball's plane, (n, 2) [m].
+    """Return the points where the rays of `pixels`, (n, 2), meet the ball's plane, (n, 2) [m].
 
-    The image of a sphere is an ellipse. The center of this ellipse is farther from the optical axis
-    than the image of the sphere's center, by the factor 1 / (1 - r²/Z²). This is corrected if the
-    diameter is known.
+    If the `diameter` [m] is given, the pixels are centers of a ball's outline. The outline of a
+    sphere is an ellipse. Its center is farther from the optical axis than the image of the sphere's
+    center, by the factor 1 / (1 - r²/Z²), which is corrected.
     """
     rotation, eye = _pose(camera)
     # directions in the camera's axes, 1 along its optical axis

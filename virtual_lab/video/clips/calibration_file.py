@@ -110,10 +110,14 @@ def read_calibration(
 ) -> ClipCalibration:
     """Return the calibration in a TOML file, in which `keys` replace or add values.
 
-    If `path` is None, the calibration consists of `keys`. A relative path of `timestamps` begins at
-    the folder of the file. Raises `InputError` for a file that cannot be read, an unknown key, a
-    value that is not allowed, and, if `needs_length`, a calibration without scale, camera and ball
-    diameter.
+    If `path` is None, the calibration consists of `keys`. A relative path of `timestamps` starts at
+    the folder of the file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a key is unknown, a value is not allowed, or `needs_length` is True
+        and neither scale, camera nor ball diameter is given.
     """
     document = (read_toml(path) if path else {}) | dict(keys or {})
     calibration = validate(document, str(path or ""), ClipCalibration)

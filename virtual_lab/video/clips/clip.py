@@ -86,11 +86,16 @@ class Clip:
 def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
     """Open a clip and read it once: a file, a folder, or an array of its frames.
 
+    If time stamps in the clip repeat or decrease, the result has a warning.
+
     Raises
     ------
     InputError
-        The file is not a clip, is truncated or has no frames, the frames differ in size among each
-        other or from the calibrated camera, or the time stamps contradict each other.
+        The file is not a clip, is truncated or has no frames. A frame is smaller than 8 x 8 or
+        larger than 50 million pixels, or is not of 8 or 16 bits. The frames differ in size or depth
+        from each other, or in size from the calibrated camera. Neither the clip nor the calibration
+        states a frame rate, and the calibration has no time stamps. Its time stamps cannot be read,
+        do not increase, or are not one per frame.
     """
     source = open_source(file)
     first, _ = next(source.pictures())
@@ -141,9 +146,9 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield the items in order, while a thread makes the next item. Its errors are raised here.
+    """Yield the items in order, while a thread prepares the next item.
 
-    An item that is None is the end.
+    The first item that is None ends the sequence. Errors of `items` are raised here.
     """
     with ThreadPoolExecutor(1) as worker:
         coming = worker.submit(next, items, None)

@@ -17,11 +17,17 @@ if TYPE_CHECKING:
 def numbers_in(
     table: pd.DataFrame, name: str, path: Path, most: float, otherwise: float | None = None
 ) -> Array:
-    """Return the numbers of a column. Their absolute values must be at most `most`.
+    """Return the numbers of a column, (row,), whose absolute values must be at most `most`.
 
-    Empty cells become `otherwise`, and so does every cell if the column is missing. If `otherwise`
-    is None, both raise `InputError`, as does any other cell that is not a number up to `most`. The
-    message states the row of a cell: the header is row 1, and empty rows are not counted.
+    Empty cells become `otherwise`, and so does every cell if the column is missing. The file `path`
+    only appears in messages.
+
+    Raises
+    ------
+    InputError
+        A cell is neither empty nor a number up to `most`. Without `otherwise`, also if a cell is
+        empty or if the column is missing. The message gives the row of a cell. The header is row 1,
+        and empty rows are not counted.
     """
     import pandas as pd
 

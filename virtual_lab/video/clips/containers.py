@@ -14,7 +14,7 @@ def is_cut_short(path: Path) -> bool:
     """Return whether a file is truncated.
 
     A truncated file is shorter than its container states or, for GIF and PNG, lacks its end marker.
-    The result is False for other files that state no lengths.
+    The result is False for a file that states no lengths.
     """
     size, at = path.stat().st_size, 0
     with path.open("rb") as file:

@@ -30,11 +30,17 @@ def _library_errors(path: Path, kind: str) -> Iterator[None]:
 
 
 def cine(path: Path) -> Source:
-    """Read a Phantom .cine file, with its time stamps and exposure time.
+    """Open a Phantom .cine file, with its time stamps and exposure time.
 
     The pictures must be grayscale of 8, 10 or 12 bits, stored in 8 or 16 bits or packed as P10 or
-    P12L. A raw color file is read as its unconverted mosaic, in gray. Raises `InputError` if the
-    header cannot be read, or later, while pictures are read, if one of them cannot be read.
+    P12L. A raw color file is read as its unconverted mosaic, in gray. Time stamps are NaN if the
+    file has none, and the exposure time is None if the file states 0.
+
+    Raises
+    ------
+    InputError
+        The extra `highspeed` is not installed, or the header cannot be read. A picture that cannot
+        be read raises it later, while the pictures are read.
     """
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _library_errors(path, ".cine"):
@@ -67,10 +73,16 @@ def _stamps(path: Path, head: Any) -> Array:
 
 
 def mraw(path: Path) -> Source:
-    """Read a Photron .mraw file with the header .cihx or .cih beside it; `path` is one of the two.
+    """Open a Photron .mraw file with the header .cihx or .cih beside it.
 
-    The frames must be grayscale of 8, 12 or 16 bits. They have no time stamps. Raises `InputError`
-    if a file is missing, the header cannot be read, or the frames have another depth.
+    `path` is the path of the data file or of the header. The frames must be grayscale of 8, 12 or
+    16 bits. They have no time stamps.
+
+    Raises
+    ------
+    InputError
+        The extra `highspeed` is not installed, a file is missing, the header cannot be read, or the
+        frames have another depth.
     """
     reader = of_extra("pyMRAW", "highspeed", f"{path}: .mraw")
     data = path.with_suffix(".mraw")

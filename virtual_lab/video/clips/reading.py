@@ -29,10 +29,17 @@ LARGEST = 50e6  # largest number of pixels of a picture: a film of 8K has 33 mil
 
 
 def open_source(path: Path | Frame) -> Source:
-    """Return the source of a clip's frames. Raises `InputError` if none can be read.
+    """Return the source of a clip's frames.
 
     `path` is a file or a folder, or an array of frames, (frame, row, column). Frames in color have
     a last axis in the order of OpenCV, blue first.
+
+    Raises
+    ------
+    InputError
+        The file or folder is missing, is truncated or is of an unknown kind, a folder has no images
+        or images of several kinds, or a picture is larger than 50 million pixels. Other faults are
+        raised while the frames are read.
     """
     import cv2
 
@@ -224,7 +231,10 @@ def _require_sizes(path: Path) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Return a frame as gray values of the same depth, (row, column), without a fourth channel."""
+    """Return a frame as gray values of the same depth, (row, column).
+
+    A frame in color has the order of OpenCV, blue first; a fourth channel is ignored.
+    """
     import cv2
 
     if frame.ndim == 2 or frame.shape[2] == 1:

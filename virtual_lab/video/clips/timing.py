@@ -23,10 +23,16 @@ def frame_times(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the time of each frame, (frame,) [s], and warnings.
 
-    `stamps`, (frame,) [s], are the time stamps in the file, NaN where there is none. The times are
-    the time stamps of the calibration if it has any, otherwise they follow from its frame rate,
-    otherwise from the file. Raises `InputError` if the calibration has too few or too many time
-    stamps, if they do not increase or are not finite, or if no time information exists.
+    The times are the time stamps of the calibration if it has any. Otherwise they follow from the
+    frame rate of the calibration, otherwise from the file. `stamps`, (frame,) [s], are the time
+    stamps in the file; a missing time stamp is NaN.
+
+    Raises
+    ------
+    InputError
+        The time stamps of the calibration cannot be read, are not one per frame, do not increase or
+        are not finite. Or the calibration has no time stamps, and neither it nor the file states a
+        frame rate.
     """
     count, nominal = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(nominal or 0.0, source.rate or 0.0)
@@ -118,8 +124,8 @@ def _rising(stamps: Array) -> Array | None:
 def usual_step(times: Array) -> float:
     """Return the usual time between the frames at `times`, (frame,) [s].
 
-    It is the mean of the steps or, if they are `uneven`, their median. For a single frame it is 1
-    s.
+    It is the mean of the steps. If the steps are `uneven`, it is their median. For a single frame
+    it is 1 s.
     """
     steps = np.diff(times)
     if not len(steps):

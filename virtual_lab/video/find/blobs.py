@@ -94,10 +94,10 @@ _SEARCH = _Search()
 def blobs(
     number: int, picture: Image, small: Image, drift: Array, still: Still
 ) -> tuple[Blobs, list[BlobView]]:
-    """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, and a view of each.
+    """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, and a view of each blob.
 
     Positions are in pixels to the right of and below the middle of the upper left pixel. `x` and
-    `y` refer to the picture of the first sample, which defines the still frame; `picture_x` and
+    `y` refer to the picture of the first sample, which defines the still frame. `picture_x` and
     `picture_y` refer to this picture.
 
     Parameters
@@ -105,9 +105,9 @@ def blobs(
     number
         Number of the frame.
     picture, small
-        The picture in full size, and in the size that is searched.
+        The picture in full size, and reduced by `Still.shrunk` for the search.
     drift
-        Drift of the picture from the still frame, (4,) as in `find.drift`.
+        Drift of the picture from the still frame, (4,): shift in x and y [pixels], growth and turn.
     """
     off, light = still.difference(small, drift)
     pairs: list[tuple[BlobRow, BlobView]] = []

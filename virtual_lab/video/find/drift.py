@@ -137,12 +137,12 @@ def edges_of(
     *,
     turns: bool = True,
 ) -> Edges:
-    """Return the steep pixels of a picture (row, column) in the still frame.
+    """Return the steep pixels of a gray picture, with their positions in the still frame.
 
     Parameters
     ----------
     size
-        Columns and rows of the pictures to align, if they differ from those of `grey`.
+        Columns and rows of the pictures to align; by default those of `grey`.
     origin
         x and y of the first pixel of `grey` in the still frame.
     turns
@@ -164,7 +164,11 @@ def edges_of(
 
 
 def leap_of(before: Image, after: Image) -> Array:
-    """Return the shift of two pictures as a drift (4,), by phase correlation, to a few pixels."""
+    """Return the shift from picture `before` to picture `after`, accurate to a few pixels.
+
+    It is a drift (4,): shift in x and y [pixels], and 0 for growth and turn. The two pictures have
+    the same size.
+    """
     scale = max(1.0, max(before.shape) / _ALIGN.coarse)
     size = tuple(round(side / scale) for side in before.shape[::-1])
     one, other = (
@@ -176,16 +180,17 @@ def leap_of(before: Image, after: Image) -> Array:
 
 
 def upper_median(values: NDArray[Any]) -> NDArray[Any]:
-    """Return the upper median along the last axis, which must not be empty.
-
-    `numpy.median` would take ten times as long, because of its checks.
-    """
+    """Return the upper median along the last axis, which must not be empty."""
     place = values.shape[-1] // 2
     return np.asarray(np.partition(values, place, axis=-1)[..., place])
 
 
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
-    """Return the matrix (2, 3) that maps positions to a drifted picture of this size."""
+    """Return the matrix (2, 3) that maps positions in the still frame to a drifted picture.
+
+    `drift` (4,) is the shift in x and y [pixels], growth and turn [rad] about the middle. `size` is
+    columns and rows of the picture.
+    """
     grown, turn, middle = 1 + drift[2], drift[3], (np.array(size) - 1) / 2
     linear = np.array([[grown, -turn], [turn, grown]])
     return np.column_stack([linear, middle + drift[:2] - linear @ middle])

@@ -170,7 +170,10 @@ class Still:
 
 
 def difference_of(part: Image, behind: Image) -> Image:
-    """Return the absolute difference of two pictures, largest channel, (row, column) [DN]."""
+    """Return the absolute difference of two pictures, (row, column) [DN].
+
+    In color it is that of the channel with the largest difference.
+    """
     apart = cv2.absdiff(part, behind)
     if apart.ndim == 3:
         one, two, three = cv2.split(apart)
@@ -181,14 +184,15 @@ def difference_of(part: Image, behind: Image) -> Image:
 def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, tripod: bool = False
 ) -> Still:
-    """Return the still frame of the given pictures of a clip. Drifts are from the first picture.
+    """Return the still frame of pictures of a clip: the background, and the drift of each picture.
 
-    A single picture and pictures from a tripod have no drift.
+    Drifts are relative to the first picture. A single picture and pictures from a tripod have no
+    drift.
 
     Parameters
     ----------
     samples
-        The pictures, gray or in color.
+        The pictures, gray or in color; at least one.
     depth
         Number of bits of their values.
     apart
@@ -286,10 +290,18 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 def warp_back(
     picture: Image, drift: Array, corner: Sequence[int], behind: Image, every: int = 1
 ) -> Image:
-    """Return a drifted picture in the still frame, filled with the background elsewhere.
+    """Return a picture shifted back by its drift, in the pixels of the background.
 
-    `corner` (x, y) is the corner of the background in the still frame. The background holds every
-    `every`-th pixel of the still frame along each axis.
+    Pixels outside the picture show the background.
+
+    Parameters
+    ----------
+    drift
+        Drift of the picture from the still frame, (4,).
+    corner
+        x and y of the background's first pixel in the still frame [pixels].
+    behind
+        The background. It has every `every`-th pixel of the still frame along each axis.
     """
     x, y = map(int, corner)
     rows, columns = behind.shape[:2]
@@ -307,13 +319,11 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile, 0 to 1, of a pixel's gray values in all pictures that is the background.
+    """Return the quantile of a pixel's gray values that is its background, 0 to 1.
 
-    It is 0.5, the median, except for eight or more pictures of a gray camera, as used in
-    laboratories. In such a clip a slow ball may cover a pixel for most of the time. Most of the
-    pixels that it touches, however, are covered for less than half of the time, and show whether
-    the ball is lighter than the background. For a lighter ball the quantile is below 0.5, for a
-    darker ball above 0.5.
+    It is 0.5, the median, except for eight or more gray pictures, as used in laboratories. There a
+    slow ball may cover a pixel most of the time. The quantile is then below 0.5 if the ball is
+    lighter than the background, and above 0.5 if it is darker.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
@@ -352,9 +362,9 @@ def _panorama(
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
-    """Return the value with rank `rank` (0: the darkest) in each pixel of up to 255 pictures.
+    """Return the value with the rank `rank` (0: the darkest) in each pixel of up to 255 pictures.
 
-    It is found by bisection, which is much faster than sorting.
+    `stack` has the pictures along its first axis.
     """
     result = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):

@@ -48,15 +48,17 @@ def watch(
     tripod: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
-    """Find the moving blobs of a clip, in some frames and in a region of the stabilized frame.
+    """Return the moving blobs of a clip, the still background, and the drift of its picture.
+
+    Raises `InputError` if a frame cannot be read.
 
     Parameters
     ----------
     frames
-        Numbers of the first and the last frame, counted from 0; all by default.
+        Numbers of the first and the last frame to examine, counted from 0; by default all frames.
     region
-        x and y of the region's upper left corner, its width and height [pixels]; the whole frame by
-        default.
+        x and y of the upper left corner of the region to examine, its width and height, in the
+        still frame [pixels]; by default everywhere.
     tripod
         Whether the camera is known to stand still.
     progress
@@ -144,9 +146,9 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 
 
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
-    """Return a mask of the blobs whose centers are in a region of the stabilized frame.
+    """Return a mask of the blobs whose centers are in a region of the still frame.
 
-    `region` is x and y of the upper left corner, width and height [pixels]. If it is None, all
+    `region` is x and y of its upper left corner, its width and height [pixels]. If it is None, all
     blobs are selected.
     """
     if region is None:
@@ -161,8 +163,7 @@ def repeats(watched: Watched) -> Mask:
 
     In a repeat the picture hardly changes, and fewer than half of its round objects move. The
     second condition is for a ball at the top of a low hop, which changes the picture very little.
-    Objects without a match in the previous frame are ignored. If no object has a match, the second
-    condition is met.
+    Objects without a match in the previous frame are ignored.
     """
     moving, same = watched.blobs, lulls(watched.change)
     clean = moving[free(moving)]
@@ -179,11 +180,11 @@ def repeats(watched: Watched) -> Mask:
 
 
 def lulls(change: Array) -> Mask:
-    """Return a mask of the frames equal to the previous one, (frame,), from their `change` [DN].
+    """Return a mask of the frames that hardly change from the previous one, (frame,).
 
-    Frames on both sides of a repeat must show more change, because a key frame or the end of a
-    motion changes only one side. The first frame, the last frame, and a frame whose change is NaN
-    are therefore never repeats.
+    `change`, (frame,), is the largest change from the previous frame [DN]. The frames before and
+    after must change more. The first frame, the last frame, and a frame whose change is NaN are
+    therefore never in the mask.
     """
     # number of frames on each side, smallest change there [DN], largest share of this change in a
     # repeat

@@ -30,7 +30,7 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
 
 def course_of(track: FollowedClip) -> Places:
-    """Return the course of a ball, one record per position, in the order of frames.
+    """Return the course of a ball, one record (`PLACE`) per position, in the order of frames.
 
     The positions are the refined (sharp) positions if there are any, otherwise those of the
     flights, otherwise those of all track fragments. If there are none, the result has up to 12
@@ -94,7 +94,7 @@ def course_of(track: FollowedClip) -> Places:
 
 
 def course_table(places: Places) -> pd.DataFrame:
-    """Return the table track.csv, one row per position that is known or flagged."""
+    """Return the table track.csv, one row per position that is known or has a flag."""
     import pandas as pd
 
     rows = places[np.isfinite(places["x_px"]) | (places["flag_names"] != "")]
@@ -107,5 +107,5 @@ def spots(places: Places) -> Array:
 
 
 def names_of(places: Places) -> list[str]:
-    """Return the names of the flights in order; positions outside flights have no name."""
+    """Return the names of the flights in order, "1", "2" and so on."""
     return [each for each in dict.fromkeys(places["flight"].tolist()) if each]

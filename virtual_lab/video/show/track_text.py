@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 
 def flight_rows(track: FollowedClip) -> list[Row]:
-    """Return one row per flight, with the contact at its end.
+    """Return one row per flight, with the contact at its end; a row is a dictionary by column name.
 
     Measured values are estimates, or None if unknown. The values of the contact are None if there
     is no contact at the end of the flight.
@@ -53,9 +53,9 @@ def flight_rows(track: FollowedClip) -> list[Row]:
 
 
 def contact_rows(track: FollowedClip) -> list[Row]:
-    """Return one row per contact.
+    """Return one row per contact; a row is a dictionary by column name.
 
-    ``frame`` is its time in frames, a number with a fraction. ``restitution`` is an
+    ``frame`` is the time of the contact in frames, a number with a fraction. ``restitution`` is an
     estimate, or None if it is not stated.
     """
     return [
@@ -86,19 +86,19 @@ def estimate_table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def track_document(track: FollowedClip) -> Row:
-    """Return the result as a dictionary for JSON.
+    """Return the result as a dictionary that can be written as JSON.
 
-    The values of ``contact``, ``restitution`` and ``restitution_of`` are None unless the clip has
-    exactly one contact. ``speed_in_m_per_s`` and ``angle_in_deg`` are those at the end of the
-    incoming flight, ``speed_out_m_per_s`` and ``angle_out_deg`` those at the start of the outgoing
-    flight. These flights are:
+    An estimate is a dictionary of ``value`` and ``u``. The values of ``contact``, ``restitution``
+    and ``restitution_of`` are None unless the clip has exactly one contact. ``speed_in_m_per_s``
+    and ``angle_in_deg`` are those at the end of the incoming flight, ``speed_out_m_per_s`` and
+    ``angle_out_deg`` those at the start of the outgoing flight. These flights are:
 
     * with exactly one contact, the flights before and after it;
-    * otherwise, with a single flight, this flight and None;
+    * otherwise, with a single flight, only this flight, as the incoming one;
     * otherwise, if the ball was located sharply, the first and the second flight;
-    * otherwise None and None.
+    * otherwise, neither.
 
-    The values of a flight None are None.
+    Without a flight, its values are None.
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
@@ -189,7 +189,7 @@ def _with_ball(track: FollowedClip) -> int:
 
 
 def track_text(track: FollowedClip) -> str:
-    """Return the flights and contacts of a followed clip as a few lines of text."""
+    """Return flights and contacts of a followed clip as lines of text, with flags and warnings."""
     lines = [
         f"{track.clip.source.path.name}: {track.clip.count} frames, {motion_of(track)}, "
         f"the ball in {_with_ball(track)}"
@@ -244,7 +244,11 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
 
 
 def track_title(track: FollowedClip) -> str:
-    """Return the result and the flags in one line; without a flight, the reason and advice."""
+    """Return a title of one or more lines: the name of the clip and its result, then the flags.
+
+    The result is ``flights`` or ``none``, with the restitutions. Without flags their line is left
+    out. Without a flight, a line per warning follows.
+    """
     ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
     parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]
     lines = [f"{track.clip.source.path.name}: {'; '.join(parts)}"]

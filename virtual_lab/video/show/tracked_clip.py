@@ -55,8 +55,20 @@ def track_clip(
 ) -> FollowedClip:
     """Track the ball through a clip: a file, a folder, or an array of its frames.
 
-    A clip without a ball gives a result without flights, with a warning. Raises `InputError` if a
-    file cannot be read, a statement does not fit the clip, or no length is known.
+    A clip without a ball gives a result without flights, with a warning.
+
+    Parameters
+    ----------
+    said
+        Statements of the user by name (see `Said`), in SI units.
+    progress
+        Function that is called with messages about the work.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, a statement is not allowed or does not fit the clip, or no length is
+        known.
     """
     # The file is opened first, because a file that is not a clip needs no scale.
     source = open_source(file)
@@ -151,11 +163,24 @@ def save_track(
     settings: str = "",
     overwrite: bool = False,
 ) -> None:
-    """Write track.csv, speeds.csv, result.json, track.png and sheet.png into a folder.
+    """Write track.csv, speeds.csv, result.json, track.png and sheet.png into a new folder.
 
-    With `film` track.webp is written too, with `settings` settings.toml. With `overwrite` the
-    folder replaces an earlier result folder. Raises `InputError` if the folder is not empty or
-    cannot be written.
+    Parameters
+    ----------
+    progress
+        Function that is called with messages about the work.
+    film
+        Whether the film track.webp is written too.
+    settings
+        Text of the file settings.toml; without text it is not written.
+    overwrite
+        Whether `folder` may replace an earlier result folder that has a settings.toml.
+
+    Raises
+    ------
+    InputError
+        The folder is not empty and must not be replaced, is the current folder, or cannot be
+        written.
     """
     from virtual_lab.video.show.pictures import Pictures
 
