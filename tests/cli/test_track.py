@@ -341,6 +341,11 @@ def test_python_returns_tables(folder: Path) -> None:
         (FRAMES, {"mass": "145", "fps": 9}, "mass = '145'; allowed: a mass with its unit"),
         (
             FRAMES,
+            {"mass": "145stone", "fps": 9},
+            "mass = '145stone'; allowed: a mass with its unit",
+        ),
+        (
+            FRAMES,
             {"mass": "145g", "ruler": "gravity", "fps": 9},
             "--mass = '145g'; the drag depends",
         ),

@@ -54,13 +54,13 @@ def read_seconds(text: str) -> float:
 def read_mass(text: str) -> float:
     """Return a mass of 0.1 g to 10 kg from a string such as ``145g``, in kilograms.
 
-    The result is None if `text` is None. Raises `ValueError` for a string of another form or
-    another mass, and `KeyError` for an unknown unit.
+    The result is None if `text` is None. Raises `ValueError` for a string of another form, another
+    mass or an unknown unit.
     """
-    from virtual_lab.units import to_si
+    from virtual_lab.units import DIMENSIONS, to_si
 
     match = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
-    if not match:
+    if not match or match[2] not in DIMENSIONS["mass"]:
         raise ValueError(text)
     return _within(to_si(float(match[1]), match[2], "mass"), 1e-4, 10)
 
