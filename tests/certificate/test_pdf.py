@@ -48,6 +48,30 @@ def text_of(pdf: bytes) -> str:
     return text.replace("\N{SOFT HYPHEN}", "-")  # ligature: one glyph for two letters
 
 
+def failed_rules(pdf: bytes, profile: str) -> set[str]:
+    """Return the rules of a profile that a PDF breaks, by the validator and for lengths by us.
+
+    The validator takes a CR that is the last byte of a stream for a part of the end of line after
+    it, and so miscounts the stream.
+    """
+    report = validator.validate_pdf_bytes(pdf, profile=profile)
+    rules = {str(each.rule_id) for each in report.failures}
+    lengths = {rule for rule in rules if rule.endswith("-STREAM-LENGTH-001")}
+    if lengths and b"\r\nendstream" in pdf and _streams_have_their_lengths(pdf):
+        rules -= lengths
+    return rules
+
+
+def _streams_have_their_lengths(pdf: bytes) -> bool:
+    """Return whether each stream ends where its dictionary says, with one end of line."""
+    objects = re.finditer(rb"\n\d+ 0 obj\s*<<(.*?)>>\s*stream\r?\n", pdf, re.DOTALL)
+    lengths = [(each.end(), re.search(rb"/Length (\d+)", each[1])) for each in objects]
+    return len(lengths) == len(re.findall(rb"\nendstream\n", pdf)) and all(
+        length and re.match(rb"\r?\nendstream\n", pdf[start + int(length[1]) :][:12])
+        for start, length in lengths
+    )
+
+
 def with_customer(name: str) -> CertificateDocument:
     particulars = replace(NOTHING_STATED, customer=Customer(name=name))
     return replace(certificate(certified().certification), particulars=particulars)
@@ -56,11 +80,17 @@ def with_customer(name: str) -> CertificateDocument:
 @pytest.mark.parametrize("profile", ["ua1", "3a"])
 def test_the_pdf_conforms_to_its_profiles(pdf: bytes, profile: str) -> None:
     """The validator passes the corpus of veraPDF, and refuses a PDF with a tag removed."""
-    report = validator.validate_pdf_bytes(pdf, profile=profile)
-    assert [str(each) for each in report.failures] == []
+    assert failed_rules(pdf, profile) == set()
     untagged = pdf.replace(b"/MarkInfo", b"/XarkInfo")
     assert untagged != pdf
-    assert not validator.is_pdf_compliant_bytes(untagged, profile=profile)
+    assert failed_rules(untagged, profile)
+
+
+def test_a_stream_that_is_longer_than_stated_breaks_a_rule(pdf: bytes) -> None:
+    lengths = list(re.finditer(rb"/Length (\d+)", pdf))
+    for stated in (lengths[0], lengths[-1]):
+        shorter = pdf.replace(stated[0], b"/Length %d" % (int(stated[1]) - 1), 1)
+        assert failed_rules(shorter, "3a")
 
 
 def test_the_same_document_gives_the_same_bytes(document: CertificateDocument, pdf: bytes) -> None:
@@ -129,7 +159,7 @@ def test_a_logo_stands_on_page_and_pdf(
     shown = replace(document, particulars=particulars)
     pdf, page = certificate_pdf(shown), certificate_page(shown)
     for profile in ("ua1", "3a"):
-        assert validator.is_pdf_compliant_bytes(pdf, profile=profile)
+        assert failed_rules(pdf, profile) == set()
     assert len(pdf) > len(certificate_pdf(replace(shown, particulars=NOTHING_STATED)))
     (address,) = re.findall(r'<img src="([^"]+)" alt="Logo of Bat Laboratory"', page)
     assert address.startswith("data:image/")
@@ -185,7 +215,7 @@ def test_a_logo_with_text_costs_no_form(
     stated = {"laboratory": {"name": "Lab", "logo": "logo.svg"}}
     shown = replace(document, particulars=particulars_of(stated, "lab.toml", folder=tmp_path))
     pdf = certificate_pdf(shown)
-    assert validator.is_pdf_compliant_bytes(pdf, profile="3a")
+    assert failed_rules(pdf, "3a") == set()
     text = text_of(pdf)
     assert ("The logo cannot be shown in this PDF" in text) == (words != "LAB")
     assert "printed as code points" not in text
