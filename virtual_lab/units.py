@@ -2,18 +2,26 @@
 
 Every constant is exact by definition. A laboratory uses its local acceleration of gravity, not the
 standard value. A Python name for a number that is not in SI ends in its unit (``speed_mph``).
-Numbers in files have units that `to_si` and `from_si` convert.
+Numbers in files have units that `to_si` and `from_si` convert. Every package may import this
+module, so it also has the types of arrays and the options of compiled functions.
 """
 
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]  # in SI; docstrings give shapes
 Mask = NDArray[np.bool_]
+
+# options of kernels called from Python: no wrapper for C, which takes time to compile
+KERNEL: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
+# Options of functions that only kernels call: no wrapper at all. The compiled code of such a
+# function is in the cache of its callers.
+INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 INCH = 0.0254  # m
 POUND = 0.45359237  # kg

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import secrets
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cache, lru_cache
@@ -262,7 +261,7 @@ def _key(seed: int, branch: tuple[int, ...], name: str) -> tuple[int, int, int]:
 
 
 @cache
-def _kernel() -> Callable[..., Any]:
+def _kernel() -> Any:
     from virtual_lab.streams.philox import fill
 
     return fill

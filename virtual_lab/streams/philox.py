@@ -15,6 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from virtual_lab.units import INNER, KERNEL
+
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
 Whole = NDArray[np.int64]
@@ -28,7 +30,7 @@ FRACTION = np.int64(52)
 LN_2 = log(2.0)
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def fill(
     key: tuple[int, int, int],
     laboratories: Whole,
@@ -106,7 +108,7 @@ def fill(
     return True
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _philox(
     key: tuple[int, int, int],
     index: Words,
@@ -128,7 +130,7 @@ def _philox(
         second[i] = c | d << HALF
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _uniform(words: Words, out: Floats) -> None:
     """Fill `out` with odd multiples of 2^-53 between -1/2 and 1/2. The words are overwritten."""
     for i in range(words.size):
@@ -138,7 +140,7 @@ def _uniform(words: Words, out: Floats) -> None:
         out[i] = between[i] - 1.5 + 2.0**-53
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def _normal(numbers: Floats, values: Floats, tails: Floats, at: Whole) -> None:
     """Convert uniform numbers between -1/2 and 1/2 to normal numbers with the same quantiles."""
     for i in range(numbers.size):
@@ -161,7 +163,7 @@ def _normal(numbers: Floats, values: Floats, tails: Floats, at: Whole) -> None:
         numbers[i] = values[i]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _root_log(x: Floats) -> None:
     """Replace each x by √(-ln x), 2^-1000 < x < 1, with ln as a series in (m - 1)/(m + 1)."""
     bits = x.view(np.int64)
@@ -174,7 +176,7 @@ def _root_log(x: Floats) -> None:
         x[k] = sqrt(-(float(exponent) * LN_2 + 2 * (s + s * t)))
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _series(t: float) -> float:
     """Return 1/3 + t/5 + t²/7 …, t up to 0.03."""
     total = t / 21 + 1 / 19
@@ -188,7 +190,7 @@ def _series(t: float) -> float:
     return total * t + 1 / 3
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _middle(r: float) -> float:
     top = 2509.0809287301226727 * r + 33430.575583588128105
     top = top * r + 67265.770927008700853
@@ -206,7 +208,7 @@ def _middle(r: float) -> float:
     return top / (under * r + 1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _tail(r: float) -> float:
     top = 7.7454501427834140764e-4 * r + 0.0227238449892691845833
     top = top * r + 0.24178072517745061177
@@ -224,7 +226,7 @@ def _tail(r: float) -> float:
     return top / (under * r + 1)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _far_tail(r: float) -> float:
     top = 2.01033439929228813265e-7 * r + 2.71155556874348757815e-5
     top = top * r + 0.0012426609473880784386

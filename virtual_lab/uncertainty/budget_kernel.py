@@ -12,12 +12,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, KERNEL, Array
 
 Whole = NDArray[np.int64]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
     """Fill `out` (laboratory, k) with the sums of `hits` (laboratory, k, hit) times `weights`.
 
@@ -33,7 +33,7 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
             out[laboratory, k] = total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: Array) -> None:
     """Fill `out`, (6, laboratory), with the scatter of weighted sums of hits.
 
@@ -97,7 +97,7 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
         out[5, laboratory] = all_variance**2 / uncertain if uncertain > 0 else hits_free
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _group_hits(weight: Array, places: Array, order: Whole, begin: Whole) -> int:
     """Fill in the indices of the used hits, sorted by position, and the start of each position.
 
@@ -120,7 +120,7 @@ def _group_hits(weight: Array, places: Array, order: Whole, begin: Whole) -> int
     return positions
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _add_variance(values: Array, order: Whole, begin: Whole, squares: Array, out: Array) -> None:
     """Add the variance of the values within each position to `out`.
 
@@ -143,7 +143,7 @@ def _add_variance(values: Array, order: Whole, begin: Whole, squares: Array, out
         out[at] += squares[at] / (many - 1) if many > 1 else pooled
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Array) -> None:
     """Add the variance of each line of a budget to `square`, and fill `freedom`.
 
@@ -165,7 +165,7 @@ def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Ar
             square[laboratory, row] += effect[laboratory, source] ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def welch_satterthwaite(square: Array, freedom: Array, u: Array, dof: Array) -> None:
     """Fill `u` and `dof`, (laboratory,), from the lines of a budget (GUM G.2b).
 

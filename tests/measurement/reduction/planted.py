@@ -20,8 +20,8 @@ def reduce_arrays(
     for arrays, values in zip(
         results, kinematics.reduce_shot(settings, sets, of_ball, shots), strict=True
     ):
-        for array, value in zip(arrays, values, strict=True):
-            if array.size:
+        if arrays.size:
+            for array, value in zip(arrays, values, strict=True):
                 array[...] = value
 
 

@@ -7,14 +7,14 @@ from math import nan, sqrt
 import numpy as np
 from numba import njit
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, KERNEL, Array
 
 Beams = tuple[Array, Array, Array]  # positions, midpoints and squared chords of broken beams
 FAINTEST = 1e-2  # smallest squared chord used for a weight [longest squared chord]
 FAST = {"reassoc", "contract", "nsz"}
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
     """Fill `times`, `heights`, `heights_u` and `misfit` from the beam edges of light boards.
 
@@ -61,7 +61,7 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
             misfit[shot, direction] = sqrt(rest / degrees) if degrees > 0 else nan
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tuple[int, float]:
     """Collect the broken beams with relative chords. Return their number and longest chord [s]."""
     count, longest = 0, 0.0
@@ -78,7 +78,7 @@ def _broken(edges: Array, places: Array, middles: Array, squares: Array) -> tupl
     return count, scale
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
     """Return the position of the maximum of the parabola through the squared chords, and its u.
 
@@ -116,7 +116,7 @@ def _top(broken: Beams, scale: float) -> tuple[float, float, float]:
     return top, sqrt(scatter * gain), misfit
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def _line(broken: Beams) -> tuple[float, float, float]:
     """Return mean and slope of the line through the middles, and the squared misfit."""
     places, middles, _ = broken

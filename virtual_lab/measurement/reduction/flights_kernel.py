@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from virtual_lab.relations.flight import SERIES, SERIES_BELOW
 from virtual_lab.relations.flight_kernel import FAST
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, KERNEL, Array
 
 SIGNS = (-1.0, 1.0)  # slope of time over distance: negative for incoming balls, positive after
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**KERNEL, fastmath=FAST, error_model="numpy")
 def fit_speeds(
     times: Array,
     batch: NDArray[np.int64],
@@ -54,7 +54,7 @@ def fit_speeds(
                 speed[i] *= SIGNS[direction] * clock[row]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**KERNEL, fastmath=FAST, error_model="numpy")
 def fit_heights(
     heights: Array,
     batch: NDArray[np.int64],
@@ -112,7 +112,7 @@ def fit_heights(
                     out[0, row, i] = moments[2, i] - slope[i] * moments[1, i]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def _fill_unit_times(distances: Array, sign: float, drag: Array, unit_times: Array) -> None:
     """Fill `unit_times`, (gate, shot), with the times to the gates for speed 1 at the target."""
     for gate in range(distances.size):
@@ -131,7 +131,7 @@ def _fill_unit_times(distances: Array, sign: float, drag: Array, unit_times: Arr
                     unit_times[gate, i] = expm1(x) / (sign * drag[i])
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def _line(across: Array, up: Array, moments: Array, slope: Array) -> None:
     """Fill `slope` with least-squares slopes of `up` over `across`, (gate, shot), without NaN.
 

@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from virtual_lab.units import KERNEL
+
 Floats = float | NDArray[np.float64]
 CONSTANTS = (  # names of the constants of `reduce_shot`
     *("mass", "length", "z_cm", "inertia_cm", "turn_rate", "pivot_from_knob", "aim", "encoder"),
@@ -339,7 +341,8 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     shots
         Readings of the shots in the order of `reduce_shot`, each (block, set, shot).
     results
-        Arrays for the `RESULTS`, and those for the `DETAILS`, empty if not needed.
+        Array for the `RESULTS`, (result, block, set, shot), and array for the `DETAILS`, empty if
+        not needed.
     """
     (masses, restitutions), (results, details) = balls, results
     for n in range(ball.shape[0]):
@@ -358,11 +361,11 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
                 )
                 of_ball = masses[hit], restitutions[hit]
                 values, more = reduce_shot(settings, constants, of_ball, shot)
-                for field in range(len(results)):
-                    results[field][at] = values[field]
-                if details[0].size:
-                    for field in range(len(details)):
-                        details[field][at] = more[field]
+                for field in range(len(values)):
+                    results[field, n, k, i] = values[field]
+                if details.size:
+                    for field in range(len(more)):
+                        details[field, n, k, i] = more[field]
 
 
 @cache
@@ -376,9 +379,9 @@ def compiled_reduction() -> Any:
 
     for value in list(globals().values()):
         if isinstance(value, FunctionType) and value.__module__ == __name__:
-            register_jitable(value)
+            register_jitable(no_cfunc_wrapper=True)(value)
     number, index = (np.broadcast_to(np.zeros(1, kind), (2, 2, 2)) for kind in (float, np.int64))
     settings, sets = (True,) * 3 + (0.0,) * 3, (number,) * len(CONSTANTS)
-    filled = tuple((np.empty((1, 1, 1)),) * len(names) for names in (RESULTS, DETAILS))
+    filled = (np.empty((1, 1, 1, 1)),) * 2
     types = map(typeof, (settings, sets, (number,) * 2, index, (number,) * 8, filled))
-    return njit(tuple(types), cache=True, error_model="numpy")(reduce_sets)
+    return njit(tuple(types), **KERNEL, error_model="numpy")(reduce_sets)

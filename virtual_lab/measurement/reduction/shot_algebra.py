@@ -334,10 +334,9 @@ def shot_results(
         return every.reshape(*block, many)
 
     names = [each.name for each in fields(kind)]
-    columns = {
-        name: np.empty((*block, number) if name in names else (0, 0, 0))
-        for name in RESULTS + DETAILS
-    }
+    detailed = set(DETAILS) <= set(names)
+    results = np.empty((len(RESULTS), *block, number))
+    details = np.empty((len(DETAILS), *block, number) if detailed else (0, 0, 0, 0))
     compiled_reduction()(
         (
             *(PLACE_SLOPE in x, settings.reads == "recoil", settings.recoil == "free"),
@@ -347,9 +346,10 @@ def shot_results(
         tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, balls.restitution)),
         wide(readings.ball, number),
         tuple(wide(each, number) for each in shots),
-        tuple(tuple(columns[name] for name in group) for group in (RESULTS, DETAILS)),
+        (results, details),
     )
-    columns = {name: columns[name].reshape(*shape, number) for name in columns if name in names}
+    filled = zip(RESULTS + DETAILS, (*results, *details), strict=False)  # perhaps no details
+    columns = {name: column.reshape(*shape, number) for name, column in filled}
     columns["speed"], columns["rebound_speed"] = flights.speed_in, flights.speed_out
     columns["rebound_slope"] = flights.slope_out
     columns["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))

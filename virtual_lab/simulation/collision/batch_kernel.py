@@ -12,7 +12,8 @@ A finished lane takes the next scene, so no lane waits for the slowest one, and 
 the other scenes. A scene is marked as doubtful if one step may have hidden an event (a short loss
 of contact, a brief touch in flight) or if it took too many steps.
 
-The compiled kernel is cached until this file changes. Save this file after a change in `powers`.
+The compiled kernel is cached until this file changes. Save this file after a change in `powers` or
+`lane_rows`.
 """
 
 from __future__ import annotations
@@ -25,13 +26,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from virtual_lab.simulation.collision import lane_rows as at
 from virtual_lab.simulation.collision.powers import COMPILES, SIMD, exp2, log2, wide
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, KERNEL, Array
 
 Counts = NDArray[np.int64]
 Scheme = tuple[Array, Array]  # kicks, drifts
 Out = tuple[Array, Array, Counts]
-SCALAR: dict[str, Any] = {"forceinline": True, "error_model": "numpy"}
+SCALAR: dict[str, Any] = {"forceinline": True, "error_model": "numpy", **INNER}
 
 
 class Given(NamedTuple):
@@ -67,17 +69,8 @@ class After(IntEnum):
     DOUBT = 2
 
 
-LANES = 64
+LANES, ROW = at.LANES, at.ROW
 CHUNK = 5  # modes per pass: divides 15 and 20, the usual numbers of modes
-ROW = LANES + 8  # distance of rows: whole cache lines, but not a power of two
-
-
-# start of each row of a block; a row has one number per lane, and the rows of the modes are last
-Rows = namedtuple(
-    "Rows",
-    "s s_rate x rate bend jerk old_rate old_bend force u u_share log_k power c compliance time "
-    "h h_mode h_grown ball event steps scene phase peak near turned reach loss softness head",
-)
 ModeRows = namedtuple("ModeRows", "p v g w2 size")  # rows of one mode, relative to its first row
 
 
@@ -116,7 +109,7 @@ class LaneLimits(NamedTuple):
     fall: float = 0.3  # first step of unloading [share of the time to release from rest]
 
 
-AT, MODE = Rows(*range(0, 31 * ROW, ROW)), ModeRows(*range(0, 5 * ROW, ROW))
+MODE = ModeRows(*range(0, 5 * ROW, ROW))
 PHASE, EVENT, LIMITS = Phases(), Events(), LaneLimits()
 
 
@@ -125,11 +118,11 @@ def _forces(w: Array) -> None:
     """Set the force in each lane from the approach."""
     wide()
     for j in range(LANES):
-        x = w[AT.x + j]
+        x = w[at.x + j]
         u = max(x, LIMITS.least_u)
-        y = w[AT.log_k + j] + w[AT.power + j] * log2(u)
-        w[AT.force + j] = exp2(max(y, LIMITS.least_log)) if x > 0.0 else 0.0
-        w[AT.u + j] = u
+        y = w[at.log_k + j] + w[at.power + j] * log2(u)
+        w[at.force + j] = exp2(max(y, LIMITS.least_log)) if x > 0.0 else 0.0
+        w[at.u + j] = u
 
 
 @njit(**SIMD)
@@ -141,25 +134,25 @@ def _forces_in_series(w: Array) -> None:
     """
     wide()
     for j in range(LANES):
-        x, power, series = w[AT.x + j], w[AT.power + j], w[AT.compliance + j]
+        x, power, series = w[at.x + j], w[at.power + j], w[at.compliance + j]
         approach = max(x, LIMITS.least_u)
-        u = approach * w[AT.u_share + j]
-        force = exp2(max(w[AT.log_k + j] + power * log2(u), LIMITS.least_log))
+        u = approach * w[at.u_share + j]
+        force = exp2(max(w[at.log_k + j] + power * log2(u), LIMITS.least_log))
         slope = power * force / u
         change = max((approach - u - series * force) / (1.0 + series * slope), -0.5 * u)
         force += slope * change
-        w[AT.u + j] = u + change
-        w[AT.u_share + j] = (u + change) / approach
-        w[AT.force + j] = force if x > 0.0 else 0.0
+        w[at.u + j] = u + change
+        w[at.u_share + j] = (u + change) / approach
+        w[at.force + j] = force if x > 0.0 else 0.0
 
 
 @njit(**SIMD)
 def _stage_chunk(w: Array, modes: Array, kick: float, drift: float) -> None:
     wide()
     for j in range(LANES):
-        h = w[AT.h + j]
-        force = w[AT.force + j]
-        x = w[AT.x + j]
+        h = w[at.h + j]
+        force = w[at.force + j]
+        x = w[at.x + j]
         for m in range(CHUNK):
             row = m * MODE.size + j
             p, v, g = modes[row + MODE.p], modes[row + MODE.v], modes[row + MODE.g]
@@ -167,7 +160,7 @@ def _stage_chunk(w: Array, modes: Array, kick: float, drift: float) -> None:
             p += drift * h * v
             modes[row + MODE.p], modes[row + MODE.v] = p, v
             x -= g * p
-        w[AT.x + j] = x
+        w[at.x + j] = x
 
 
 @njit(**SIMD)
@@ -175,31 +168,31 @@ def _stage(w: Array, modes: int, kick: float, drift: float) -> None:
     """Apply one kick with the current force to all velocities, then one drift."""
     wide()
     for j in range(LANES):
-        h = w[AT.h + j]
-        rate = w[AT.s_rate + j] - kick * h * w[AT.c + j] * w[AT.force + j]
-        s = w[AT.s + j] + drift * h * rate
-        w[AT.s_rate + j] = rate
-        w[AT.s + j] = s
-        w[AT.x + j] = s
+        h = w[at.h + j]
+        rate = w[at.s_rate + j] - kick * h * w[at.c + j] * w[at.force + j]
+        s = w[at.s + j] + drift * h * rate
+        w[at.s_rate + j] = rate
+        w[at.s + j] = s
+        w[at.x + j] = s
     for i in range(0, modes, CHUNK):
-        _stage_chunk(w, w[AT.head + i * MODE.size : AT.head + (i + CHUNK) * MODE.size], kick, drift)
+        _stage_chunk(w, w[at.head + i * MODE.size : at.head + (i + CHUNK) * MODE.size], kick, drift)
 
 
 @njit(**SIMD)
 def _look_chunk(w: Array, modes: Array) -> None:
     wide()
     for j in range(LANES):
-        force = w[AT.force + j]
-        rate = w[AT.rate + j]
-        bend = w[AT.bend + j]
+        force = w[at.force + j]
+        rate = w[at.rate + j]
+        bend = w[at.bend + j]
         for m in range(CHUNK):
             g = modes[m * MODE.size + MODE.g + j]
             rate -= g * modes[m * MODE.size + MODE.v + j]
             bend -= g * (
                 force - modes[m * MODE.size + MODE.w2 + j] * modes[m * MODE.size + MODE.p + j]
             )
-        w[AT.rate + j] = rate
-        w[AT.bend + j] = bend
+        w[at.rate + j] = rate
+        w[at.bend + j] = bend
 
 
 @njit(**SIMD)
@@ -207,12 +200,12 @@ def _look(w: Array, modes: int) -> None:
     """Set the first and second derivative of the approach."""
     wide()
     for j in range(LANES):
-        w[AT.old_rate + j] = w[AT.rate + j]
-        w[AT.old_bend + j] = w[AT.bend + j]
-        w[AT.rate + j] = w[AT.s_rate + j]
-        w[AT.bend + j] = -w[AT.c + j] * w[AT.force + j]
+        w[at.old_rate + j] = w[at.rate + j]
+        w[at.old_bend + j] = w[at.bend + j]
+        w[at.rate + j] = w[at.s_rate + j]
+        w[at.bend + j] = -w[at.c + j] * w[at.force + j]
     for i in range(0, modes, CHUNK):
-        _look_chunk(w, w[AT.head + i * MODE.size : AT.head + (i + CHUNK) * MODE.size])
+        _look_chunk(w, w[at.head + i * MODE.size : at.head + (i + CHUNK) * MODE.size])
 
 
 @njit(**SIMD)
@@ -220,16 +213,16 @@ def _plan(w: Array, growth: float, window: float) -> None:
     """Set the event of each lane and the size of its next step."""
     wide()
     for j in range(LANES):
-        h = w[AT.h + j]
-        w[AT.time + j] += h
-        w[AT.steps + j] += 1.0
-        x, rate, bend, peak = w[AT.x + j], w[AT.rate + j], w[AT.bend + j], w[AT.peak + j]
-        loading, flying = w[AT.phase + j] > 0.0, w[AT.phase + j] < 0.0
+        h = w[at.h + j]
+        w[at.time + j] += h
+        w[at.steps + j] += 1.0
+        x, rate, bend, peak = w[at.x + j], w[at.rate + j], w[at.bend + j], w[at.peak + j]
+        loading, flying = w[at.phase + j] > 0.0, w[at.phase + j] < 0.0
         unloading = (not loading) & (not flying)
-        jerk = (bend - w[AT.old_bend + j]) / h
-        w[AT.jerk + j] = jerk
+        jerk = (bend - w[at.old_bend + j]) / h
+        w[at.jerk + j] = jerk
         # A decreasing quantity that is zero at the next event, and its derivatives.
-        filling = unloading & (rate > 0.0) & ((w[AT.turned + j] > 0.0) | (x > peak))
+        filling = unloading & (rate > 0.0) & ((w[at.turned + j] > 0.0) | (x > peak))
         upward = filling | flying
         sign = -1.0 if upward else 1.0
         miss = sign * (rate if loading else (x - peak if filling else x))
@@ -239,32 +232,32 @@ def _plan(w: Array, growth: float, window: float) -> None:
         to = 2.0 * miss / (np.sqrt(max(square, 0.0)) - first)
         ahead = (square >= 0.0) & ((to > 0.0) | (miss < 0.0)) & (first < 0.0)
         # The stiffness of a ball that is, or soon will be, reloaded returns to its largest value.
-        step = min(w[AT.h_mode + j], growth * w[AT.h_grown + j])
+        step = min(w[at.h_mode + j], growth * w[at.h_grown + j])
         rising = unloading & (rate + step * bend > 0.0)
-        softness = w[AT.u + j] / (w[AT.power + j] * max(w[AT.force + j], LIMITS.least_force))
-        softness = w[AT.softness + j] if rising else softness
-        step = min(step, w[AT.ball + j] * np.sqrt(softness))
-        sweep = LIMITS.sweep * peak / (w[AT.power + j] * max(rate, 1e-3))
+        softness = w[at.u + j] / (w[at.power + j] * max(w[at.force + j], LIMITS.least_force))
+        softness = w[at.softness + j] if rising else softness
+        step = min(step, w[at.ball + j] * np.sqrt(softness))
+        sweep = LIMITS.sweep * peak / (w[at.power + j] * max(rate, 1e-3))
         step = min(step, sweep) if rising else step
-        w[AT.h_grown + j] = step
+        w[at.h_grown + j] = step
         far = abs(to)
         landing = far if far < step else (0.5 * far if far < 2.0 * step else step)
-        w[AT.h + j] = (landing if to > 0.0 else -landing) if ahead else step
-        reached = (abs(miss) <= (LIMITS.touch * peak if upward else w[AT.near + j])) & (first < 0.0)
-        again = (rate > 0.0) | (w[AT.turned + j] > 0.0)
+        w[at.h + j] = (landing if to > 0.0 else -landing) if ahead else step
+        reached = (abs(miss) <= (LIMITS.touch * peak if upward else w[at.near + j])) & (first < 0.0)
+        again = (rate > 0.0) | (w[at.turned + j] > 0.0)
         turned = (
-            (w[AT.old_rate + j] * rate < 0.0) & (not loading) & (rate < 0.0 if flying else again)
+            (w[at.old_rate + j] * rate < 0.0) & (not loading) & (rate < 0.0 if flying else again)
         )
-        gone = flying & ((w[AT.s + j] + w[AT.reach + j] < 0.0) | (w[AT.time + j] > window))
+        gone = flying & ((w[at.s + j] + w[at.reach + j] < 0.0) | (w[at.time + j] > window))
         event = EVENT.turned_back if turned else EVENT.none
         event = EVENT.reached if reached else event
         event = EVENT.clear if gone else event
         # One step may have hidden a touch or two turns.
         missed = flying & (x > 0.0) & (rate < 0.0)
-        slow = (rate - LIMITS.hidden * w[AT.near + j]) * jerk < 0.5 * bend * bend
-        dipped = loading & (bend > 0.0) & (w[AT.old_bend + j] < 0.0) & slow
-        w[AT.event + j] = (
-            EVENT.lost if missed | dipped | (w[AT.steps + j] > LIMITS.most_steps) else event
+        slow = (rate - LIMITS.hidden * w[at.near + j]) * jerk < 0.5 * bend * bend
+        dipped = loading & (bend > 0.0) & (w[at.old_bend + j] < 0.0) & slow
+        w[at.event + j] = (
+            EVENT.lost if missed | dipped | (w[at.steps + j] > LIMITS.most_steps) else event
         )
 
 
@@ -278,34 +271,34 @@ def _load(lane: Array, i: int, w2: Array, g: Array, given: Given, near: float) -
     drift = impulse * x / speed / (a + 2.0)
     total = c
     for m in range(w2.size):
-        row = AT.head + m * MODE.size
+        row = at.head + m * MODE.size
         lane[row + MODE.p], lane[row + MODE.v] = drift, impulse
         lane[row + MODE.g], lane[row + MODE.w2] = g[i, m], w2[m]
         total += g[i, m]
     time = (x + total * drift) / speed
-    lane[AT.s], lane[AT.s_rate], lane[AT.x] = speed * time - c * drift, speed - c * impulse, x
-    lane[AT.rate], lane[AT.bend] = speed - total * impulse, -total * force
-    lane[AT.force], lane[AT.u], lane[AT.u_share] = force, u, u / x
-    lane[AT.log_k], lane[AT.power], lane[AT.c], lane[AT.compliance] = given.log_k[i], a, c, series
-    lane[AT.time], lane[AT.h_grown], lane[AT.h_mode] = time, time, given.mode_step[i]
-    lane[AT.h], lane[AT.ball] = min(time, given.mode_step[i]), given.ball_step[i]
-    lane[AT.phase], lane[AT.near], lane[AT.scene] = PHASE.loading, near * speed, float(i)
-    lane[AT.peak] = lane[AT.turned] = lane[AT.steps] = lane[AT.loss] = lane[AT.reach] = 0.0
+    lane[at.s], lane[at.s_rate], lane[at.x] = speed * time - c * drift, speed - c * impulse, x
+    lane[at.rate], lane[at.bend] = speed - total * impulse, -total * force
+    lane[at.force], lane[at.u], lane[at.u_share] = force, u, u / x
+    lane[at.log_k], lane[at.power], lane[at.c], lane[at.compliance] = given.log_k[i], a, c, series
+    lane[at.time], lane[at.h_grown], lane[at.h_mode] = time, time, given.mode_step[i]
+    lane[at.h], lane[at.ball] = min(time, given.mode_step[i]), given.ball_step[i]
+    lane[at.phase], lane[at.near], lane[at.scene] = PHASE.loading, near * speed, float(i)
+    lane[at.peak] = lane[at.turned] = lane[at.steps] = lane[at.loss] = lane[at.reach] = 0.0
 
 
 @njit(**SCALAR)
 def _switch(lane: Array, phase: float, power: float, log_k: float, near: float) -> None:
     """Change the force law of a lane. Both laws give the same force at this point."""
-    lane[AT.phase], lane[AT.power], lane[AT.log_k], lane[AT.near] = phase, power, log_k, near
-    lane[AT.turned] = 0.0
+    lane[at.phase], lane[at.power], lane[at.log_k], lane[at.near] = phase, power, log_k, near
+    lane[at.turned] = 0.0
     if phase == PHASE.unloading:
-        softness = lane[AT.u] / (power * lane[AT.force])
-        fall = np.sqrt(-2.0 * lane[AT.x] / lane[AT.bend])  # time to release from rest
-        lane[AT.softness] = softness
-        lane[AT.h_grown] = min(
-            lane[AT.h_grown], lane[AT.ball] * np.sqrt(softness), LIMITS.fall * fall
+        softness = lane[at.u] / (power * lane[at.force])
+        fall = np.sqrt(-2.0 * lane[at.x] / lane[at.bend])  # time to release from rest
+        lane[at.softness] = softness
+        lane[at.h_grown] = min(
+            lane[at.h_grown], lane[at.ball] * np.sqrt(softness), LIMITS.fall * fall
         )
-    lane[AT.h] = lane[AT.h_grown]
+    lane[at.h] = lane[at.h_grown]
 
 
 @njit(**SCALAR)
@@ -325,14 +318,14 @@ def _ring(p: float, v: float, w2: float, t: float) -> tuple[float, float]:
 def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> bool:
     """Store the state of a lane at release. Return whether ball and bat can meet again."""
     modes = (states.shape[1] - 2) // 2
-    s_rate, c, loss = lane[AT.s_rate], lane[AT.c], lane[AT.loss]
-    t = -lane[AT.x] / lane[AT.rate]  # time to release, negative if the step passed it
-    t -= 0.5 * lane[AT.bend] / lane[AT.rate] * t * t
-    if abs(lane[AT.bend] * t) > 0.5 * abs(lane[AT.rate]):  # grazing release
+    s_rate, c, loss = lane[at.s_rate], lane[at.c], lane[at.loss]
+    t = -lane[at.x] / lane[at.rate]  # time to release, negative if the step passed it
+    t -= 0.5 * lane[at.bend] / lane[at.rate] * t * t
+    if abs(lane[at.bend] * t) > 0.5 * abs(lane[at.rate]):  # grazing release
         t = 0.0
     closing, energy, amplitude = s_rate, 0.0, 0.0
     for m in range(modes):
-        row = AT.head + m * MODE.size
+        row = at.head + m * MODE.size
         p, v, g, w2 = (
             lane[row + MODE.p],
             lane[row + MODE.v],
@@ -345,12 +338,12 @@ def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> b
         energy += g * square
     if closing > 0.0:
         for m in range(modes):
-            row = AT.head + m * MODE.size
+            row = at.head + m * MODE.size
             p, v = lane[row + MODE.p], lane[row + MODE.v]
             amplitude += lane[row + MODE.g] * np.sqrt(v * v / lane[row + MODE.w2] + p * p)
-    lane[AT.reach] = amplitude
-    states[i, 2 * modes], states[i, 2 * modes + 1] = lane[AT.s] + s_rate * t, s_rate
-    sums[i, 0], sums[i, 1] = lane[AT.time] + t, loss
+    lane[at.reach] = amplitude
+    states[i, 2 * modes], states[i, 2 * modes + 1] = lane[at.s] + s_rate * t, s_rate
+    sums[i, 0], sums[i, 1] = lane[at.time] + t, loss
     sums[i, 2] = 1.0 - (s_rate**2 + c * (energy + 2.0 * loss)) / speed**2
     return bool(closing > 0.0)
 
@@ -358,10 +351,10 @@ def _release(lane: Array, i: int, states: Array, sums: Array, speed: float) -> b
 @njit(**SCALAR)
 def _extreme(lane: Array) -> float:
     """Return the extreme of the approach within the last step, from its last derivatives."""
-    rate, bend, jerk = lane[AT.rate], lane[AT.bend], lane[AT.jerk]
+    rate, bend, jerk = lane[at.rate], lane[at.bend], lane[at.jerk]
     root = np.sqrt(max(bend**2 - 2.0 * jerk * rate, 0.0))
     ago = 2.0 * rate / (bend + np.copysign(root, bend))
-    return float(lane[AT.x] - ago * (rate - ago * (0.5 * bend - ago * jerk / 6.0)))
+    return float(lane[at.x] - ago * (rate - ago * (0.5 * bend - ago * jerk / 6.0)))
 
 
 @njit(**SCALAR)
@@ -369,56 +362,82 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
     """Apply the event at the end of a step to scene i. Return the scene's state, an `After`."""
     (states, sums, counts), near, brush = out, rule.turn, rule.brush
     a, b, speed, log_k = given.exponent[i], given.unloading[i], given.speed[i], given.log_k[i]
-    event, phase, rate = lane[AT.event], lane[AT.phase], lane[AT.rate]
+    event, phase, rate = lane[at.event], lane[at.phase], lane[at.rate]
     loss_share = 1.0 / (a + 1.0) - 1.0 / (b + 1.0)  # energy lost in the ball [peak force times u]
     if event in (EVENT.clear, EVENT.lost):
         return After.DONE if event == EVENT.clear else After.DOUBT
     if event == EVENT.turned_back:
-        peak, extreme = lane[AT.peak], _extreme(lane)
+        peak, extreme = lane[at.peak], _extreme(lane)
         if phase == PHASE.flying:
             hidden = extreme > -brush * peak
         elif rate < 0.0:
             hidden = extreme > (1.0 - brush) * peak
         else:
             counts[i, 1] += 1
-            lane[AT.turned] = 1.0
+            lane[at.turned] = 1.0
             hidden = extreme < 0.1 * brush * peak
         return After.DOUBT if hidden else After.GOES_ON
     if phase == PHASE.loading:
-        remaining = -0.5 * rate**2 / lane[AT.bend]  # remaining distance to the turn
-        if remaining > LIMITS.flat * near**2 * lane[AT.x]:
+        remaining = -0.5 * rate**2 / lane[at.bend]  # remaining distance to the turn
+        if remaining > LIMITS.flat * near**2 * lane[at.x]:
             return After.DOUBT
-        u = lane[AT.u] + remaining
-        lane[AT.peak] = lane[AT.x] + remaining
-        lane[AT.loss] += loss_share * u * lane[AT.force] * (1.0 + a * remaining / lane[AT.u])
-        _switch(lane, PHASE.unloading, b, log_k - (b - a) * log2(u), lane[AT.x] * given.near_end[i])
+        u = lane[at.u] + remaining
+        lane[at.peak] = lane[at.x] + remaining
+        lane[at.loss] += loss_share * u * lane[at.force] * (1.0 + a * remaining / lane[at.u])
+        _switch(lane, PHASE.unloading, b, log_k - (b - a) * log2(u), lane[at.x] * given.near_end[i])
     elif phase == PHASE.flying:
-        lane[AT.u_share], lane[AT.h_grown] = 1.0, LIMITS.afresh * lane[AT.h_mode]
+        lane[at.u_share], lane[at.h_grown] = 1.0, LIMITS.afresh * lane[at.h_mode]
         _switch(lane, PHASE.loading, a, log_k, near * rate)
     elif rate > 0.0:
-        lane[AT.loss] -= loss_share * lane[AT.u] * lane[AT.force]
+        lane[at.loss] -= loss_share * lane[at.u] * lane[at.force]
         _switch(lane, PHASE.loading, a, log_k, near * rate)
     else:
         counts[i, 0] += 1
         if not _release(lane, i, states, sums, speed):
             return After.DONE
-        if lane[AT.bend] > 0.0 and rate**2 < 2.0 * brush * lane[AT.peak] * lane[AT.bend]:
+        if lane[at.bend] > 0.0 and rate**2 < 2.0 * brush * lane[at.peak] * lane[at.bend]:
             return After.DOUBT
-        lane[AT.force] = 0.0
+        lane[at.force] = 0.0
         _switch(lane, PHASE.flying, 1.0, LIMITS.no_force, 0.0)
     return After.GOES_ON
 
 
-@njit(cache=True, nogil=True)
+def prepare_lanes(modes: int) -> Array:
+    """Return the block of numbers of `collide_lanes` for bats with `modes` flexible modes."""
+    size = at.head + -(-modes // CHUNK) * CHUNK * MODE.size
+    memory = np.zeros(size + 8)
+    w = memory[(-memory.ctypes.data // 8) % 8 :][:size]  # starts at a cache line
+    w[at.scene : at.scene + LANES] = -1.0
+    w[at.event : at.event + LANES] = EVENT.clear
+    return w
+
+
+def prepare_results(scenes: int, modes: int) -> Out:
+    """Return the arrays that `collide_lanes` fills."""
+    counts = np.zeros((scenes, 4), np.int64)
+    return np.zeros((scenes, 2 * modes + 2)), np.zeros((scenes, 3)), counts
+
+
+@njit(**KERNEL, nogil=True)
 def collide_lanes(
-    w2: Array, bat: Counts, g: Array, given: Given, scheme: Scheme, rule: StepRule
-) -> Out:
-    """Integrate n collisions with N flexible modes, and return final states, sums and counts.
+    w: Array,
+    w2: Array,
+    bat: Counts,
+    g: Array,
+    given: Given,
+    stiff: bool,
+    scheme: Scheme,
+    rule: StepRule,
+    out: Out,
+) -> None:
+    """Integrate n collisions with N flexible modes. Fill `out`.
 
     The symbols are those of `modal_kernel`. The results of a doubtful scene are not valid.
 
     Parameters
     ----------
+    w
+        Numbers of the lanes, from `prepare_lanes`.
     w2 : (bats, N) array
         Squared angular frequencies [1/s^2].
     bat : (n,) array
@@ -427,56 +446,43 @@ def collide_lanes(
         Squared mode shapes at the impact positions [1/kg].
     given
         Input of the scenes, arrays (n,).
+    stiff
+        Whether any scene has a compliance of the stiff modes.
     scheme : two arrays
         Kicks and drifts of the integration, one kick more than drifts.
     rule
         Settings of the steps.
+    out
+        Results, from `prepare_results`:
 
-    Returns
-    -------
-    states : (n, 2 N + 2) array
-        p and p' of all modes, then s and s', at the last release [SI].
-    sums : (n, 3) array
-        Time from first touch to last release [s]; energy lost in the ball [J]; error of the
-        energy balance, as a share of the initial energy.
-    counts : (n, 4) array
-        Contacts; reloads before release; 1 if the scene is doubtful, else 0; steps.
+        * p and p' of all modes, then s and s', at the last release [SI], (n, 2 N + 2);
+        * time from first touch to last release [s], energy lost in the ball [J], and error of the
+          energy balance, as a share of the initial energy, (n, 3);
+        * contacts, reloads before release, 1 if the scene is doubtful, else 0, and steps, (n, 4).
     """
     wide()
-    scenes, modes = g.shape
     kicks, drifts = scheme
-    out = (
-        np.zeros((scenes, 2 * modes + 2)),
-        np.zeros((scenes, 3)),
-        np.zeros((scenes, 4), np.int64),
-    )
-    padded = -(-modes // CHUNK) * CHUNK
-    size = AT.head + padded * MODE.size
-    memory = np.zeros(size + 8)
-    w = memory[(-memory.ctypes.data // 8) % 8 :][:size]  # starts at a cache line
-    stiff = np.any(given.series > 0.0)
-    w[AT.scene : AT.scene + LANES] = -1.0
-    w[AT.event : AT.event + LANES] = EVENT.clear
-    next_scene = finished = 0
+    scenes, padded = len(g), (w.size - at.head) // MODE.size
+    next_scene = finished = np.int64(0)  # not 0, for which numba would compile `_load` twice
     while True:
         for j in range(LANES):
             lane = w[j:]
-            if lane[AT.event] == EVENT.none:
+            if lane[at.event] == EVENT.none:
                 continue
-            i = int(lane[AT.scene])
+            i = int(lane[at.scene])
             if i >= 0:
                 after = _pass_event(lane, i, given, rule, out)
                 if after == After.GOES_ON:
                     continue
                 counts = out[2][i]
-                counts[2], counts[3] = after == After.DOUBT, int(lane[AT.steps])
+                counts[2], counts[3] = after == After.DOUBT, int(lane[at.steps])
                 finished += 1
-                lane[AT.scene] = -1.0
+                lane[at.scene] = -1.0
             if next_scene < scenes:
                 _load(lane, next_scene, w2[bat[next_scene]], g, given, rule.turn)
                 next_scene += 1
         if finished == scenes:
-            return out
+            return
         for i in range(drifts.size):
             _stage(w, padded, kicks[i], drifts[i])
             if stiff:

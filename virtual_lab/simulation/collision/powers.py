@@ -17,10 +17,12 @@ from numba.extending import intrinsic
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
+from virtual_lab.units import INNER
+
 COMPILES = not config.DISABLE_JIT  # type: ignore[attr-defined]
 # Reassociation is off because it would cancel the additions that round a number. These functions
 # have no cache, because the cache of the calling kernel contains their compiled code.
-SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}
+SIMD: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy", **INNER}
 ROUND = 1.5 * 2.0**52  # addend that leaves the nearest integer in the low bits
 ROUND_BITS = np.uint64(0x4338000000000000)
 ONE_BITS = np.uint64(1023 << 52)

@@ -280,11 +280,11 @@ class InStep:
 
     def _try(self, struck: CollisionBatch, window: float) -> tuple[FinalStates, NDArray[np.bool_]]:
         """Return the states after one pass, and a mask (n,) of the scenes without doubt."""
-        from virtual_lab.simulation.collision.batch_kernel import Given, StepRule, collide_lanes
+        from virtual_lab.simulation.collision import batch_kernel as kernel
 
         a, b, c, v = struck.exponent, struck.unloading, struck.inverse_mass, struck.speed
         first = self.first * ((a + 1) * v**2 / (2 * struck.stiffness * c)) ** (1 / (a + 1))
-        inputs = Given(
+        inputs = kernel.Given(
             exponent=a,
             unloading=b,
             log_k=np.log2(struck.stiffness),
@@ -297,15 +297,20 @@ class InStep:
             ball_step=self.ball_step / np.sqrt(c),
             near_end=np.minimum(self.release, 1e-8 ** (1 / (b + 1))),
         )
-        states, sums, counts = collide_lanes(
+        modes = struck.shapes.shape[1]
+        states, sums, counts = out = kernel.prepare_results(len(v), modes)
+        kernel.collide_lanes(
+            kernel.prepare_lanes(modes),
             struck.squares,
             struck.bat,
             struck.shapes,
             # All arrays have one type; numba would compile the kernel again for each mixture of
             # types.
-            Given(*(np.require(each, np.float64, ["C", "W"]) for each in inputs)),
+            kernel.Given(*(np.require(each, np.float64, ["C", "W"]) for each in inputs)),
+            bool(np.any(inputs.series > 0)),
             (self.splitting.kicks, self.splitting.drifts),
-            StepRule(self.growth, self.turn, self.brush, window),
+            kernel.StepRule(self.growth, self.turn, self.brush, window),
+            out,
         )
         final = FinalStates.first_try(states, sums, counts)
         return final, (counts[:, 2] == 0) & (np.abs(final.open_energy) < self.tolerance)

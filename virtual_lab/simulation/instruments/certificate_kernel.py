@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.polynomial.chebyshev import chebvander
 
-from virtual_lab.units import Array
+from virtual_lab.units import KERNEL, Array
 
 REACH = 8.5  # limit above every drawn normal number
 PIECE = 0.5
@@ -43,7 +43,7 @@ def pieces_of(dof: float) -> Array:
     return np.ascontiguousarray((to_powers @ fitted).T)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**KERNEL, error_model="numpy")
 def stated_shares(chance: Array, pieces: Array, shares: Array) -> None:
     """Fill `shares` (n,) with u / σ for standard normal numbers `chance` (n,).
 
