@@ -424,7 +424,7 @@ def board(
     camera
         Camera: a name in the catalog or a .toml file.
 
-        Or a sheet.
+        A sheet is also allowed.
     views
         Number of pictures, 3 to 60.
     seed
@@ -433,7 +433,8 @@ def board(
     Raises
     ------
     InputError
-        The camera is unknown, the folder is not empty, or there are too few or too many pictures.
+        The board or the camera is not valid, the folder is not empty or cannot be written, or there
+        are too few or too many pictures.
     """
     from virtual_lab.lab.boards import film_board
     from virtual_lab.relations.board import board_of

@@ -435,11 +435,11 @@ def certify(
     reason
         Reason for the replacement. The certificate states the replaced report and the reason.
     test
-        Number of this test in its laboratory, with a seed. Tests with different numbers have the
-        same calibrations, but different bats and balls.
+        Number of this test in its laboratory. Requires `seed`. Tests with different numbers have
+        the same calibrations, but different bats and balls.
     lot
-        Number of the lot of balls in its laboratory, with a seed. Tests with the same number use
-        balls of one lot. By default lot 0, but another lot in each numbered test.
+        Number of the lot of balls in its laboratory. Requires `seed`. Tests with the same number
+        use balls of one lot. By default lot 0; if `test` is stated, each test has its own lot.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
         laboratory, or a folder of such folders. At least three tests are needed. The scatter of
@@ -459,9 +459,10 @@ def certify(
     ------
     InputError
         An unknown name; a file that cannot be used; a seed that is not a whole number of at least
-        0; `number`, `test` or `lot` without a seed; any of these four arguments if `reality` is not
-        ``real``; a film at a rig without a camera; `replaces` without `reason`, or the reverse; or
-        a `history` that has fewer than three tests or tests of another kind.
+        0; `number`, `test` or `lot` without a seed; `seed`, `number`, `test` or `lot` if `reality`
+        is not ``real``; a negative `lot`; a film at a rig without a camera; `replaces` without
+        `reason`, or the reverse; or a `history` that has fewer than three tests or tests of another
+        kind.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
@@ -637,13 +638,13 @@ def sweep(
     bats
         Bat: a name in the catalog or a .toml file.
 
-        Or a sheet, or a list of several.
+        A sheet, or a list of several, is also allowed.
     more
         Further bats, instead of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file.
 
-        Or a sheet, or a list of several.
+        A sheet, or a list of several, is also allowed.
     laboratories
         Number of laboratories. Each is identified by the seed and its number, from 0.
     seed

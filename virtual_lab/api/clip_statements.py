@@ -37,8 +37,8 @@ def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | No
 def read_seconds(text: str) -> float:
     """Return a time of 0 to 1 s from a string such as ``8ms`` or ``1/120``, in seconds.
 
-    The result is None if `text` is None. Raises `ValueError` for a string of another form, a number
-    without a unit, a time outside 0 to 1 s, and ``1/0``.
+    None gives None. Raises `ValueError` for a string of another form, a number without a unit, a
+    time outside 0 to 1 s, and ``1/0``.
     """
     from virtual_lab.units import to_si
 
@@ -54,8 +54,8 @@ def read_seconds(text: str) -> float:
 def read_mass(text: str) -> float:
     """Return a mass of 0.1 g to 10 kg from a string such as ``145g``, in kilograms.
 
-    The result is None if `text` is None. Raises `ValueError` for a string of another form, another
-    mass or an unknown unit.
+    None gives None. Raises `ValueError` for a string of another form, another mass or an unknown
+    unit.
     """
     from virtual_lab.units import DIMENSIONS, to_si
 
@@ -69,8 +69,8 @@ def read_mass(text: str) -> float:
 def read_frames(text: str) -> tuple[int, int]:
     """Return the numbers of the first and last frame from a string such as ``17:52``.
 
-    Frames are counted from 0. The result is None if `text` is None. Raises `ValueError` for a
-    string of another form, for a negative number, and if the first is not before the last.
+    Frames are counted from 0. None gives None. Raises `ValueError` for a string of another form,
+    for a negative number, and if the first is not before the last.
     """
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
@@ -81,8 +81,8 @@ def read_region(text: str) -> tuple[float, float, float, float]:
     """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
 
     x and y are the distances of its upper left corner from the upper left corner of the picture.
-    The result is None if `text` is None. Raises `ValueError` for a string of another form, for a
-    width or height below 1 px, and for any number beyond ±1e6 px.
+    None gives None. Raises `ValueError` for a string of another form, for a width or height below 1
+    px, and for any number beyond ±1e6 px.
     """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
@@ -92,8 +92,8 @@ def read_region(text: str) -> tuple[float, float, float, float]:
 def read_position(text: str) -> tuple[float, float, int]:
     """Return x and y of a ball [px], and the number of its frame, from ``210,85@17``.
 
-    x and y are counted from the upper left corner of the picture. The result is None if `text` is
-    None. Raises `ValueError` for a string of another form, and for x or y beyond ±1e6 px.
+    x and y are counted from the upper left corner of the picture. None gives None. Raises
+    `ValueError` for a string of another form, and for x or y beyond ±1e6 px.
     """
     position, frame = text.split("@")
     x, y = _numbers(position, 2)

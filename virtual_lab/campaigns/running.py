@@ -60,9 +60,10 @@ def campaign(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message, the number of tests done, and the total. While a new
-        campaign is prepared, cases are counted instead. If it is not given, the functions of
-        `virtual_lab` and the commands show the progress on stderr.
+        Function that is called with a message, the number of tests done, and the total. During the
+        preparation of a new campaign, combinations of bat, procedure and changed values are counted
+        instead of tests. If it is not given, the functions of `virtual_lab` and the commands show
+        the progress on stderr.
 
     Raises
     ------

@@ -286,8 +286,8 @@ def source(kind: str, name: str) -> tuple[str, str]:
     """Return the text of an entry, and the name of its file for error messages.
 
     The name is the file name for an entry of the catalog, and the path for a user's file. Within
-    `sheets_in_place`, a string that replaces the file is returned with the name of the entry.
-    Raises `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
+    `sheets_in_place`, a text may replace the file. This text and `name` are then returned. Raises
+    `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     in_place = _in_place.get()
     if in_place is not None:

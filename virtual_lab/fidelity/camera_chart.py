@@ -43,10 +43,10 @@ def camera_chart(
     A row has the rms error along an axis [px], the time per frame [ms], and three shares of
     pictures (0 to 1): those without a position, those with a position and a flag, and those with an
     error above 5 u but without a flag. The limit is the smallest possible error of a plain ball
-    [px]. The bias has no unit: it is the absolute error along an axis in pictures without noise, at
-    the position within a pixel where it is largest, divided by the limit. It is not computed for a
-    stitched ball, whose pattern differs in each picture. Error and bias are None if no ball was
-    located.
+    [px]. The bias is the largest absolute error along an axis in pictures without noise, over all
+    positions within a pixel. It is divided by the limit and has no unit. No bias is computed for a
+    stitched ball, because its pattern differs in each picture. Error and bias are None if no ball
+    was located.
     """
     import cv2
 

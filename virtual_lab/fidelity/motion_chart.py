@@ -170,7 +170,9 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return the state of ball and bat after the contact of a shot, by vector algebra without air.
+    """Return the state of ball and bat after a shot's contact, by vector algebra without air drag.
+
+    The result is in SI units.
 
     `shot` is the number of the shot in the scene, from 0. Raises `ValueError` if the ball does not
     reach the bat.

@@ -95,8 +95,8 @@ def parse_json(text: str, where: str) -> dict[str, Any]:
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the TOML document in a file.
 
-    Raises `InputError` if the file cannot be read, is not TOML, or is nested more than 32 levels
-    deep.
+    Raises `InputError` if the file cannot be read, is larger than 20 MB, is not UTF-8 or TOML, or
+    is nested more than 32 levels deep.
     """
     return parse_toml(read_text(path), str(path))
 
@@ -150,8 +150,9 @@ def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
 def inside(folder: Path, name: str, where: str, key: str) -> Path:
     """Return the path of the file `name` in a folder, whether it exists or not.
 
-    Raises `InputError` if the path leads out of the folder by ``..`` or by a link, or if it cannot
-    be resolved. The message of the error names the file `where` and the `key` that contain `name`.
+    `where` and `key` are the file and its key from which `name` was read. The error message states
+    both. Raises `InputError` if the path leads out of the folder by ``..`` or by a link, or if it
+    cannot be resolved.
     """
     path = folder / name
     try:

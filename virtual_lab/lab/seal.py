@@ -37,8 +37,8 @@ class Alteration:
 def write_seal(folder: Path) -> None:
     """Seal all files of a test in `folder`, including its truth: write ``truth/seal.json``.
 
-    An existing seal is replaced. Raises `InputError` for a JSON or TOML file that cannot be read,
-    and `FileNotFoundError` if there is no folder ``truth``.
+    An existing seal is replaced. Raises `InputError` for a JSON or TOML file outside ``truth`` that
+    cannot be read, and `FileNotFoundError` if there is no folder ``truth``.
     """
     files = (name for name, kind in contents(folder).items() if kind == "file" and name != SEAL)
     content = {name: _content(folder, name) for name in files}

@@ -292,10 +292,12 @@ def prepare(block: SessionBlock) -> Preparation:
 
 @constants_known()
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
-    """Return the readings at the bat as fired, (shot,), before any calibration is applied.
+    """Return the readings at the bat, one per shot in the order of firing, (shot,).
 
-    The encoder readings `recoil` and `swing` are in counts. They are None at a rig without such an
-    encoder. Raises `InputError` for a record that is missing or cannot be used.
+    `place` includes the calibrated offset of the cannon along the bat. Speeds are computed with the
+    surveyed distances of the gates. All other corrections are applied later. The encoder readings
+    `recoil` and `swing` are in counts. They are None at a rig without such an encoder. Raises
+    `InputError` for a record that is missing or cannot be used.
     """
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)

@@ -89,9 +89,10 @@ class PackedSession:
 def pack(session: Session) -> PackedSession:
     """Return the files of a session as bytes and arrays, keyed by path in its folder.
 
-    One of them, ``session.json``, holds the SHA-256 of every other file. In a simulated session,
-    the hash of a channel's file also covers the JSON text of the simulation's origin, placed before
-    the file's bytes. For the hash of a text, CR LF is replaced by LF. Nothing is written.
+    One of them, ``session.json``, holds the SHA-256 of every other file. In a simulated session, a
+    channel's hash covers two parts in this order: the entry ``simulation`` of ``session.json``, as
+    JSON text in one line with sorted keys, and the channel's file. For the hash of a text file, CR
+    LF is replaced by LF. Nothing is written.
     """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)

@@ -23,7 +23,7 @@ def distort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
     points
         x/z and y/z, (…, 2).
     coefficients
-        k1, k2, p1, p2, k3, each a number or of a shape that broadcasts with x.
+        k1, k2, p1, p2 and k3. Each is a number, or an array that broadcasts with the shape (…).
     """
     x, y = np.moveaxis(np.asarray(points, dtype=np.float64), -1, 0)
     k1, k2, p1, p2, k3 = coefficients

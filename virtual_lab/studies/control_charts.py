@@ -151,9 +151,9 @@ def control_chart(
     """Return the charts of daily values with limits from the first `baseline_days` values.
 
     The charts are the Western Electric rules, the moving range, the moving average (EWMA) and the
-    cumulative sums (CUSUM). They are in standard deviations, for the days after the baseline. The
-    rules ignore earlier days, and average and sums start at 0. Only the first range uses a day of
-    the baseline, its last.
+    cumulative sums (CUSUM). Each chart has one value per day after the baseline, in standard
+    deviations. The Western Electric rules ignore the days of the baseline. EWMA and CUSUM start at
+    0. The first moving range is the change from the last day of the baseline.
 
     Parameters
     ----------

@@ -235,14 +235,14 @@ def critique(
     bats
         At least two bats: names in the catalog or .toml files.
 
-        Or sheets.
+        Sheets are also allowed.
     more
         Further bats, instead of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
         sport of the field's balls. The tests use the balls of the procedures.
 
-        Or a sheet, or a list of several.
+        A sheet, or a list of several, is also allowed.
     swings
         Exponent n of the power law in the field, 0 to 0.5. By default 0, 0.3 and 0.5.
     swing_law

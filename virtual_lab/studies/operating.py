@@ -116,11 +116,11 @@ def operating(
     bat
         Bat design: a name in the catalog or a .toml file.
 
-        Or a sheet.
+        A sheet is also allowed.
     procedures
         Test procedure: a name in the catalog or a .toml file. It must have a limit.
 
-        Or a sheet, or a list of several.
+        A sheet, or a list of several, is also allowed.
     laboratories
         Number of laboratories, each with three tests.
     seed

@@ -73,11 +73,11 @@ def slope(
         At least two bats: names in the catalog or .toml files. By default the four of Table I of
         the 2003 paper.
 
-        Or sheets.
+        Sheets are also allowed.
     procedure
         Procedure that tests one impact position: a name in the catalog or a .toml file.
 
-        Or a sheet.
+        A sheet is also allowed.
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 

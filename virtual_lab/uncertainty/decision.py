@@ -151,8 +151,9 @@ def global_risk(
     Raises
     ------
     InputError
-        The prior is not a valid `Input` with an uncertainty, `u` or `dof` is not above 0, there is
-        no limit, the limits are in the wrong order, or the guard band leaves nothing between them.
+        The prior is not a valid `Input` with an uncertainty, `u` or `dof` is not above 0, `u` or
+        `guard` is not finite, there is no limit, the limits are in the wrong order, or the guard
+        band leaves nothing between them.
     """
     _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)

@@ -83,8 +83,9 @@ def means_of_readings(
 ) -> Estimates:
     """Return the means of repeated readings with type A uncertainties, (laboratory,).
 
-    The degrees of freedom are n - 1, and inf where `least_u` exceeds the u from the scatter. With
-    only one used reading, u is NaN. With none, the mean is NaN too.
+    The degrees of freedom are the number of used readings minus one. They are inf where `least_u`
+    exceeds the u from the scatter. With only one used reading, u is NaN and the degrees of freedom
+    are inf. With none, the mean is NaN too.
 
     Parameters
     ----------

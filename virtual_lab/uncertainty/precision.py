@@ -89,8 +89,8 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
     Raises
     ------
     InputError
-        Fewer than two groups, no group with two readings, another number of labels than of
-        readings, readings that are not finite, or readings that are all equal.
+        Fewer than two groups, no group with two readings, a number of labels that differs from the
+        number of readings, readings that are not finite, or readings that are all equal.
     """
     readings, (which,) = _read(values, [groups])
     counts = np.bincount(which)
@@ -133,8 +133,8 @@ def gauge_study(values: ArrayLike, parts: Sequence[Any], operators: Sequence[Any
     ------
     InputError
         A part that an operator did not measure as often as the others, fewer than two parts,
-        operators or repeats, another number of labels than of readings, readings that are not
-        finite, or readings that are all equal.
+        operators or repeats, a number of labels that differs from the number of readings, readings
+        that are not finite, or readings that are all equal.
     """
     from scipy.special import fdtrc
 

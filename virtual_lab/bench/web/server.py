@@ -131,8 +131,9 @@ def application(
     Parameters
     ----------
     days
-        The days, by token. The token is part of the address that opens the day. It works once. In
-        an exam it works again, and each use closes the day in the earlier browser.
+        The days, by token. The token is part of the address that opens the day, and works once. In
+        an exam it works repeatedly. Each use then ends the access of the browser that used it
+        before.
     hosts
         Served names with port, such as ``127.0.0.1:8000``; at least one. A request to another name
         is answered with status 403.

@@ -40,8 +40,8 @@ def propagate_metric(
     """Return the metric of one test with u and interval by `method`, in the metric's SI unit.
 
     `readings` and `outcome` belong to the reduction of this test, and `linear` is its first-order
-    budget. `draws` is the number of Monte Carlo draws; None means as many as two correct digits of
-    u require. Raises `InputError` if too many draws are needed, or if second order does not
+    budget. `draws` is the number of Monte Carlo draws. By default, draws are added until two digits
+    of u are correct. Raises `InputError` if too many draws are needed, or if second order does not
     converge.
     """
     model, inputs = model_of(reduced, readings, outcome, linear)

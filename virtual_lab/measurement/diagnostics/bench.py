@@ -79,8 +79,8 @@ def bat_shape(evidence: Evidence) -> Iterator[Raised]:
     """Yield four flags, each raised in the laboratories whose bat is outside limits for any bat.
 
     The flags are for mean density, balance point, radius of gyration and mass, in this order. All
-    four are yielded even if they are raised nowhere. Only the flag for the density rules out a
-    verdict. A value of NaN raises the flag.
+    four are yielded, even those that are raised in no laboratory. Only the flag for the density
+    rules out a verdict. A value of NaN raises the flag.
     """
     bat = evidence.reduced.preparation.bat.select((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
@@ -271,12 +271,15 @@ class Slowing(NamedTuple):
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
-    """Return the ratio of observed to predicted change of the pendulum's period, (laboratory,).
+    """Return the ratio of observed to predicted change of the pendulum's period, with its u.
+
+    The result also has the number of counted releases and the degrees of freedom. All arrays are
+    (laboratory,).
 
     The period grows with the square of the amplitude, so it shortens as the swing decays. The size
     of this change is predicted from the measured amplitudes. The ratio is 1 for correct readings of
-    the amplitude, and NaN if the amplitude does not decay. Return None if the releases have fewer
-    than four swings.
+    the amplitude. It is NaN if the amplitude is constant, or if no release is counted. Return None
+    if the releases have fewer than four swings.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
     counted = counted_releases(odd_swings(times))
@@ -405,8 +408,8 @@ def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised in the laboratories that have a wrong ball in their lot.
 
     A ball is wrong if its mass or e0 is outside the window of the procedure, and if it was fired or
-    its e0 is more than 0.02 from the median of the lot. The flag is yielded even if it is raised
-    nowhere.
+    its e0 is more than 0.02 from the median of the lot. The flag is yielded even if it is raised in
+    no laboratory.
     """
     windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)

@@ -29,8 +29,8 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
 
     Two flags are yielded for the gates at the wall, and two for those at the bat. The first is
     raised where a diameter is more than 2 % too large. The second is raised where even the large
-    diameters (90 % quantile) are more than 2 % too small. They are yielded even if they are raised
-    nowhere. Nothing is yielded for gates that recorded no edges.
+    diameters (90 % quantile) are more than 2 % too small. All flags are yielded, even those that
+    are raised in no laboratory. Nothing is yielded for gates that recorded no edges.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))

@@ -143,8 +143,8 @@ def pairs(
     name
         Name of the check.
     statement
-        Function that takes the index of a laboratory and returns its sentence. The sentence does
-        not state the difference in standard uncertainties.
+        Function that takes the index of a laboratory and returns its sentence. The sentence must
+        not state the number of standard uncertainties, because the flag adds this number.
     value
         Difference of the two measurements, (laboratory,), in any unit.
     components
@@ -152,9 +152,11 @@ def pairs(
     of
         Name of the comparison within the check.
     least
-        Lower bound of the standard uncertainty of `value`, in its unit.
+        Lower bound of the standard uncertainty of `value`, in the same unit. The bound is added in
+        quadrature.
     moves
-        Largest shift of the result per unit of `value`, in the result's standard uncertainties.
+        Largest shift of the test result per unit of `value`, divided by the standard uncertainty of
+        the test result.
     among
         Number of similar differences from which this one, the least likely, was selected.
     compared

@@ -27,8 +27,8 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
     """Yield two flags, raised where gates missed a ball: first at the wall, then at the bat.
 
     At the wall a hit is missed if the gates did not detect the incoming or the returning ball. At
-    the bat it is missed if a gate did not detect the incoming ball. Both flags are yielded even if
-    they are raised nowhere.
+    the bat it is missed if a gate did not detect the incoming ball. Both flags are yielded, even if
+    they are raised in no laboratory.
     """
     hits = evidence.reduced.preparation.balls.ball[:, 0]
     wall_misses = np.sum(hits < 0, axis=1)
@@ -52,9 +52,9 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 
 
 def edges(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised in laboratories in which over 10 % of the shots fit no single flight.
+    """Yield one flag, raised where over 10 % of a laboratory's shots do not fit a single flight.
 
-    The beam edges of such a shot at the light boards deviate from one straight flight by more than
+    In such a shot, the beam edges at the light boards deviate from one straight flight by more than
     the procedure allows. The flag is yielded even if it is raised in no laboratory.
     """
     count = evidence.per_laboratory(evidence.off_flight)
@@ -116,11 +116,13 @@ def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag per encoder, raised where the fitted rotation does not agree with the record.
 
-    The misfit is the rms distance of the record from the fitted rotation, divided by that of
-    resolution and noise at rest. The flag is raised in a laboratory if the misfit of at least one
-    shot is above `MOST_MISFIT`. It is yielded even if it is raised nowhere. There may be an encoder
-    for the recoil and one for the swing. Nothing is yielded for an encoder that the rig does not
-    have.
+    The misfit of a shot is a ratio. The numerator is the rms deviation of the record from the
+    fitted rotation. The denominator is the rms noise of resolution and of the encoder at rest. The
+    flag is raised in a laboratory if the misfit of at least one shot is above `MOST_MISFIT`. It is
+    yielded even if it is raised in no laboratory.
+
+    There may be an encoder for the recoil and one for the swing. Nothing is yielded for an encoder
+    that the rig does not have.
     """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:

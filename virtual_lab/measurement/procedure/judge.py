@@ -56,10 +56,11 @@ def judge(
 ) -> Judgement:
     """Return the reason for which each shot was rejected, (shot,), empty for a valid hit.
 
-    Only the first violated window is named. A needed value of NaN, such as that of a missed ball,
-    violates its window. `percussion` is the distance of the center of percussion from the barrel
-    tip [m], and `turn_rate` is the angular speed [rad/s] that the procedure requires for the
-    measured bat.
+    Only the first violated window is named. `percussion` is the distance of the center of
+    percussion from the barrel tip [m], and `turn_rate` is the angular speed [rad/s] that the
+    procedure requires for the measured bat. A missed ball is rejected, because its speed is NaN.
+    NaN in the mass or e0 of the ball is rejected too. The windows for edge misfit, rebound angle,
+    rate before contact, agreement of e_A, and encoder misfit ignore NaN.
     """
     criteria = _criteria(procedure, results, readings, percussion, turn_rate)
     violations = np.array([~met for met, _, _ in criteria])
@@ -81,8 +82,9 @@ def accept_hits(
 
     `percussion` is the distance of the center of percussion from the barrel tip [m], and
     `turn_rate` is the angular speed that the procedure requires of a swung bat [rad/s]. Both
-    broadcast over the shots. A shot with a needed value of NaN, such as a missed ball, is not
-    accepted.
+    broadcast over the shots. A missed ball is rejected, because its speed is NaN. NaN in the mass
+    or e0 of the ball is rejected too. The windows for edge misfit, rebound angle, rate before
+    contact, agreement of e_A, and encoder misfit ignore NaN.
     """
     valid = np.ones(np.shape(results.speed), dtype=bool)
     for met, _, _ in _criteria(procedure, results, readings, percussion, turn_rate):

@@ -24,7 +24,8 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
     """Return a mask of the balls that define the lot, (..., ball): those within all windows.
 
     The windows are those of mass and e0. A value of NaN is outside its window. If no ball of a lot
-    is within the windows, the mask is True for all balls, and every shot is then rejected.
+    is within the windows, the mask is True for all its balls, so that the lot still has mean
+    values. All shots with these balls are rejected later.
     """
     light, e0 = _misfits(procedure, balls)
     fit = ~(light | e0)

@@ -257,11 +257,13 @@ def _turns(cubics: Array) -> Array:
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
     """Return the polynomial of the metric over the impact position that gives a scan's result.
 
-    The position is the distance from the barrel tip [m], and the polynomial is in the unit of
-    `metric`. The result is its value at the position where the quantity that the scan maximizes has
-    its maximum. `place` and `metric` are the values of one laboratory's shots, and `used` is the
-    mask of the shots in the result, all (shot,). Return None if the result is not the maximum of a
-    curve, or with fewer than two shots.
+    The scan's result is the value of this polynomial at the best position. The best position is
+    where the scan's objective has its maximum. Positions are distances from the barrel tip [m]. The
+    polynomial is in the unit of `metric`.
+
+    `place` and `metric` are the values of one laboratory's shots, and `used` is the mask of the
+    shots in the result, all (shot,). Return None if the procedure does not scan, if its result is
+    the mean of final hits at the best position, or with fewer than two used shots.
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None

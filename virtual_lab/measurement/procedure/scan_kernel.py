@@ -182,10 +182,10 @@ def next_hits_of_block(
 ) -> None:
     """Fill `number` and `out` with the number and positions of each laboratory's next shots [m].
 
-    `number` is (laboratory,); 0 means that the scan is complete or has no attempts left. `out` is
-    (laboratory, attempts); elements beyond the number are not overwritten. Laboratory i has the
-    shots from `starts[i]` up to, but not including, `starts[i + 1]` in `place`, `valid` and
-    `objective`.
+    `number` is (laboratory,); 0 means that the scan is complete, has no attempts left, or cannot
+    continue because most balls did not rebound at any position. `out` is (laboratory, attempts);
+    elements beyond the number are not overwritten. Laboratory i has the shots from `starts[i]` up
+    to, but not including, `starts[i + 1]` in `place`, `valid` and `objective`.
     """
     positions = np.empty(most_asked(rules))
     for laboratory in range(number.size):

@@ -35,7 +35,7 @@ def fit_speeds(
         Times at which the balls passed the gates, (batch, direction, gate, shot) [s], NaN if not
         detected.
     batch
-        Index of the passages of each row on the first axis of `times`, (row,).
+        Index of each row's batch on the first axis of `times`, (row,).
     distances
         Distances of the gates from the target, (row, gate) [m].
     clock
@@ -76,11 +76,13 @@ def fit_heights(
     heights
         Heights at which the balls passed the gates, (batch, direction, gate, shot) [m].
     batch
-        Index of the passages of each row on the first axis of `heights`, (row,).
+        Index of each row's batch on the first axis of `heights`, (row,).
     speeds
         Result of `fit_speeds`.
-    distances, zeros
-        Distances of the gates from the target, and zero heights of the gates, (row, gate) [m].
+    distances
+        Distances of the gates from the target, (row, gate) [m].
+    zeros
+        Zero corrections of the gates, (row, gate) [m]. They are added to `heights`.
     gravity
         Acceleration of gravity, (row,) [m/s²].
     drag

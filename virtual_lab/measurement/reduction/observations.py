@@ -166,7 +166,7 @@ def reference_readings(block: SessionBlock) -> Array:
     """Return the readings of the reference mass, (laboratory, 2, repeat) [kg].
 
     Item 0 was read before bat and balls were weighed, item 1 after. Raises `InputError` if the
-    record is missing, has another number of items, or has only one reading of each.
+    record is missing, does not have two items, or has only one reading of each.
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
@@ -204,10 +204,12 @@ def observe_balls(block: SessionBlock) -> BallReadings:
 
 
 def observe_impact(block: SessionBlock) -> ImpactReadings:
-    """Return the readings of the ball and of the encoders for the shots as fired, (shot,).
+    """Return the readings of ball and encoders, one per shot in the order of firing, (shot,).
 
-    The encoder readings `recoil` and `swing` are in counts. They are None at a rig without such an
-    encoder. Raises `InputError` for a record that is missing or unusable.
+    `place` includes the calibrated offset of the cannon along the bat. Speeds are computed with the
+    surveyed distances of the gates. All other corrections are applied later. The encoder readings
+    `recoil` and `swing` are in counts. They are None at a rig without such an encoder. Raises
+    `InputError` for a record that is missing or unusable.
     """
     log, flights = _log_and_flights(block, "impact")
     raw, along = flights.raw, _along(block)

@@ -111,10 +111,11 @@ def empty_rates(shots: int) -> RateFit:
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates that the encoder's own recorder computed [counts/s], (shot,).
+    """Return the rates that the encoder's own recorder computed, arrays (shot,).
 
-    The fields about the record and its fit are NaN, because the recorder does not store them.
-    Vibration frequencies and decays are empty arrays (0,).
+    `rate`, `rate_u` and `before` [counts/s] and `angle` [counts] are copied from the record. The
+    other fields (shot,) are NaN, because the recorder does not store them. Vibration frequencies
+    and decays are empty arrays (0,). `counting` is 1/√12 counts.
     """
     return replace(
         empty_rates(len(record.rate)),

@@ -353,7 +353,8 @@ def probing_scenes(
 
     The positions are about `PROBING.every` apart. They cover `PROBING.places`, extended to include
     `places`, the lowest and highest distance from the tip [m]. The e0 is that of the nominal ball
-    at this speed. Raises `InputError` for a negative position or a speed that is not positive.
+    at this speed. Raises `InputError` for a negative position or a speed that is not positive, not
+    finite, or above 1e6 m/s.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

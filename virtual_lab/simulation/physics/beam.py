@@ -74,7 +74,8 @@ def support_place(support: Support, length: float) -> float | None:
 def support_words(support: Support) -> str:
     """Return a description of the support for messages, such as ``pinned at 0.7112 m``.
 
-    Positions are distances from the barrel tip. A free bat is described as ``free``.
+    Positions are distances from the barrel tip. The stiffness of a spring is added. A free bat is
+    described as ``free``.
     """
     match support:
         case Free():

@@ -82,14 +82,19 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
 
     The arrays of the result are (shot,). The closed form is used unless the ball may hit a frame on
     its way in, or the bat may return from its stop and hit the ball again. Such shots are simulated
-    event by event. If the plan requests pymunk, it simulates all shots. The simulated shots have
-    other speeds, slopes and heights than the closed form. A ball that may hit a frame on its way
-    back is not simulated, because no gate beyond this frame can detect it.
+    event by event. Their speeds, slopes and heights are those of the simulation if the ball hits
+    anything but the bat, or hits the bat twice. Otherwise the closed form is kept.
+
+    If the plan requests pymunk, all shots are simulated, and all results are those of the
+    simulation.
+
+    A ball that may hit a frame only on its way back is not simulated event by event, because no
+    gate beyond this frame can detect it. If it hits the frame, its flight ends there.
 
     Raises
     ------
     InputError
-        pymunk cannot simulate a shot.
+        pymunk cannot simulate a shot, or a ball hits nothing in pymunk.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
     pymunk, count = plan.motion is MotionRung.PYMUNK, len(beyond)

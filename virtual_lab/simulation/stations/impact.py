@@ -100,12 +100,15 @@ def blows_of(
 def thrown_back(
     efficiency: Array, tilt: Array, relative_speed: Array, bat_speed: Array | float
 ) -> tuple[Array, Array]:
-    """Return the ball's rebound speed along the line of fire [m/s] and its slope [m/m], (shot,).
+    """Return the ball's rebound speed along the line of fire [m/s], and its rebound slope, (shot,).
+
+    The slope is the speed across the line of fire divided by the rebound speed [m/m]. It has the
+    sign of `tilt` if the ball rebounds, and is NaN for a rebound speed of 0.
 
     A frictionless ball keeps its speed along the surface of the barrel. Its normal speed relative
     to the bat after the contact is e_A times the normal relative speed before. `tilt` is the
-    contact angle [rad]. `relative_speed` is that along the line of fire, and `bat_speed` is added
-    to the rebound speed, both in m/s. The slope is NaN for a rebound speed of 0.
+    contact angle [rad]. `relative_speed` is the relative speed along the line of fire [m/s].
+    `bat_speed` [m/s] is added to the rebound speed.
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
@@ -119,10 +122,11 @@ def error_free(
 ) -> TrueOutcome:
     """Return the true results for the lot's mean ball at the plan's positions, (shot,).
 
-    The relative speeds are the nominal ball speeds of the plan plus the speed of a swinging bat.
-    e_A is that of a bat held by `support`. From its impulse, e and r are computed twice: for a
-    rigid free bat (`free`), and for a rigid bat on a pivot at `pivot_from_knob` [m from the knob]
-    (`pivoted`). The result has both, whatever `support` is. No equation of the reduction is used.
+    The relative speeds are the nominal ball speeds of the plan plus the speed of a swinging bat. In
+    the collision that gives e_A, the bat is held by `support`. From the impulse of this collision,
+    e and r are computed twice: for a rigid free bat (`free`), and for a rigid bat on a pivot at
+    `pivot_from_knob` [m from the knob] (`pivoted`). The result has both, whatever `support` is. It
+    also has the e0 of the ball. No equation of the reduction is used.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob

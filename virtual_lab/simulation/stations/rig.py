@@ -258,8 +258,9 @@ def _entry_points() -> Mapping[str, EntryPoint]:
 def find_rig(name: str, stage: Stage) -> Rig:
     """Return the installed rig `name` of a stage. Only the package of this rig is loaded.
 
-    An error of a package that cannot be loaded is passed on. Raises `InputError` if no rig has that
-    name, or if the rig serves another stage.
+    Raises `InputError` if no rig has that name, or if the rig serves another stage. The message
+    lists the rigs of the stage, so in these cases all packages are loaded. An error of a package
+    that cannot be loaded is passed on.
     """
     point = _entry_points().get(name)
     # Only this rig is loaded, because other rigs may need modules that this test does not.

@@ -163,7 +163,7 @@ def profile(
     bats
         Bat: a name in the catalog or a .toml file.
 
-        Or a sheet, or a list of several.
+        A sheet, or a list of several, is also allowed.
     more
         Further bats, instead of a list.
     swings

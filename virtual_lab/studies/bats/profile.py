@@ -238,7 +238,7 @@ def profiles(
 def curves_of(
     scenes: Scenes, e_A: Array, recoil: Array, pitch: float, moving: Array
 ) -> dict[str, Array]:
-    """Return the curves of a bat in the field keyed by name, each of shape (position,).
+    """Return the curves along a bat, keyed by name, each of shape (position,).
 
     The names are ``impact_position_in`` (from the tip), ``restitution``, ``recoil_factor``,
     ``collision_efficiency``, ``bat_performance_factor``, ``bat_speed_mph`` and

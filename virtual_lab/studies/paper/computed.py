@@ -275,7 +275,9 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
 
     `z` are at least four increasing positions [in from the tip], shape (position,). `e_A` and
     `bat_speed` are the values at these positions; `bat_speed` may be a single number. The speeds of
-    pitch and bat are in mph. Between positions v_f is interpolated by a spline.
+    pitch and bat are in mph. Between positions v_f is interpolated by a spline. The maximum may be
+    at an end. Raises `ValueError` for positions that do not increase, and for values that are not
+    finite.
     """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))

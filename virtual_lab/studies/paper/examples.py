@@ -82,7 +82,7 @@ def of_drawing(bat: str, name: str) -> float:
     """Return an entry of Table I computed from the drawing of a bat, in the unit of the table.
 
     `name` is length, z_cm, node 1 or node 2 [in], mass [oz], I_cm or I_knob [oz in^2], f_1 or f_2
-    [Hz]. Positions are distances from the tip; I_knob is about an axis 33 in from it. Raises
+    [Hz]. Positions are distances from the tip. The axis of I_knob is 33 inches from the tip. Raises
     `KeyError` for another name, and `InputError` for an unknown bat.
     """
     bat_beam, profile = beam(bat), profiles_by_swing(bat)[0.0]

@@ -113,10 +113,10 @@ def _ncaa(bat: str) -> float:
 
 
 def exponent_of_mass() -> float:
-    """Return the exponent of the bat's mass in the swing law of the procedure ``asa``.
+    """Return the exponent n of the swing law of the procedure ``asa``, dimensionless.
 
-    The law gives the bat speed in the game. The result is NaN if the procedure uses the moment of
-    inertia or has no swing law.
+    The bat speed in the game is proportional to (1 / mass of the bat)^n. The result is NaN if the
+    procedure uses the moment of inertia or has no swing law.
     """
     field = rules("asa").game
     return field.exponent if field and field.scales_with == "mass" else np.nan

@@ -76,8 +76,8 @@ class SampledTests(AlignedArrays):
 def median_of(values: Array) -> Median:
     """Return the median of `values`, shape (n,), and its standard error, both in their unit.
 
-    Both are NaN without values. The error is half the distance of the order statistics that are one
-    standard deviation of a binomial count above and below the median.
+    The standard error is half the difference of two quantiles, those of 0.5 + 0.5/√n and 0.5 -
+    0.5/√n. Both results are NaN if n is 0.
     """
     if not values.size:
         return Median(nan, nan)
@@ -87,7 +87,7 @@ def median_of(values: Array) -> Median:
 
 
 def sample_of(tested: BlockTest) -> SampledTests:
-    """Return the results of the tests of a block of laboratories that the forecast of plans needs.
+    """Return the results of a block's tests that the forecast of plans uses as input.
 
     Each laboratory has one test.
     """

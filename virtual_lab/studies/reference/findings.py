@@ -124,8 +124,8 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
     """Compare published measurements of bats, balls and tests with this laboratory.
 
     Each row states how the laboratory represents the number: as a prediction, as a number of its
-    data files, or as an input of a fit. The CSV file also lists the numbers that the laboratory
-    cannot represent, with the reason.
+    data files, or as an input of a fit. The CSV file also lists the quantities that the simulation
+    does not model, with the reason.
 
     Parameters
     ----------
@@ -143,8 +143,8 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
 def compare_number(number: Published) -> ReferenceRow:
     """Compute our result for a published number, and return both in the published unit.
 
-    Result and difference are None for a number that the laboratory does not represent. The
-    difference is our result minus the published number; inside a published range it is 0.
+    Result and difference are None for a quantity that the simulation does not model. The difference
+    is our result minus the published number; inside a published range it is 0.
     """
     result = None if number.role == "none" else float(finder_of(number, FINDERS)())
     difference = None if result is None else number.deviation(result)

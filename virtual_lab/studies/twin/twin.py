@@ -175,10 +175,10 @@ def twin(
     """Simulate a laboratory's test day again from its records, and check its stated uncertainty.
 
     The first table has one row per quantity, the metric first. It compares the stated u with the
-    standard deviation of the errors of many simulated days. The second table has the three changes
-    of the laboratory that lower its u most: half the u of an instrument, or twice as many hits,
-    balls or wall hits. The third table compares readings of the records with those of the simulated
-    days, to find unusual ones. Only records are read, never the sealed true values.
+    standard deviation of the errors of many simulated days. The second table has up to three
+    changes of the laboratory, those that lower its u most: half the u of an instrument, or twice as
+    many hits, balls or wall hits. The third table compares readings of the records with those of
+    the simulated days, to find unusual ones. Only records are read, never the sealed true values.
 
     Parameters
     ----------
@@ -206,9 +206,11 @@ def twin(
     Raises
     ------
     InputError
-        A number is too small. The records in the folder cannot be used, give no result, or have
-        readings that do not repeat or are all equal. A rig is not installed here. `faults` is given
-        for records of summary values.
+        A number is too small. The records in the folder cannot be used, or give no result. Hits or
+        wall hits are not repeated or are all equal, so that they show no scatter. Fewer than half
+        of the simulated days give a valid result. A rig is not installed here. `faults` is given
+        for records of summary values, or its folder has days of other records, another seed or
+        number.
     """
     if days < FEWEST:
         raise InputError("", "days", days, f"allowed: at least {FEWEST}")

@@ -154,9 +154,9 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 
 
 def lengths_of(model: CameraModel) -> Array:
-    """Return the lengths in the ball's plane along half the width and half the height, (2,) [m].
+    """Return the lengths [m] of half the picture's width and height in the ball's plane, (2,).
 
-    The two lines are centered in the picture.
+    Both lines are centered in the picture.
     """
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])

@@ -137,10 +137,15 @@ def edges_of(
     *,
     turns: bool = True,
 ) -> Edges:
-    """Return the steep pixels of a gray picture, with their positions in the still frame.
+    """Return the pixels at steep edges of a gray picture, with their positions in the still frame.
+
+    Pixels near the border of the picture or near black bars are excluded. Large numbers of pixels
+    are thinned out evenly.
 
     Parameters
     ----------
+    grey
+        Gray values, (row, column) [DN].
     size
         Columns and rows of the pictures to align; by default those of `grey`.
     origin

@@ -221,8 +221,9 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
     """Return the note that the readout time of the camera is unknown.
 
-    The note states the largest change of a restitution for a readout time of half a frame interval.
-    `rolled` are the same contacts, computed with this readout time.
+    `rolled` are the same contacts, computed with a readout time of half a frame interval. The note
+    states the largest change of a restitution between `contacts` and `rolled`, if a contact has a
+    restitution. Contacts that are missing in `rolled` are ignored. Both may be empty.
     """
     by = {each.before: each.restitution for each in rolled}
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]

@@ -60,9 +60,11 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 def clip_scene(
     clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
-    """Return blobs, frame times, and knowledge of camera and scale, in pixels and frames.
+    """Return blobs [pixels], frame times [frames], and knowledge of camera and scale.
 
-    The value of g (`fall`) is None if no length is known, or if most frames are stored twice.
+    The unit of length of g (`fall`) and of drag is the pixel if the scale of the picture is known,
+    and otherwise the radius of the ball (`in_radii` is True). Both are None if neither scale nor
+    diameter is known. `fall` is also None if most frames are stored twice.
 
     Parameters
     ----------

@@ -254,11 +254,13 @@ def _like(sectors: int) -> float:
 
 
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
-    """Return the solution of a cyclic block-tridiagonal system, in the shape of `right`.
+    """Return the solution of a symmetric cyclic block-tridiagonal system, in the shape of `right`.
 
-    `blocks`, (block, n, n), are on the diagonal. `links`, (block, n, n), couple each block with the
-    next one, and the last block with the first. `right` is (block, n, m). Raises `LinAlgError` if
-    the matrix is not positive definite.
+    `blocks`, (block, n, n), are on the diagonal. `links`, (block, n, n), are beside it:
+    ``links[k]`` is in the rows of block k and the columns of block k + 1. The last link is in the
+    columns of the first block. The transposed links are on the other side of the diagonal. `right`
+    is (block, n, m). There must be at least three blocks. Raises `LinAlgError` if the matrix is not
+    positive definite.
     """
     from scipy.linalg import solveh_banded
 

@@ -123,7 +123,7 @@ def sector_sums(
 ) -> Array:
     """Add up the normal equations of a region for each sector of the rim, and count its pixels.
 
-    Return the counts and other sums over the pixels, in the order of `TALLY`.
+    Return an array of counts and other sums over the pixels, in the order of `TALLY`.
 
     Parameters
     ----------
@@ -132,8 +132,8 @@ def sector_sums(
     pattern
         Brightness of the pattern at the beginning of each sector, (sector, knot).
     first
-        Whether the model is still too inaccurate for its gray values to give the noise. Then only
-        some of the rows are used.
+        Whether this is the first evaluation, with an inaccurate model. The noise is then computed
+        from the gray values of the pixels instead of the model, and only some of the rows are used.
     sums
         Overwritten with the equations, (sector + 1, n, n). The last row of the first axis is for
         pixels off the rim. The n variables are the shared parameters, the knots of the pattern at

@@ -107,5 +107,5 @@ def spots(places: Places) -> Array:
 
 
 def names_of(places: Places) -> list[str]:
-    """Return the names of the flights in order, "1", "2" and so on."""
+    """Return the names of the flights in order, one per flight: "1", "2" and so on."""
     return [each for each in dict.fromkeys(places["flight"].tolist()) if each]

@@ -55,8 +55,8 @@ def flight_rows(track: FollowedClip) -> list[Row]:
 def contact_rows(track: FollowedClip) -> list[Row]:
     """Return one row per contact; a row is a dictionary by column name.
 
-    ``frame`` is the time of the contact in frames, a number with a fraction. ``restitution`` is an
-    estimate, or None if it is not stated.
+    ``frame`` is the time of the contact in frames, not rounded. ``restitution`` is an estimate, or
+    None if the track has no estimate for this contact.
     """
     return [
         {
@@ -98,7 +98,7 @@ def track_document(track: FollowedClip) -> Row:
     * otherwise, if the ball was located sharply, the first and the second flight;
     * otherwise, neither.
 
-    Without a flight, its values are None.
+    If a flight is missing, its values are None.
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None

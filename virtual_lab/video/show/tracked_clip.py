@@ -67,8 +67,9 @@ def track_clip(
     Raises
     ------
     InputError
-        A file cannot be read, a statement is not allowed or does not fit the clip, or no length is
-        known.
+        A file cannot be read, a statement is not allowed or does not fit the clip, nothing sets the
+        scale, gravity is to set the scale but no flight shows it, or the frame rate implies an
+        impossible value of g.
     """
     # The file is opened first, because a file that is not a clip needs no scale.
     source = open_source(file)

@@ -67,8 +67,9 @@ def whole_frames(
 def write_films(stem: Path, frames: Iterable[tuple[float, Frame]], spec: CameraSpec) -> None:
     """Write ``STEM.mp4``, its time stamps in ``STEM.csv``, and a preview in ``STEM.webp``.
 
-    `frames` yields time stamp [s] and gray values (row, column) of each frame. Raises `InputError`
-    if there are no frames, or if a film cannot be written or verified.
+    A suffix of `stem` is replaced. `frames` yields time stamp [s] and gray values (row, column) of
+    each frame. Raises `InputError` if there are no frames, or if a film cannot be written or
+    verified.
     """
     import cv2
 
