@@ -37,6 +37,12 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
     "store": "the conditioning of the balls is not checked",
     REFERENCE_MASS: "the drift of the scale is not checked",
 }
+MEASURED = {  # what the readings of a channel of the bench are readings of
+    "length": "Readings of the length of the bat.",
+    "barrel-radius": "Readings of the radius of the barrel, 6 in from the barrel tip.",
+    "balance": "Readings of the distance of the center of mass from the barrel tip.",
+    REFERENCE_MASS: "Readings of one mass: item 0 before bat and balls are weighed, item 1 after.",
+}
 
 
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
@@ -94,7 +100,7 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     rules = catalog.read(session.procedure_text, procedure, Procedure).spec
     yield f"# The form of a test by {procedure}: {rules.title}."
     yield f"# Fill in every {BLANK!r} and the tables, then: virtual-lab reduce FOLDER"
-    yield "# Tables may have other units, names and shapes, see virtual_lab/docs/forms.md."
+    yield '# Tables may have other units, names and shapes, see the page "Forms".'
     yield ""
     yield f'laboratory = "{BLANK}"'
     yield f'customer = "{BLANK}"  # this line and the next are optional'
@@ -134,8 +140,8 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
         yield f"# {line}"
     if channel in MAY_BE_LEFT_OUT:
         yield f"# This table is optional: without it {MAY_BE_LEFT_OUT[channel]}."
-    if channel == REFERENCE_MASS:
-        yield "# Readings of one mass: item 0 before bat and balls are weighed, item 1 after it."
+    if channel in MEASURED:
+        yield f"# {MEASURED[channel]}"
     sizes = record.sizes()
     last = {axis: size - 1 for axis, size in sizes.items()}
     numbers = ", ".join(f"{axis} 0 to {end}" if end else f"{axis} 0" for axis, end in last.items())
