@@ -12,8 +12,9 @@ import virtual_lab as vl
 
 words = {"hits": "scatter of the hits", "choice of the place": "choice of the position"}
 words |= {"balls.repeatability": "restitution of the balls", "bat.balance": "balance reading"}
-words |= {"balls.slope_repeatability": "slope of e0", "bench.stand.offset": "balance stand"}
-words |= {"impact.cannon.along": "aim of the cannon", "impact.pivot.from_knob": "pivot position"}
+words |= {"impact.cannon.along": "aim of the cannon", "bench.stand.offset": "balance stand"}
+words |= {"impact.pivot.from_knob": "pivot position"}
+words |= {"balls.slope_repeatability": "ball restitution:\nslope with speed"}
 figure, panels = plt.subplots(2, figsize=(4.8, 4.8), sharex=True)
 for axes, procedure in zip(panels, ("astm-f1881", "bbcor"), strict=True):
     budget = vl.certify("ea70", procedure=procedure, seed=7).budget.head(6)[::-1]

@@ -3,7 +3,8 @@ Probability that a bat conforms
 ===============================
 
 Probability that the true restitution e is below the limit (vertical line), for three standard
-uncertainties u. A guard band of 1.64 u keeps the consumer's risk below 5 % (horizontal line).
+uncertainties u. A guard band accepts a bat only if it is measured at least 1.64 u below the limit.
+Such a bat conforms with a probability of at least 95 % (horizontal line).
 """
 
 import matplotlib.pyplot as plt

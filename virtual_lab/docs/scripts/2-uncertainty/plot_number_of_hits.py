@@ -3,8 +3,8 @@ How many hits are enough
 ========================
 
 Standard uncertainty u of the bat performance factor (BPF) in one laboratory. The part of the hits
-falls with the root of their number. Beyond about 24 hits the rest dominates, and more hits gain
-little.
+falls roughly as 1/√n (each point is a new simulation, so it scatters). From about 16 hits on the
+other components are larger, and more hits gain little.
 """
 
 import matplotlib.pyplot as plt

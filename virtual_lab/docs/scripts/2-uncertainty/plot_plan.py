@@ -1,10 +1,10 @@
 """
-The cheapest way to a smaller uncertainty
+The quickest way to a smaller uncertainty
 =========================================
 
-Plans for a target u of BPF (dashed) against the minutes of a test. More hits cost minutes, better
-instruments (half their u) do not. Crosses are predicted, other marks simulated (with 2 standard
-errors).
+Plans for a target uncertainty u of the bat performance factor (BPF, dashed). More hits cost
+minutes, better instruments (half their u) do not. Crosses are predicted, other marks simulated
+(bars: 2 standard errors).
 """
 
 import matplotlib.pyplot as plt
@@ -19,7 +19,7 @@ for (plan, label), mark in zip(labels.items(), "osD", strict=True):
     u, bar = 1e3 * row["simulated_u"], 2e3 * row["simulated_u_se"]
     text = f"{label}, {row['hits']} hits"
     axes.errorbar(row["minutes"], u, bar, fmt=mark, capsize=3, label=text)
-    axes.plot(row["minutes"], 1e3 * row["planned_u"], "kx")
+    axes.plot(row["minutes"], 1e3 * row["planned_u"], "kx", zorder=3)
 axes.axhline(4, color="black", linestyle="--", linewidth=1)
-axes.set(xlabel="minutes per test", ylabel="u of BPF, 0.001", ylim=(3.5, 5.6))
+axes.set(xlabel="minutes per test", ylabel="u of BPF, in 0.001", ylim=(3.5, 5.6))
 axes.legend()

@@ -3,7 +3,7 @@ Chance to pass near the limit
 =============================
 
 Chance that a variant of EA70 passes BBCOR (limit raised to 0.537), against its true restitution.
-Circles: counted in 5 000 tests, with 95 % intervals. Line: predicted from the scatter of errors.
+Circles: counted in 5 000 tests each (95 % intervals). Line: predicted from the scatter of errors.
 """
 
 from pathlib import Path

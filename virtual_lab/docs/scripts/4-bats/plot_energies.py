@@ -2,8 +2,8 @@
 Where the energy goes
 =====================
 
-Shares of the ball's energy after it hits a free wood bat at rest at 60 m/s. Half is lost in the
-ball. Bending of the bat takes least near 5 in, and there the restitution e is largest.
+Shares of the energy of a ball that hits a free wood bat, at rest, at 60 m/s. About half is lost in
+the ball. Bending of the bat takes least near 5 in, and the ball rebounds fastest near 6 in.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,9 @@
 Bats along the barrel
 =====================
 
-Speed of the batted ball under standard game conditions (pitch of 90 mph). The aluminum bat is
-faster from 4.5 in on. Its best position is 6.3 in from the tip, that of the wood bat 5.5 in.
+Speed of the batted ball under standard game conditions (pitch of 90 mph). The ball leaves the
+aluminum bat faster from 4.5 in on. The best position of this bat is 6.3 in from the tip, that of
+the wood bat 5.5 in.
 """
 
 import matplotlib.pyplot as plt

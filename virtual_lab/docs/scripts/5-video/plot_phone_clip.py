@@ -2,8 +2,9 @@
 A ball in a phone's clip
 ========================
 
-A simulated clip of a bouncing ball is tracked like a clip from a phone. Each dot is the ball in one
-frame. Fits to both flights give the speeds at the floor. Their ratio is the restitution.
+A simulated clip of a ball that bounces is tracked like a clip from a phone. Each dot is the ball in
+one frame (not drawn: that of the contact, and the fits to both flights, which give the speeds at
+the floor). The ratio of these speeds is the restitution.
 """
 
 import matplotlib.pyplot as plt
@@ -18,8 +19,7 @@ away = np.hypot(x - 160, y - 225 + height[:, None, None] / 0.0035)  # px from th
 noise = np.random.default_rng(1).normal(0, 2, away.shape)
 clip = (40 + 120 * np.clip(10.9 - away, 0, 1) + noise).astype(np.uint8)
 track = vl.track(clip, ball="73mm±0.5mm", fps=240)
-restitution = track.contacts["restitution"][0]
 figure, axes = plt.subplots()
-axes.plot(track.places["time_s"], track.places["y_px"], "o", label="ball in a frame")
-axes.set(xlabel="time, s", ylabel="image row, px", title=f"restitution {restitution:.3f}")
-axes.invert_yaxis()
+axes.set_title(f"restitution {track.contacts['restitution'][0]:.3f}")
+axes.plot(track.places["time_s"], track.places["y_px"], "o")
+axes.set(xlabel="time, s", ylabel="image row, px", ylim=axes.get_ylim()[::-1])

@@ -2,19 +2,18 @@
 Where a physics engine is accurate
 ==================================
 
-Rebound of a ball in the physics engine pymunk. With our collision model it is accurate at every
-step. Alone, it is unstable (the ball passes the bat or gains energy) unless the steps are short.
+Rebound of a ball in the physics engine pymunk. It is accurate with our collision model. Alone, at
+high speed, it is unstable (the ball passes the bat or gains energy) unless the steps are short.
 """
-
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
 import virtual_lab as vl
 
-table = pd.read_csv(Path(vl.__file__).parent / "docs/tables/stability-motion.csv")
-table = table.replace({"our pymunk model": "with our collision model", "good": "accurate"})
+table = pd.read_csv(f"{vl.__path__[0]}/docs/tables/stability-motion.csv")
+names = {"our pymunk model": "with our collision model", "plain pymunk": "pymunk alone"}
+table = table.replace(names | {"good": "accurate"})
 figure, panels = plt.subplots(1, 2, sharey=True, figsize=(5, 3.8))
 for axes, (method, rows) in zip(panels, table.groupby("method"), strict=True):
     for k, (state, marker) in enumerate({"accurate": "o", "unstable": "^"}.items()):
