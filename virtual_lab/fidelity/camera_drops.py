@@ -28,7 +28,7 @@ def dropped_frames(
 
     The errors of the positions are `ERRORS` [px]. The keys of a row are those of
     `camera_stability.picture_cells`, but ``rms_unflagged`` is the relative rms error of the speed
-    of all incoming balls, and the numbers are those of flights.
+    of all incoming balls, and flights are counted instead of pictures.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ def camera_stability(progress: Progress = quiet) -> StabilityMap:
     The keys of a row are those of `picture_cells`: ``state``, the rms error ``rms_unflagged`` of
     unflagged pictures, and numbers of pictures. The error is in pixels, and None if no ball was
     located without a flag. In the map of dropped frames it is the relative error of a speed, and
-    the numbers are those of flights.
+    flights are counted instead of pictures.
     """
     rows = picture_cells(progress)
     progress("frames dropped")

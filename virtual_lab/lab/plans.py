@@ -64,12 +64,13 @@ class BeforeShots(NamedTuple):
 
 
 def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
-    """Return the plan to fire one ball at each requested impact position, with the balls in turn.
+    """Return the plan to fire one ball at each requested impact position.
 
-    The arrays of the plan are (shot,). Rejected balls are not used; each laboratory must have a
-    ball that was not rejected. The planned position is the distance from the barrel tip [m]. It is
-    the requested position minus the known error of the aim, which is positive toward the knob. It
-    is rounded to 0.5 mm, the step in which the rig can be set, except in an ideal laboratory.
+    The arrays of the plan are (shot,). The balls are used in turn. Rejected balls are not used;
+    each laboratory must have at least one ball that was not rejected. The planned position is the
+    distance from the barrel tip [m]. It is the requested position minus the known error of the aim,
+    which is positive toward the knob. It is rounded to 0.5 mm, the step in which the rig can be
+    set, except in an ideal laboratory.
     """
     owner = shots.owner
     turn, counts = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)

@@ -32,9 +32,9 @@ def digits(u: float) -> str:
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
     """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
 
-    Both have as many decimals as `u` needs for two significant digits. `word` is printed instead of
-    ``u``. If `u` is at most 1e-9, the value has six decimals and the text ends in ``(u 0)``. Raises
-    `OverflowError` if `u` is inf.
+    Both have the same number of decimals, chosen so that `u` has two significant digits. `word` is
+    printed instead of ``u``. If `u` is at most 1e-9, the value has six decimals and the text ends
+    in ``(u 0)``. Raises `OverflowError` if `u` is inf.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 

@@ -252,13 +252,13 @@ def read_particulars(
     changes: Mapping[str, str],
     replaces: ReplacedReport | None = None,
 ) -> Particulars:
-    """Return the particulars in a file, after replacing those that `changes` states.
+    """Return the particulars in a file, with the values in `changes` instead of the file's values.
 
     `file` is a path, or the keys and values of such a file. The logo is a file in the folder of
-    `file`, or in the current folder if `file` has keys and values. Without a file, the particulars
-    are only those of `changes`. Its keys have the form ``laboratory.name``; empty values are
-    ignored. `replaces` is the earlier report that the new report replaces; if it is None, the file
-    may state one.
+    `file`, or in the current folder if `file` has keys and values. Without a file, the result has
+    only the values in `changes`. The keys of `changes` have the form ``laboratory.name``; empty
+    values are ignored. `replaces` is the earlier report that the new report replaces; if it is
+    None, the file may state one.
 
     Raises
     ------

@@ -53,7 +53,7 @@ def sobol_indices(
     model, inputs
         As for `propagate`.
     points
-        A power of 2. The model is evaluated at (inputs + 2) times as many points.
+        A power of 2. The model is evaluated ``points`` × (number of inputs + 2) times.
     seed
         Seed of the scrambling of Sobol's sequence.
 

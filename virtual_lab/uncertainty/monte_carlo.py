@@ -39,7 +39,7 @@ MOST_DRAWS = 2**36  # draws
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
-    """Number of draws: fixed, or as many as are needed for `digits` correct digits of u."""
+    """Number of draws: fixed, or increased until `digits` digits of u are correct."""
 
     probability: float
     digits: int = 2

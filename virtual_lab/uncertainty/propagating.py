@@ -45,7 +45,7 @@ def propagate_inputs(
     seed: Seed = 0,
     progress: Callable[[str, int, int], object] = lambda _text, _done, _total: None,
 ) -> Propagated:
-    """Return the uncertainty of a function's result from those of its arguments.
+    """Return the uncertainty of a function's result from the uncertainties of its arguments.
 
     Parameters
     ----------
@@ -62,9 +62,9 @@ def propagate_inputs(
         Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method
         ``first-order`` is GUM 5.1 with differences over ± u, and Welch–Satterthwaite.
-        ``second-order`` adds the terms of GUM 5.1.2, note, to mean and variance.
-        ``monte-carlo`` is JCGM 101, with the probabilistically symmetric and the shortest interval,
-        and JCGM 102 for several outputs.
+        ``second-order`` adds the terms of GUM 5.1.2, note, to mean and variance. ``monte-carlo`` is
+        JCGM 101, with the probabilistically symmetric and the shortest interval, and JCGM 102 for
+        several outputs.
     probability
         Coverage probability of the interval, between 0 and 1.
     digits

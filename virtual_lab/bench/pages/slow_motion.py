@@ -105,7 +105,7 @@ def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
 
 
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
-    """Return the e_A to draw: that of the sketch, but at least 0.03 away from zero.
+    """Return the e_A to draw: the e_A of the sketch, kept at least 0.03 away from zero.
 
     It is positive if the ball of the sketch flies back and negative otherwise, so that the
     direction of the ball stays visible. Raises `KeyError` for a sketch in which the ball missed the

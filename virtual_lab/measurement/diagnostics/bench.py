@@ -166,9 +166,9 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     The first is for the mean of all counted releases. The second compares the worst release with
     the others, because an outlier inflates the scatter.
 
-    Two flags are always yielded, even if they are raised nowhere. The first is for releases that
-    are left out because of an odd swing. The second is for releases with an odd swing that are used
-    because too few others remain; it rules out a verdict.
+    Two flags are always yielded, even if they are raised in no laboratory. The first is for
+    releases that are left out because of an odd swing. The second is for releases with an odd swing
+    that are used because too few others remain; it rules out a verdict.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)

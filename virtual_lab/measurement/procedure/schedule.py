@@ -55,11 +55,11 @@ def next_shots(
 ) -> NextShots:
     """Return laboratory and impact position of all shots of the next round of a block, (shot,).
 
-    A laboratory may have several shots in a round. Without a scan, the round has as many shots at
-    the center of percussion as valid hits are missing, but no more than the attempts left. With a
-    scan, it has the missing hits at the positions that the scan needs next. Positions are distances
-    from the barrel tip [m]. There are no shots for a laboratory whose test is complete or has no
-    attempts left.
+    A laboratory may have several shots in a round. Without a scan, the round has one shot at the
+    center of percussion for each missing valid hit, limited to the attempts left. With a scan, it
+    has the missing hits at the positions that the scan needs next. Positions are distances from the
+    barrel tip [m]. There are no shots for a laboratory whose test is complete or has no attempts
+    left.
 
     Parameters
     ----------

@@ -20,9 +20,9 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
 
     A line is fitted to the middle times of the broken beams and a parabola to their squared
     durations, both against the position of the beam. The results of a board are NaN if the ball
-    broke fewer than four of its beams. They are also NaN if the fitted height differs from the mean
-    of the broken beams by as many beam spacings as the board has beams, or more. The misfit is NaN
-    if no board has a result.
+    broke fewer than four of its beams. They are also NaN if the fitted height is too far from the
+    mean of the broken beams: at least the number of the board's beams times their spacing. The
+    misfit is NaN if no board has a result.
 
     Parameters
     ----------

@@ -111,8 +111,9 @@ def choose(
 
     * A `rung` of `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of
       modes.
-    * With `standard_uncertainty` only, that of the e_A to be measured, the fastest model whose
-      error is at most `SHARE` of it is used, or the reference model if there is none.
+    * With only `standard_uncertainty`, the u of the e_A to be measured, the fastest model is used
+      that has an error of at most `SHARE` times this u. If there is none, the reference model is
+      used.
     * With neither, the modal rung is used.
 
     Raises `InputError` for an unknown rung, an uncertainty that is not positive, a support or a

@@ -140,7 +140,7 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 
 
 def swap(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times with those of shots 1 and 4, counted from 0, exchanged.
+    """Return the gate times after an exchange of shots 1 and 4, counted from 0.
 
     The times are unchanged if the plan does not contain both shots. The result is a mapping with
     the key ``times`` [s], an array of the shape of the times in the record.

@@ -32,9 +32,9 @@ def pass_gate(
     """Fill `since` [s], `height` [m] and `steep` [m/m] with time, height and slope at a gate.
 
     All arrays are (shot,), except `flight`, the result of `Passage.way`, (5, shot). `distance` is
-    that of the gate from the target [m], and `gravity` is in m/s². The time is counted before
-    contact for an incoming ball and after release for a rebound. The height is that of the ball's
-    center above the line of fire. The slope is height per distance from the target.
+    the distance of the gate from the target [m], and `gravity` is in m/s². The time is counted
+    before contact for an incoming ball and after release for a rebound. The height is the distance
+    of the ball's center above the line of fire. The slope is height per distance from the target.
     """
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]

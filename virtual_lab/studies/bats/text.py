@@ -165,7 +165,8 @@ def swing_text(exponent: float | None) -> str:
 def balls_text(balls: Mapping[str, str]) -> str:
     """Return the text that names the ball used with each bat.
 
-    `balls` maps the name of a bat to that of its ball. A ball that hits all bats is named once.
+    `balls` maps the name of each bat to the name of its ball. A ball that hits all bats is named
+    once.
     """
     if len(set(balls.values())) == 1:
         return f"struck by {next(iter(balls.values()))}"
@@ -177,8 +178,8 @@ def comparison_text(
 ) -> str:
     """Return two tables as text: peaks of several bats, and differences from the first bat.
 
-    `balls` maps the name of a bat to that of its ball. Raises `IndexError` if `differences` is
-    empty.
+    `balls` maps the name of each bat to the name of its ball. Raises `IndexError` if `differences`
+    is empty.
     """
     swung = {"swing_exponent": Column("swing", form=lambda row: swing_text(row.swing_exponent))}
     tops = {"bat": Column("bat")} | swung | PEAK_COLUMNS

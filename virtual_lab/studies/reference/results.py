@@ -455,7 +455,7 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
 
 
 def cage_speed(exponent: float) -> float:
-    """Return the bat speed of the metal bat in the batting cage [mph], from that of the wood bat.
+    """Return the cage speed of the metal bat [mph], computed from the cage speed of the wood bat.
 
     The angular speed is proportional to I^-n, where n is `exponent`. For both bats the impact
     position is assumed to be 6 in from the tip.

@@ -254,7 +254,7 @@ def _solve(
 ) -> tuple[Array, Array, float]:
     """Return parameters, their covariance for a scatter of 1, and the limit of outliers.
 
-    The method is that of Gauss and Newton.
+    The method is Gauss-Newton.
 
     Parameters
     ----------
