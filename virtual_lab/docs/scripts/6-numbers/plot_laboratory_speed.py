@@ -19,6 +19,6 @@ for k, (_, row) in enumerate(table.iterrows()):
     axes.loglog(row["ms"], row["rms"], "o", color="C0", mfc="C0" if row["shipped"] else "none")
     va = "bottom" if k in (1, 3, 5, 6) else "top"
     side = {"ha": "right" if row["ms"] > 10 else "left", "va": va}
-    axes.text(row["ms"], row["rms"], f"  {row['part']}: {row['rung']}  ", fontsize=8.5, **side)
+    axes.text(row["ms"], row["rms"], f"  {row['part']}: {row['rung']}  ", fontsize=7.2, **side)
 axes.axhline(0.1, color="black", linewidth=1, linestyle=":")
 axes.set(xlabel="time per laboratory, ms", ylabel="rms change of the result, u", ylim=(1e-3, 30))
