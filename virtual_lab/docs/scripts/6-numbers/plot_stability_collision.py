@@ -4,7 +4,7 @@ Where the collision scheme is accurate
 
 Each mark is the worst of 24 collisions. Up to twice the default time step, each inaccurate
 collision is detected, and the program repeats it with finer steps. From three times on, some errors
-stay undetected. Unstable: energy wrong by more than 10 %, or |e_A| above 2.
+stay undetected. Unstable: energy wrong by more than 10 %, or e_A beyond ±2.
 """
 
 from pathlib import Path
