@@ -37,7 +37,7 @@ MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
     "store": "the conditioning of the balls is not checked",
     REFERENCE_MASS: "the drift of the scale is not checked",
 }
-MEASURED = {  # what the readings of a channel of the bench are readings of
+MEASURED = {  # quantities read in channels of the bench
     "length": "Readings of the length of the bat.",
     "barrel-radius": "Readings of the radius of the barrel, 6 in from the barrel tip.",
     "balance": "Readings of the distance of the center of mass from the barrel tip.",

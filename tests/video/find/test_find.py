@@ -115,7 +115,7 @@ def test_drift_and_background_of_a_hand_held_phone_are_found() -> None:
 
 
 def test_a_drift_is_found_if_most_pictures_are_far_from_the_first() -> None:
-    """Where the first picture has edges, most of the others show a plain wall."""
+    """Most pictures show a plain wall at the edges of the first picture."""
     wall = np.full((290, 460), 150.0)
     for column, row in ((60, 30), (330, 40), (70, 170), (340, 180), (200, 110)):
         wall[row : row + 16, column : column + 16] = 90.0
