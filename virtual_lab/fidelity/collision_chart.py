@@ -101,12 +101,14 @@ class Point:
 
 
 def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
-    """Return the chart of the collision models: one row per model.
+    """Return a chart of error and run time of the collision models, one row per model.
 
-    For scenes on the barrel, 2 to 12 in from the tip, the row holds the largest and the rms error
-    of e_A, and the processor time per shot [µs]. For the same number of scenes along the whole bat
-    it holds two shares (0 to 1): scenes in which the error of e_A exceeds its standard uncertainty
-    on a certificate, and scenes that the model rejects.
+    Each row states two errors of e_A, the largest and the rms error. They are computed for random
+    impacts on the barrel, 2 to 12 in from the tip. The row also states the processor time per shot
+    [µs]. For the same number of impacts along the whole bat, it states two shares (0 to 1).
+    ``off_along_the_bat`` is the share of impacts in which the error of e_A exceeds its standard
+    uncertainty on a certificate. ``refused_along_the_bat`` is the share of impacts that the model
+    rejects.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
@@ -233,7 +235,7 @@ def _answers(efficiency: Efficiency, scenes: Scenes) -> Array:
 
 @cache
 def usual_ball() -> BallSpec:
-    """Return the ball of the charts and maps of collisions, baseball-2003."""
+    """Return the ball baseball-2003 of the catalog. All charts and maps of collisions use it."""
     return catalog.load("balls", "baseball-2003", BallSpec).spec
 
 
@@ -263,9 +265,9 @@ def _scenes(ends_in: Ends, count: int) -> Scenes:
 
 
 def draw_collision(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `collision_chart`: largest error of e_A against time [µs].
+    """Return a figure of the largest error of e_A against the time per shot [µs].
 
-    There is one panel per reference. The time is that per shot.
+    `rows` are the rows of `collision_chart`. There is one panel per reference solution.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -126,11 +126,14 @@ class ColumnOutcome:
 
 
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps of stability: one row per step and value of a parameter of the scene.
+    """Return maps of the accuracy of the modal model, one row per cell of a map.
 
-    A row has the state, the largest errors of e_A and of the energy balance (a share of the
-    energy), and numbers of scenes. An error is None if it is not finite, or if the cell has no
-    result. Steps that the stepper would refuse are computed too.
+    A map shows one quantity of `CollisionAxis` against the time step, stated as a factor of the
+    default step. A row states the two coordinates of its cell, the state, and the largest errors of
+    e_A and of the energy balance (relative to the energy). An error is None if it is not finite, or
+    if the cell has no result. A row also states the number of collisions, the number with a large
+    error (``off``), and the number that the default integration would repeat (``doubted``). Steps
+    that the program rejects are included.
     """
     rows = []
     for axis, values in AXES.items():

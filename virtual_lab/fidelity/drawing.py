@@ -76,10 +76,12 @@ def _short(value: float | str) -> str:
 
 
 def maps_text(rows: Sequence[Row], down: str) -> str:
-    """Return one table per map as text, with a letter for each state and a key of the letters.
+    """Return the maps as text: one table per map, with one letter per cell for its state.
 
-    Each row is a cell with the keys `map`, `value`, `step`, `state` and `refused`. The letter of a
-    refused cell is in parentheses. `down` is the label of the lines of all tables.
+    The text begins with the meaning of the letters. Each element of `rows` is a cell with the keys
+    `map`, `value` (column of the table), `step` (row of the table), `state` and `refused`. The
+    letter of a refused cell is in parentheses. `down` is the quantity that varies from row to row
+    of a table.
     """
     key = ", ".join(f"{state.mark} {state}" for state in _used_states(State, rows))
     parts = [f"rows: {down}; {key}; in parentheses: refused, with its state"]
@@ -104,27 +106,32 @@ def draw_maps(
     abreast: int = 5,
     framed: str | None = None,
 ) -> PageFigure:
-    """Draw the maps of `rows`. Each row is a cell with the keys `value` and `state`.
+    """Return a figure of maps. A map is a grid of cells, colored by state.
 
-    A cell shows the number of scenes whose error is too large (key `off`), or of wrong pictures
-    that were not flagged (key `unsaid`). A `refused` cell is hatched.
+    The number in a cell is the number of collisions with a large error (key `off`). In maps of
+    pictures, it is the number of wrong pictures without a flag (key `unsaid`). No number is printed
+    if it is 0 or missing. A cell with a true value of the key `refused` is hatched.
 
     Parameters
     ----------
     rows
-        Cells.
+        Cells. Each has the keys `value` (column of the map) and `state`.
     title
         Title of the figure.
     states
         Enumeration of the states.
-    map_of, line_of
-        Functions that return the name of the map that a cell belongs to, and of its row in the map.
+    map_of
+        Function of a cell that returns the name of its map. By default it is the value of the key
+        `map`, after the value of the key `method` if there is one.
+    line_of
+        Function of a cell that returns the label of its row in the map. By default it is the value
+        of the key `step`.
     down
         Label of the y axis.
     abreast
-        Number of maps per row of the figure.
+        Number of maps side by side in the figure.
     framed
-        Name of the line that gets a frame.
+        Label of the row of cells that gets a frame; by default no row has one.
     """
     from matplotlib.patches import Patch
 
@@ -190,16 +197,16 @@ def _draw_map(
 
 
 def error_axes(axes: Any, error: str) -> None:
-    """Set logarithmic axes with labels: the time per shot [µs] across, and `error` upward."""
+    """Set logarithmic axes. x is the time per shot [µs], and `error` is the label of y."""
     axes.set(xscale="log", yscale="log", xlabel="time per shot, one core [µs]", ylabel=error)
     axes.grid(True, which="major", linewidth=0.3)
 
 
 def label_points(axes: Any, points: Sequence[tuple[float, float, str, str]]) -> None:
-    """Write labels beside points (x, y, label, color), if possible without any overlap.
+    """Write a label beside each point, if possible without overlaps.
 
-    x and y are in the units of the axes. The figure must have been drawn once, which fixes the
-    layout.
+    A point is (x, y, label, color), with x and y in the units of the axes. The figure must have
+    been drawn once before the call, because drawing fixes the layout.
     """
     from matplotlib.transforms import Bbox
 

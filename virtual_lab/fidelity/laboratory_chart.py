@@ -29,10 +29,13 @@ SIZES = ("effect", "se", "rms", "ms")
 
 
 def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return the chart of the whole test: one row per part of the test and model.
+    """Return a chart of the effect of each model on the metric of a whole test, against its time.
 
-    A row has the effect of the model on the metric and its standard error, both divided by u, and
-    the time per certificate [ms]. The rows come from a stored table; nothing is computed.
+    The test has several parts, such as the camera, and each part has several models. There is one
+    row per model of a part. A row states the effect of the model on the metric, relative to the
+    most accurate model of the part, and the standard error of this effect. Both are divided by the
+    standard uncertainty u of the metric. The row also states the time per certificate [ms]. The
+    rows come from a stored table; nothing is simulated.
     """
     text = (DATA / "uncertainty" / "laboratory.csv").read_text("utf-8")
     rows: list[Row] = []
@@ -55,9 +58,9 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_laboratory(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `laboratory_chart`: effect over u against time [ms].
+    """Return a figure of the effect on the metric, divided by u, against the time [ms].
 
-    There is one panel per part of the test.
+    `rows` are the rows of `laboratory_chart`. There is one panel per part of the test.
     """
     from virtual_lab.output.page_figure import PageFigure
 

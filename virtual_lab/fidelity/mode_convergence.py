@@ -61,11 +61,11 @@ class ModeConvergence(Rows[dict[str, Any]]):
 
 
 def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConvergence:
-    """Show the largest error of e_A by the number of modes, compared with 120 bending modes.
+    """Show the largest error of e_A for 8 to 30 bending modes, compared with 120 modes.
 
     The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
-    modes (with or without their static flexibility). Columns ``8_modes`` to ``30_modes`` hold the
-    largest absolute error of e_A along the barrel, at relative speeds of 60 and 160 mph.
+    modes (with or without their static flexibility). The columns ``8_modes`` to ``30_modes`` hold
+    the largest absolute error of e_A along the barrel, at relative speeds of 60 and 160 mph.
 
     Parameters
     ----------

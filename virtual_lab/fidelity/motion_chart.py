@@ -79,20 +79,20 @@ def motion_chart(
     losses: Sequence[float] = (1e-2, 1e-3, 1e-4, 1e-5),
     batch: int = 20_000,
 ) -> SpeedChart:
-    """Return the chart of the models of the motion: one row per model, scene and setting.
+    """Return a chart of error and run time of the models that move ball and bat.
 
-    A row has the rms errors of e_A, of the velocity of the ball [m/s] and of the angular rate of
-    the bat [rad/s], a share (0 to 1) of missed contacts or of lost energy, and the time per shot
-    [µs]. Values that do not apply are None.
+    There is one row per model, scene and setting. A row states rms errors of e_A, of the ball's
+    velocity [m/s] and of the bat's angular rate [rad/s]. It states the share (0 to 1) of missed
+    contacts or of lost energy, and the time per shot [µs]. Values that do not apply are None.
 
     Parameters
     ----------
     progress
         Function that is called with a message that names the current task.
     steps
-        Time steps for the hits [s].
+        Time steps of the simulated hits [s].
     losses
-        Time steps for the energy loss of a rotating bat [s].
+        Time steps for the energy loss of a bat that rotates without a hit [s].
     batch
         Number of shots for the timing of the closed form.
     """
@@ -170,12 +170,11 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
 
 
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
-    """Return the state of ball and bat after a shot's contact, by vector algebra without air drag.
+    """Return the exact state of ball and bat after contact in one shot, without air drag.
 
-    The result is in SI units.
-
-    `shot` is the number of the shot in the scene, from 0. Raises `ValueError` if the ball does not
-    reach the bat.
+    The result is the e_A, the velocity of the ball, (3,) [m/s], and the angular rate of the bat
+    [rad/s], computed by vector algebra. `shot` is the index of the shot in the scene, from 0.
+    Raises `ValueError` if the ball does not reach the bat.
     """
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])
@@ -236,10 +235,11 @@ def _rms(error: Array) -> float:
 
 
 def draw_motion(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `motion_chart`, with three panels.
+    """Return a figure of the rows of `motion_chart`, with three panels.
 
-    They are the error of the ball's velocity [m/s] against time per shot [µs], the share of missed
-    contacts against v dt [m], and the share of lost energy against the step [s].
+    The first panel shows the error of the ball's velocity [m/s] against the time per shot [µs]. The
+    second shows the share of missed contacts against the distance that the ball travels in one time
+    step [m]. The third shows the share of lost energy against the time step [s].
     """
     from virtual_lab.output.page_figure import PageFigure
 

@@ -56,12 +56,13 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 
 
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the stability maps of plain pymunk and of our pymunk model of the motion.
+    """Return maps of the accuracy of plain pymunk and of our pymunk model of the motion.
 
-    Each model has five maps, one per quantity of `MotionAxis`. A map is a grid of time steps and
-    values of that quantity. There is one row per cell, with the map, the model, both coordinates,
-    the state (good, inaccurate or unstable), the number of shots, and ``worst_error``: the largest
-    error of the ball's velocity relative to the speed of approach, or None if it is not finite.
+    Each model has five maps, one per quantity in `MotionAxis`. A map shows this quantity against
+    the time step. There is one row per cell. A row states the map, the model, the value of the
+    quantity, the time step [s], the state (good, inaccurate or unstable) and the number of shots.
+    ``worst_error`` is the largest error of the ball's velocity, divided by the speed of approach.
+    It is None if it is not finite.
 
     ``refused`` states whether our model rejects the settings of a cell. Such cells are computed
     too. In the maps of plain pymunk it is always False.

@@ -62,9 +62,9 @@ class Rod:
 
 @cache
 def rod() -> Rod:
-    """Return a bat of one radius with mass and inertia of R161, and its ball, in SI units.
+    """Return a bat of constant radius with the mass and inertia of R161, and a ball, in SI units.
 
-    e0 of the ball is 0.5. The pivot is 6 in from the knob.
+    The ball is baseball-2003 with an e0 of 0.5. The pivot is 6 in from the knob.
     """
     beam = beam_of(catalog.load_bat("r161").spec.body)
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
@@ -91,22 +91,24 @@ def rod_scene(
     ahead: float = 0.12,
     duration: float | None = None,
 ) -> ShotScene:
-    """Return shots at the bat of `rod`, whose contacts are spread evenly over a step.
+    """Return shots at the bat of `rod`. Their contact times are spread evenly over one time step.
 
     Parameters
     ----------
     start
-        State variables [SI] that are not zero, keyed by name.
+        Initial values of the state variables [SI], keyed by name, except `x`, which is computed.
+        `vx` is `speed` by default, and all other variables are 0 by default.
     speed
         Speed of the ball [m/s].
     step
-        Time step over which the contacts are spread [s].
+        Time step over which the contact times are spread [s].
     shots
         Number of shots.
     ahead
         Smallest distance of a ball from the axis of the bat at the start [m].
     duration
-        Duration of all shots [s]; by default they end 5 ms after the last contact.
+        Duration of each shot [s]. By default all shots end 5 ms after the last ball would reach the
+        axis of the bat.
     """
     bat, many = rod(), np.ones(shots)
     distance = ahead + speed * step * (np.arange(shots) + 0.5) / shots
@@ -133,9 +135,10 @@ def naive_errors(
     slop: float = 1e-5,
     shape: Shape = "side",
 ) -> Array:
-    """Return the error of the ball's velocity that pymunk computes after contact [m/s], (shot,).
+    """Return the error of the ball's velocity after contact, computed with pymunk alone, (shot,).
 
-    The error is the magnitude of the difference from the exact velocity in the plane of the motion.
+    The error [m/s] is the magnitude of the velocity difference from the exact solution, in the
+    plane of the simulation.
 
     Parameters
     ----------
@@ -143,10 +146,12 @@ def naive_errors(
         Shots at the bat of `rod`.
     step
         Time step [s].
-    iterations, slop
-        Settings of pymunk: number of iterations, and allowed overlap [m].
+    iterations
+        Number of iterations of pymunk.
+    slop
+        Overlap of two bodies that pymunk allows [m].
     shape
-        Shape of the bat in the plane of the motion: a straight side, a semicircular tip, or the
+        Shape of the bat in the plane of the simulation: a straight side, a semicircular tip, or the
         section of the barrel.
     """
     bat, errors = rod(), np.empty(scene.shots)
@@ -167,8 +172,9 @@ def naive_errors(
 def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
     """Return the share of shots in which the ball passes through the bat without a contact, 0 to 1.
 
-    Every ball should rebound; a miss is caused by the finite `step` [s]. The balls fly with `speed`
-    [m/s] at 6 in from the tip, and their start times are spread evenly over a step.
+    Every ball should rebound; a miss is an error of pymunk with the time step `step` [s]. The balls
+    fly with `speed` [m/s] toward a point 6 in from the tip. The contact times are spread evenly
+    over one step.
     """
     passed = 0
     for shot in range(shots):
@@ -180,10 +186,10 @@ def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
 
 
 def energy_lost(bat: Rod, rate: float, step: float) -> float:
-    """Return the share of energy that a bat on a `PivotJoint` of pymunk loses in one second.
+    """Return the share of its energy that a rotating bat loses in one second in pymunk.
 
-    `rate` is its angular rate [rad/s] and `step` the time step [s]. The exact value is 0; a
-    negative result is a gain.
+    The bat turns freely about a `PivotJoint`. `rate` is its angular rate [rad/s] and `step` the
+    time step [s]. The exact share is 0. A negative result means that the bat gains energy.
     """
     space = _space()
     body = _stand(space, bat, rate=rate)

@@ -107,9 +107,10 @@ def _in_words(value: Any) -> Any:
 
 
 def least_time(work: Callable[[], T]) -> tuple[T, float]:
-    """Return the result of `work`, and the shortest processor time of one to five runs [s].
+    """Return the result of `work`, and the shortest processor time of its runs [s].
 
-    The runs end when they have taken half a second together.
+    `work` is run once to five times. It is not run again after the runs have taken half a second in
+    total.
     """
     times: list[float] = []
     while not times or (len(times) < 5 and sum(times) < 0.5):

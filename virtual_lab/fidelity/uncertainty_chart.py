@@ -25,11 +25,12 @@ TWO_DIGITS = 0.05, 0.005  # half of the second digit of a u of 1.0 and of 9.9 [u
 
 
 def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return the chart of methods to propagate uncertainty: one row per model and method.
+    """Return a chart of error and run time of the methods to propagate uncertainty.
 
-    A row has the number of draws (None for a method without draws), the time [ms], and the errors
-    of u and of the two ends of the interval. The errors are divided by u; the reference has 2^27
-    draws. The rows come from a stored table; nothing is computed.
+    There is one row per measurement model and method; Monte Carlo has one row per number of draws.
+    A row states the number of draws (None for other methods), the time [ms], and the errors of u
+    and of the lower and upper end of the interval. The errors are divided by u. The reference is
+    Monte Carlo with 2^27 draws. The rows come from a stored table; nothing is propagated.
     """
     text = (DATA / "uncertainty" / "methods.csv").read_text("utf-8")
     rows: list[Row] = []
@@ -49,9 +50,10 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_uncertainty(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `uncertainty_chart`: errors over u against time [ms].
+    """Return a figure of the errors of uncertainty, divided by u, against the time [ms].
 
-    The three panels are the errors of u, of the lower end and of the upper end of the interval.
+    `rows` are the rows of `uncertainty_chart`. The three panels show the errors of u, of the lower
+    end and of the upper end of the interval.
     """
     from virtual_lab.output.page_figure import PageFigure
 

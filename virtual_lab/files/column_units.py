@@ -55,10 +55,10 @@ PURE = ColumnUnit("1")
 
 
 def unit_of(name: str) -> ColumnUnit:
-    """Return the unit in which a column's name ends, such as mph for ``speed_mph``.
+    """Return the unit at the end of a column name, such as mph for ``speed_mph``.
 
-    A name can also be just a unit, such as ``counts``. A column whose name does not end in a unit
-    holds pure numbers, with the unit "1".
+    The whole name can be a unit, such as ``counts``. If the name does not end in a unit, the column
+    holds pure numbers and the unit is "1".
     """
     parts = name.split("_")
     endings = ("_".join(parts[at:]) for at in range(len(parts)))
@@ -66,7 +66,10 @@ def unit_of(name: str) -> ColumnUnit:
 
 
 def name_of_u(name: str) -> str:
-    """Return the column name of a standard uncertainty: ``speed_u_mph`` for ``speed_mph``."""
+    """Return the column name of the standard uncertainty of a column.
+
+    For ``speed_mph`` it is ``speed_u_mph``. Without a unit, ``_u`` is added at the end.
+    """
     parts = name.split("_")
     ends = (at for at in range(1, len(parts)) if "_".join(parts[at:]) in UNITS)
     at = next(ends, len(parts))

@@ -335,10 +335,10 @@ ENDINGS = {  # meaning of a name with this ending, from that of the name without
 
 
 def column_meaning(name: str) -> ColumnMeaning | None:
-    """Return meaning and unit of a column, or None for a name that is not in the dictionary.
+    """Return the meaning and unit of a column, or None if its name is not in the dictionary.
 
-    A name may contain an ending such as ``_u``, placed before its unit. The meaning of
-    ``speed_u_mph``, for example, follows from that of ``speed_mph``.
+    The dictionary also covers a name with an additional part of `ENDINGS`, such as ``u``, before
+    the unit. For example, the meaning of ``speed_u_mph`` is derived from ``speed_mph``.
     """
     unit = unit_of(name)
     if name in COLUMNS:
@@ -357,7 +357,10 @@ def column_meaning(name: str) -> ColumnMeaning | None:
 
 
 def units_of(columns: Iterable[str]) -> dict[str, str]:
-    """Return the units of the columns that are in the dictionary, keyed by name."""
+    """Return the units of columns, keyed by column name.
+
+    Columns that are not in the dictionary of columns are left out.
+    """
     known = {name: column_meaning(name) for name in columns}
     return {name: each.unit for name, each in known.items() if each}
 
@@ -365,10 +368,10 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 def with_units(table: pd.DataFrame) -> pd.DataFrame:
     """Store the units of a table's columns in its ``attrs["units"]``, and return the same table.
 
-    The units are keyed by column name. A unit is "" for strings and counts, and "1" for pure
-    numbers. Columns that are not in the dictionary are left out. Some columns have their unit in
-    the column ``unit`` of the same row. If all rows have the same unit, this is the unit of these
-    columns; otherwise their unit is ``of the row``.
+    ``attrs["units"]`` is a dictionary keyed by column name. A unit is "" for strings and counts,
+    and "1" for pure numbers. Columns that are not in the dictionary of columns are left out. Some
+    tables state the unit of each row in a column ``unit``. If all rows have the same unit, this
+    unit is stored for the columns that it applies to. Otherwise ``of the row`` is stored for them.
     """
     units = units_of(map(str, table.columns))
     stated = set(table["unit"]) if "unit" in table else set()

@@ -69,9 +69,9 @@ def read_text(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file.
 
-    Raises `InputError` if the file cannot be read, does not contain exactly one object, contains a
-    key twice, the words NaN or Infinity or a decimal number too large for a float, such as 1e999,
-    or is nested more than 32 levels deep.
+    Raises `InputError` if the file cannot be read, is larger than 20 MB, or does not contain
+    exactly one object. Also raises it for a key that occurs twice, for NaN, Infinity or a decimal
+    number too large for a float (such as 1e999), and for more than 32 levels of nesting.
     """
     return parse_json(read_text(path), str(path))
 
@@ -148,11 +148,11 @@ def _require_shallow(document: dict[str, Any], where: str, kind: str) -> None:
 
 
 def inside(folder: Path, name: str, where: str, key: str) -> Path:
-    """Return the path of the file `name` in a folder, whether it exists or not.
+    """Return the path of the file `name` in a folder. The file need not exist.
 
-    `where` and `key` are the file and its key from which `name` was read. The error message states
-    both. Raises `InputError` if the path leads out of the folder by ``..`` or by a link, or if it
-    cannot be resolved.
+    Raises `InputError` if the path leads out of the folder by ``..`` or by a link, or if it cannot
+    be resolved. `where` is the document that states `name`, and `key` is its key. The error message
+    states both.
     """
     path = folder / name
     try:
@@ -173,11 +173,11 @@ KINDS = (
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Return the kind of each entry of a folder and its subfolders, by relative path, sorted.
+    """Return the kind of every file and empty folder in a folder and its subfolders, keyed by path.
 
-    A kind is ``file``, ``folder``, ``link`` (to files or folders, not followed), ``pipe``,
-    ``socket`` or ``device``. Only an empty folder has an entry of its own. A missing folder gives
-    an empty result.
+    Paths are relative to `folder`, and sorted. A kind is ``file``, ``folder``, ``link``, ``pipe``,
+    ``socket`` or ``device``. A link is listed but not followed. A folder is listed only if it is
+    empty. The result is empty if `folder` is missing.
     """
     kinds = {}
     for root, folders, files in os.walk(folder):
@@ -334,9 +334,9 @@ def _is_result(folder: Path) -> bool:
 def check_writable(target: Path, key: str) -> None:
     """Raise `InputError` unless a file or folder can be created at `target`.
 
-    `key` is the word for the target in the message. The check creates a temporary folder and
-    removes it, because a system may report a folder as writable although no file can be created in
-    it, such as ``/proc``.
+    The check creates a temporary folder and removes it, because a system may report a folder as
+    writable although no file can be created in it, such as ``/proc``. `key` is the name of the
+    target in the error message.
     """
     existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
     try:
@@ -361,16 +361,16 @@ def new_folder(target: Path, settings: str = "", *, overwrite: bool = False) -> 
     """Yield a temporary folder to fill, which is renamed to `target` if no error occurs.
 
     `settings` is the text of the file ``settings.toml``, which holds the arguments of the call that
-    made the result. If it is empty, no such file is written. With `overwrite` the new folder
+    made the result. If it is empty, no such file is written. With `overwrite`, the new folder
     replaces an earlier result folder as a whole. After an error no new file is left, and the
     earlier folder is unchanged.
 
     Raises
     ------
     InputError
-        `target` is the current folder; it exists and is neither an empty folder nor, with
-        `overwrite`, a result folder; it cannot be written; or an `OSError` occurs within the
-        context.
+        `target` is the current folder, is a file, or cannot be written. Or it is a folder with
+        files that must not be overwritten: without `overwrite` any such folder, with `overwrite`
+        one without ``settings.toml``. Or an `OSError` occurs within the context.
     """
     check_new_folder(target, overwrite=overwrite)
     try:
@@ -426,8 +426,9 @@ def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
 def whole_file(path: Path) -> Iterator[BinaryIO]:
     """Yield a temporary file to write, which replaces `path` if no error occurs.
 
-    A missing folder is created. The content is on disk before the file gets its name. Raises
-    `OSError` if the folder cannot be written.
+    The folder of `path` is created if it is missing. All content is written to disk before the file
+    is renamed, so `path` never holds part of the content. Raises `OSError` if the folder cannot be
+    written.
     """
     with draft_in(path.parent) as draft:
         with open(draft / path.name, "wb") as file:

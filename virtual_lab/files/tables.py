@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 def quote(cell: object) -> str:
-    """Return a table cell as text, in a form that no spreadsheet interprets as a formula.
+    """Return a table cell as text that no spreadsheet interprets as a formula.
 
-    A text that begins with ``= + - @``, a tab or a line end gets an apostrophe in front. Numbers,
-    and strings that state a number, such as ``-1.5``, are not changed.
+    If the text begins with ``= + - @``, a tab or a line end, an apostrophe is added before it.
+    Numbers, and strings that state a number, such as ``-1.5``, are not changed.
     """
     text = str(cell)
     if not text.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
@@ -32,16 +32,16 @@ def quote(cell: object) -> str:
 
 
 def write_csv(columns: pd.DataFrame | Mapping[str, ArrayLike], path: Path) -> None:
-    """Write a table into a file as the CSV of `csv_text`; an existing file is overwritten."""
+    """Write a table into a CSV file, as `csv_text` formats it. An existing file is replaced."""
     path.write_text(csv_text(columns), encoding="utf-8", newline="")
 
 
 def csv_text(columns: pd.DataFrame | Mapping[str, ArrayLike]) -> str:
-    """Return columns of equal length, keyed by name, as CSV text with a header.
+    """Return a table as CSV text with a header.
 
-    Strings are quoted so that no spreadsheet interprets them as formulas. A missing value, None or
-    NaN, is an empty cell. A number has all its digits. Raises `ValueError` for columns of different
-    lengths.
+    `columns` are keyed by name. A string that a spreadsheet would interpret as a formula gets an
+    apostrophe before it. A missing value, None or NaN, gives an empty cell. Numbers are not
+    rounded. Raises `ValueError` for columns of different lengths.
     """
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

@@ -19,11 +19,11 @@ from virtual_lab.streams import SEED_BITS, Streams
 def film_board(
     camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None
 ) -> Path:
-    """Write pictures of a board as PNG into a new folder. Return the path of ``folder/pictures``.
+    """Write simulated pictures of a calibration board into a new folder. Return the pictures' path.
 
-    The folder ``pictures`` holds the pictures. The file ``truth/camera.json`` holds the true lens
-    and the true camera position in axes of the rig. In the first picture the board lies in the
-    plane of the ball.
+    The pictures are PNG files in ``folder/pictures``, which is the returned path. The file
+    ``truth/camera.json`` in `folder` holds the true lens and the true camera position in axes of
+    the rig. In the first picture the board lies in the plane in which the ball flies.
 
     Parameters
     ----------

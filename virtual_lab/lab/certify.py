@@ -20,7 +20,7 @@ CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above a
 
 
 def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
-    """Return the test of a bat by a procedure in one laboratory, with its certification and truth.
+    """Return the test of a bat in one laboratory, with its certification and the sealed truth.
 
     Raises `InputError` in the same cases as `certify_block`.
     """
@@ -28,19 +28,19 @@ def certify_bat(setup: TestSetup, progress: Progress = quiet) -> BatTest:
 
 
 def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
-    """Return the tests of a bat by a procedure, one in each laboratory of a setup.
+    """Return the tests of one bat design in a block of laboratories, one test per laboratory.
 
-    `progress` is called with a sentence before each stage. If the procedure has a correction by a
-    control bat, that bat is tested first, by the same procedure, on the same rigs and with the same
-    balls. The ratio of its measured to its known e is the constant ``control.restitution_ratio`` of
-    the main test. Calibration errors common to both tests largely cancel in this ratio, but the
-    budget includes them in both tests, so u is slightly too large.
+    `progress` is called with a sentence before each stage. If the procedure uses a control bat,
+    this bat is tested first, on the same rigs and with the same balls. The ratio of its measured e
+    to its known e becomes the constant ``control.restitution_ratio`` of the main test. Calibration
+    errors common to both tests largely cancel in this ratio. The budget nevertheless includes them
+    in both tests, so u is slightly too large.
 
     Raises
     ------
     InputError
-        In the cases of `Laboratory.open`; also if a control bat is stated that the rules do not
-        use, if a required one is missing, or if its test gives no result.
+        `Laboratory.open` rejects the setup. A control bat is stated but the procedure uses none, or
+        the procedure needs one and none is stated. The test of the control bat gives no result.
     """
     if not kernel_is_compiled():
         progress("compiling the numerical code, which happens once and takes some fifteen seconds")

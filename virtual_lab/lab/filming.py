@@ -45,24 +45,26 @@ def film_of(
     session: Session,
     timed: FlightReadings,
 ) -> Callable[[Path], None]:
-    """Return a function that films the first shot of a test into a folder.
+    """Return a function that films the first shot at the bat and writes the video into a folder.
 
-    The function takes the folder, which must exist, and writes the frames with their times and the
-    calibration file ``calibration.toml``.
+    The returned function takes the folder, which must exist. It writes the frames, their times, and
+    the calibration file ``calibration.toml``.
 
     Parameters
     ----------
     station
         Station that fires balls at the bat.
-    plan, specimen
-        The shots of the first round, and the bat and balls.
+    plan
+        Shots of the first round.
+    specimen
+        Tested bat and balls.
     draws
         Random numbers of the test.
     session
         Records of the test, with the bench readings of the bat.
     timed
-        Readings of the shots by the gates. If they measure heights, the calibration file states the
-        height of the ball at the bat.
+        Flights of the shots as the gates read them. If the gates measure heights, the calibration
+        file states the height of the ball at the bat.
     """
     sensor = station.camera.spec.sensor
 

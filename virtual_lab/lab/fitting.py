@@ -17,9 +17,10 @@ from virtual_lab.units import INCH, OUNCE
 
 
 def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
-    """Return the lowest and highest impact position of a test, distances from the barrel tip [m].
+    """Return the lowest and the highest impact position that a procedure plans for a bat [m].
 
-    Both are the nominal bat's center of percussion if the procedure has no scan.
+    Positions are distances from the barrel tip. If the procedure has no scan, both are the center
+    of percussion of the nominal bat.
     """
     if procedure.scan:
         return procedure.scan.low, procedure.scan.high
@@ -30,10 +31,10 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
 
 
 def require_rig(rig: Rig, procedure: Procedure) -> None:
-    """Raise `InputError` for a rig that does not suit a procedure.
+    """Raise `InputError` if a rig does not suit a procedure.
 
-    Such a rig lacks a record that the procedure needs, or it swings the bat although the procedure
-    tests a bat at rest.
+    This is so if the rig lacks a record that the procedure needs, or if the rig swings the bat but
+    the procedure tests a bat at rest.
     """
     if lacking := _lacking(rig, procedure):
         able = [
@@ -77,7 +78,7 @@ def require_camera(rig: Rig) -> None:
 
 
 def require_places(procedure: Procedure, bat: BatSpec) -> None:
-    """Raise `InputError` for a scan that reaches or exceeds the tip or the pivot of a bat.
+    """Raise `InputError` unless a scan stays between the barrel tip and the pivot of a bat.
 
     A procedure without a scan is always accepted.
     """
@@ -96,9 +97,9 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 
 
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
-    """Raise `InputError` if a nominal ball is outside a procedure's window of ball mass or e0.
+    """Raise `InputError` if mass or e0 of a nominal ball is outside the limits of a procedure.
 
-    A window is a range of allowed values. With such a window most balls would be rejected.
+    With such limits most balls of the lot would be rejected.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
@@ -117,10 +118,11 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 
 
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
-    """Return the number of unverified values in each sheet of the rigs and of their instruments.
+    """Return the number of unverified values in the data sheets of rigs and of their instruments.
 
-    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of 5 values are
-    unverified. Rigs of other packages are left out.
+    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of the 5 values
+    on this data sheet are unverified. Data sheets without unverified values and rigs of other
+    packages are left out.
     """
     counts: dict[str, str] = {}
     for rig in rigs:
@@ -130,10 +132,11 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
 
 
 def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
-    """Yield name and identity of each instrument of `rigs` whose data sheet states an identity.
+    """Yield the name and the identity of each instrument of `rigs`.
 
-    An instrument of two rigs is yielded twice. Nothing is yielded for rigs of other packages.
-    Raises `InputError` for an identity with a wrong entry.
+    Instruments are skipped if their data sheets state no identity, and so are rigs of other
+    packages. An instrument of two rigs is yielded twice. Raises `InputError` if the identity on a
+    data sheet has an unknown key or a value of the wrong type.
     """
     instruments = catalog.names("instruments")
     for rig in rigs:

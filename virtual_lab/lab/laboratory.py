@@ -190,11 +190,12 @@ class Laboratory:
 
 @lru_cache(maxsize=32)
 def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | None = None) -> Ladder:
-    """Return the collision models for individual bats of a design in tests by a procedure.
+    """Return the collision models that tests by a procedure use for individual bats of one design.
 
-    `rung` names the model to use; None selects the fastest one that is accurate enough. The same
-    arguments return the same object, so the choice is made once. The choice is made when the result
-    is first used; only then an unknown model raises `InputError`.
+    `rung` is the name of the model to use. If it is None, the fastest model that is accurate enough
+    is selected. The model is selected when the result is first used, and an unknown name raises
+    `InputError` only then. The same arguments return the same object, so the selection is made
+    once.
     """
     speed = rules.ball_speed + (rules.bat_speed or 0.0)
     return Ladder(
@@ -207,10 +208,10 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return the name of a station's constant in a session, such as ``impact.gates.clock``.
+    """Return the name in a session for the constant `name` of a station.
 
-    It begins with the stage, except for air and gravity, which are common to the rigs in one hall:
-    ``hall.air.density``.
+    The stage is added in front, as in ``impact.gates.clock``. Constants of air and gravity are
+    common to all rigs in a hall. They begin with ``hall`` instead, as in ``hall.air.density``.
     """
     if name.startswith("hall."):
         return name
@@ -218,7 +219,7 @@ def constant_name(stage: Stage, name: str) -> str:
 
 
 def lot_constants(ball: BallSpec) -> dict[str, Estimate]:
-    """Return the constants of a lot known before its balls are measured, keyed by name [SI].
+    """Return the constants of a lot that do not need measurements of its balls, keyed by name.
 
     They are ``ball.radius`` [m] and ``ball.restitution_slope``, the slope of e0 over speed [s/m].
     """

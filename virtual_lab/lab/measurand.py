@@ -34,17 +34,18 @@ def measurands(
     weights: Array,
     control: float = 1.0,
 ) -> dict[str, Array]:
-    """Return the true ``metric`` and other true quantities, keyed by name, (laboratory,) [SI].
+    """Return the true results of each laboratory's test, keyed by name, (laboratory,) [SI].
 
-    `weights` (shot,) are the weights of the hits in the result on the certificate; NaN counts as 0.
-    The other quantities are means of the true values at the impact positions of the hits, with
-    these weights. They therefore refer to the impact position on the certificate.
+    ``metric`` is the result that a laboratory without errors would find from the same impact
+    positions. The other quantities of a certificate, such as ``restitution``, are weighted means of
+    the true values at the impact positions. `weights`, (shot,), are the weights of the hits in the
+    result on the certificate; NaN counts as 0.
 
-    For a scan, the result also holds the metric at the maximum of the continuous curve. If the
-    procedure states a `width_drop`, it also holds the width of the curve of the metric [m] at this
-    drop below that maximum. If the procedure converts the metric to a standard ball, the result
-    also holds the metric with the balls of the lot. `control` is the true ratio of e of the control
-    bat to its known e. All values are NaN in a laboratory without a result.
+    For a scan, ``metric_of_continuous_curve`` is the metric at the maximum of the continuous curve.
+    If the scan states a `width_drop`, ``width_m`` is the width of the curve at this drop below the
+    maximum [m]. If the procedure converts the metric to a standard ball, ``metric_as_found`` is the
+    metric with the balls of the lot. `control` is the true e of the control bat divided by its
+    known e. All values are NaN in a laboratory without a result.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories
@@ -159,11 +160,11 @@ def true_curve(
     places: Array,
     owner: Owner = ...,
 ) -> TrueCurve:
-    """Return the true results at `places` for the procedure's nominal speeds, arrays (place,).
+    """Return the true e_A, e, r and e0 at positions along a bat, arrays (place,).
 
-    `places` are distances from the barrel tip [m]. For a block of laboratories, `owner` is the
-    index of the laboratory whose bat and balls are used at each position, (place,). For a single
-    laboratory `owner` is `...`.
+    The speeds are the nominal speeds of the procedure. `places` are distances from the barrel tip
+    [m]. For a block of laboratories, `owner` is the index of the laboratory whose bat and balls are
+    used at each position, (place,). For a single laboratory `owner` is `...`, the default.
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

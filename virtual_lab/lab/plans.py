@@ -24,8 +24,9 @@ ALONE = ()  # shape of a single laboratory; (n,) for a block
 def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotPlan:
     """Return the plan to weigh every ball of the lot once, in each laboratory.
 
-    `laboratories` is the shape of the block: (n,), or () for one laboratory. The arrays of the plan
-    have one entry per laboratory and ball, sorted by laboratory. Speed and position are NaN.
+    `laboratories` is (n,) for a block of n laboratories, and () for one laboratory. The arrays of
+    the plan have one entry per laboratory and ball, sorted by laboratory. Speed and position are
+    NaN.
     """
     owner, ball = in_turn(laboratories, rules.balls)
     nothing = np.full(ball.shape, np.nan)
@@ -35,12 +36,12 @@ def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotP
 def wall_plan(
     rules: Procedure, detail: RecordDetail, laboratories: tuple[int, ...] = ALONE
 ) -> ShotPlan:
-    """Return the plan to fire every ball at the wall at each of the procedure's speeds.
+    """Return the plan to fire every ball at the wall at each speed of the procedure.
 
-    Each speed [m/s] is fired `rules.wall_hits` times per ball. The arrays of the plan are (shot,).
-    The shots are sorted by laboratory and ball, and all positions are 0. `detail` states whether
-    the instruments record every reading or only summary values. `laboratories` is the shape of the
-    block: (n,), or () for one laboratory.
+    Each ball is fired `rules.wall_hits` times at each speed [m/s]. The arrays of the plan are
+    (shot,). The shots are sorted by laboratory and ball, and all positions are 0. `detail` states
+    whether the instruments record every reading or only summary values. `laboratories` is (n,) for
+    a block of n laboratories, and () for one laboratory.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)
@@ -66,11 +67,11 @@ class BeforeShots(NamedTuple):
 def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> ShotPlan:
     """Return the plan to fire one ball at each requested impact position.
 
-    The arrays of the plan are (shot,). The balls are used in turn. Rejected balls are not used;
-    each laboratory must have at least one ball that was not rejected. The planned position is the
-    distance from the barrel tip [m]. It is the requested position minus the known error of the aim,
-    which is positive toward the knob. It is rounded to 0.5 mm, the step in which the rig can be
-    set, except in an ideal laboratory.
+    The arrays of the plan are (shot,). The balls are used in turn, except rejected balls. Each
+    laboratory must have at least one ball that is not rejected. A planned position is the requested
+    distance from the barrel tip minus the known error of the aim [m]. This error is positive toward
+    the knob. The planned position is rounded to 0.5 mm, the resolution of the rig's setting, except
+    in an ideal laboratory.
     """
     owner = shots.owner
     turn, counts = np.argsort(~before.used, axis=1, kind="stable"), before.used.sum(axis=1)
@@ -89,17 +90,17 @@ def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> Shot
 
 
 def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the number of each shot within its laboratory, from 0, (shot,).
+    """Return the index of each shot within its laboratory, from 0, (shot,).
 
-    `owner` is the laboratory of each shot, (shot,), and must be sorted.
+    `owner` is the index of the laboratory of each shot, (shot,), and must be sorted.
     """
     return np.asarray(np.arange(owner.size) - np.searchsorted(owner, owner))
 
 
 def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
-    """Return the records of a stage, keyed by channel, with the shots of all rounds in order.
+    """Return the records of one stage, keyed by channel, from the outputs of its rounds.
 
-    Raises `IndexError` if there is no round.
+    Each record holds the shots of all rounds in order. Raises `IndexError` if there is no round.
     """
     return {
         channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records
@@ -107,8 +108,8 @@ def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
 
 
 def with_records(session: Session, stage: Stage, rounds: Sequence[RigOutput]) -> Session:
-    """Return the session with the records of a stage added; earlier records of it are replaced.
+    """Return the session with the records of one stage replaced by the outputs of `rounds`.
 
-    The shots of all rounds are joined in order. Raises `IndexError` if there is no round.
+    Each record holds the shots of all rounds in order. Raises `IndexError` if there is no round.
     """
     return replace(session, records={**session.records, stage.value: stage_records(rounds)})

@@ -173,12 +173,13 @@ def _unpickle(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
-    """Return the range of the collisions in a test [SI], over which a surrogate model is fitted.
+    """Return the range of impact conditions in a test [SI], over which a surrogate model is fitted.
 
-    The variables are impact position, relative speed, and e0 and mass of the ball. Each range is
-    the nominal value ± six standard deviations. The lowest speed is a further 1 % lower, and e0 is
-    limited to values from its floor to 1. The scatter of position and speed is that of the cannons
-    in the catalog. The range depends only on the arguments, so the surrogate is always the same.
+    The variables are impact position, relative speed, and e0 and mass of the ball. The range of
+    each variable extends six standard deviations beyond its nominal values. The lower limit of the
+    speed is a further 1 % lower. The limits of e0 are at least the smallest e0 of the ball's data
+    sheet and at most 1. The scatter of position and speed is that of the cannons in the catalog.
+    The same arguments always give the same range, so the surrogate is always the same.
     """
     either = np.array([-1.0, 1.0])
     sigmas = 6  # half width of the range; a collision outside costs time but no accuracy

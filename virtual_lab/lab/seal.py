@@ -35,9 +35,9 @@ class Alteration:
 
 
 def write_seal(folder: Path) -> None:
-    """Seal all files of a test in `folder`, including its truth: write ``truth/seal.json``.
+    """Write ``truth/seal.json``, with a digest of every file of a test in `folder`.
 
-    An existing seal is replaced. Raises `InputError` for a JSON or TOML file outside ``truth`` that
+    An existing seal is replaced. Raises `InputError` if a JSON or TOML file outside ``truth``
     cannot be read, and `FileNotFoundError` if there is no folder ``truth``.
     """
     files = (name for name, kind in contents(folder).items() if kind == "file" and name != SEAL)
@@ -47,11 +47,11 @@ def write_seal(folder: Path) -> None:
 
 
 def alterations(folder: Path) -> list[Alteration]:
-    """Return the files and keys altered, removed or added since `folder` was sealed.
+    """Return the files and keys that were altered, removed or added since `folder` was sealed.
 
-    The list is empty if nothing was changed. Added files are only reported below ``records`` and
-    ``truth``. If the seal itself was altered, only this is reported. Raises `InputError` without a
-    seal.
+    The list is empty if nothing was changed. Added files are reported only below ``records`` and
+    ``truth``. If the seal itself was altered, nothing else is reported. Raises `InputError` if
+    there is no seal.
     """
     path = folder / SEAL
     if path.is_symlink():

@@ -198,11 +198,11 @@ class TestDay:
 
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
-    """Carry out the test of each laboratory in a block, or of one, as the procedure requires.
+    """Return the finished tests of a block of laboratories, or of one, by their procedure.
 
     Bats and balls are measured first. Then balls are fired and judged in rounds until the procedure
-    requires no more shots. The result holds the finished tests; `laboratory` is not changed.
-    `progress` is called with a sentence before each stage and round.
+    requires no more shots. `laboratory` is not changed. `progress` is called with a sentence before
+    each stage and round.
     """
     day = prepare_day(laboratory, progress)
     while (shots := day.next_shots()).owner.size:
@@ -213,7 +213,7 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
 
 
 def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
-    """Measure bat and balls and reduce their records. Return the test day before the first shot.
+    """Return the test day before the first shot, with bat and balls measured and reduced.
 
     `laboratory` is not changed. `progress` is called with a sentence before each stage.
     """

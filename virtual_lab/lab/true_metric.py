@@ -120,11 +120,11 @@ def results_of_curves(
     Both are values of the exact curves at the position of each shot, (shot,). The result has the
     unit of `metric`.
 
-    Without a scan the result is the mean of `metric` over the valid hits, NaN if there are none. A
-    scan uses only positions with all valid hits that the procedure requires; the result is NaN if
-    there are none. If the procedure has final hits, the result is the `metric` at the position with
-    the largest `objective`. Otherwise it is the `metric` at the maximum of a curve fitted to the
-    `objective` near this position.
+    Without a scan, the result is the mean of `metric` over the valid hits. It is NaN if there are
+    none. A scan uses only positions that have all the valid hits that the procedure requires. The
+    result is NaN if there are none. If the procedure has final hits, the result is `metric` at the
+    position with the largest `objective`. Otherwise, curves are fitted to `objective` and `metric`
+    near this position. The result is the fitted `metric` at the maximum of the fitted `objective`.
     """
     owner, place, valid = visits
     if procedure.scan is None:

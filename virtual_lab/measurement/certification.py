@@ -124,9 +124,9 @@ class Certification:
 
 
 def certify_session(session: Session) -> Certification:
-    """Return results, uncertainty, flags and verdict of the test that a session records.
+    """Return the certification of one recorded test: results, uncertainty, flags and verdict.
 
-    A test with too few valid hits is not an error: its verdict is INVALID and its metric None.
+    A test with too few valid hits is not an error. Its verdict is INVALID and its metric is None.
     Raises `InputError` for a record, calibration or procedure that is missing or cannot be used.
     """
     block = SessionBlock.of(session)
@@ -235,9 +235,9 @@ class Certifications:
 def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) -> Certifications:
     """Return results, uncertainties, flags and verdicts of a block, one test per laboratory.
 
-    `readings` are those of all shots in `reduced`, (shot,). The mask `Certifications.some` marks
-    the laboratories with a result. The verdict of any other laboratory is INVALID, and its numbers
-    have no meaning.
+    `readings` are the readings of all shots in `reduced`, (shot,). The mask `Certifications.some`,
+    (laboratory,), marks the laboratories with a result. In any other laboratory the verdict is
+    INVALID, and its numbers must not be used.
     """
     rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
     laboratories, mask = block.laboratories, outcome.used

@@ -29,11 +29,11 @@ class OtherSupport:
 def other_support(
     procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
 ) -> OtherSupport:
-    """Return r, e and BPF of one bat for the support that the procedure does not name.
+    """Return the mean r, e and BPF of one bat, computed for the support that is not in the rules.
 
-    `OtherSupport.which` is "free" if the procedure names "pivoted", otherwise "pivoted". The
-    collision efficiency is the measured one. Each result is dimensionless, the weighted mean over
-    the hits of `outcome`. It is 0 if there are no such hits.
+    If the procedure computes with a pivoted bat, the results are for a free bat, and vice versa.
+    `OtherSupport.which` is "free" or "pivoted". e_A is the measured value. Each result is
+    dimensionless. It is the weighted mean over the hits of `outcome`, and 0 if there are none.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # mass of the lot's mean ball, computed back from the recoil factor of the rules' support

@@ -37,12 +37,12 @@ def propagate_metric(
     linear: Budget,
     draws: int | None = None,
 ) -> Propagated:
-    """Return the metric of one test with u and interval by `method`, in the metric's SI unit.
+    """Return the metric of one test, its u and its 95 % interval, propagated by `method` [SI].
 
-    `readings` and `outcome` belong to the reduction of this test, and `linear` is its first-order
-    budget. `draws` is the number of Monte Carlo draws. By default, draws are added until two digits
-    of u are correct. Raises `InputError` if too many draws are needed, or if second order does not
-    converge.
+    `readings` and `outcome` must belong to the same test as `reduced`, and `linear` is its
+    first-order budget. `draws` is the number of Monte Carlo draws. By default, draws are added
+    until two digits of u are correct. Raises `InputError` if too many draws are needed, or if
+    second order does not converge.
     """
     model, inputs = model_of(reduced, readings, outcome, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)
@@ -51,8 +51,8 @@ def propagate_metric(
 def too_wide(linear: Budget) -> Component | None:
     """Return the source with the fewest degrees of freedom if they are below 3, otherwise None.
 
-    Draws of such a source scatter too widely for Monte Carlo. If a component of the budget has
-    parts, each part is a source. Sources with u = 0 are ignored.
+    Monte Carlo draws of such a source scatter so widely that u does not settle. If a component of
+    the budget has parts, each part is a source. Sources with u = 0 are ignored.
     """
     parts = [part for line in linear.components for part in (line.parts or (line,)) if part.u]
     component = min(parts, key=lambda part: part.dof, default=None)
@@ -62,11 +62,11 @@ def too_wide(linear: Budget) -> Component | None:
 def model_of(
     reduced: Reduction, readings: ImpactReadings, outcome: HitWeights, linear: Budget
 ) -> tuple[Callable[..., Array], dict[InputName, Any]]:
-    """Return the metric of one test as a function of its inputs, and the inputs keyed by name.
+    """Return a function that computes the metric of one test, and its inputs keyed by name.
 
-    The function takes one array (k,) per input, as keyword arguments, and returns the metric, (k,),
-    in its SI unit. The inputs are the constants of the reduction. The other components of `linear`
-    are inputs too, as errors with the value 0.
+    The function takes one array (k,) per input, as keyword arguments, and returns the metric, (k,)
+    [SI]. The inputs are the constants of the reduction, and each other component of `linear` as an
+    error with the value 0.
     """
     indices = np.flatnonzero(outcome.used)
     model, effects = reduced.model(readings, indices[None]), outcome.effects[indices]

@@ -77,9 +77,10 @@ class CameraComparison:
 def compare_camera(
     block: SessionBlock, reduced: Reduction, readings: ImpactReadings, outcome: HitWeights
 ) -> CameraComparison | None:
-    """Return the camera results of one laboratory.
+    """Return e_A, e and BPF from camera and gates for the same hits of one laboratory.
 
-    The result is None without a camera, or if neither gates nor light boards timed the balls.
+    The result also holds both combined, their difference, and the camera's readings of each shot.
+    It is None if there is no camera record, or if neither gates nor light boards timed the balls.
 
     Raises
     ------

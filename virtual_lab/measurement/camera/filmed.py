@@ -38,24 +38,24 @@ class CameraResults:
 def reduce_film(
     x: Constants, stage: str, sightings: Sightings, drag: Array, timed: Flights
 ) -> CameraResults:
-    """Return the flights of the balls from the camera's pictures, for each shot.
+    """Return the ball's flights, impact position and angle from the camera's pictures, (shot,).
 
-    The result is NaN for a shot in which the camera did not see the ball.
+    The values are NaN for a shot in which the camera did not see the ball.
 
     Parameters
     ----------
     x
-        Calibration constants by name, numbers or columns (k, 1). With columns, the results have the
-        shape (k, shot).
+        Calibration constants keyed by name: numbers, or columns (k, 1) for k sets of constants.
+        With columns, the results have the shape (k, shot).
     stage
         First part of the constants' names, always ``impact``, the stage with the camera.
     sightings
         Positions of the ball, (shot, frame).
     drag
-        κ of each ball, (..., shot) [1/m].
+        Drag rate κ of each ball, (..., shot) [1/m].
     timed
-        Flights by the gates. Their heights and slopes are used, and their speeds for the drop of
-        the ball.
+        Flights measured by the gates. The height of the ball comes from their heights and slopes,
+        and from its fall, computed with their speeds.
     """
     # The height changes slowly along the flight, so the distance of the ball from the target is
     # computed with the first set of constants only.
@@ -92,11 +92,12 @@ def reduce_film(
 def frames_u(
     x: Constants, stage: str, sightings: Sightings, results: CameraResults
 ) -> dict[str, Array]:
-    """Return the standard uncertainty of each result due to errors in single frames, (shot,).
+    """Return the u of the camera's results caused by errors in single frames, (shot,).
 
-    The results are speed_in and speed_out [m/s], efficiency (e_A), place [m] and angle [rad]. Noise
-    is independent in every frame. The seam pattern causes similar errors in neighboring frames.
-    Their correlation depends on the unknown spin, so the least favorable spin is assumed.
+    The keys are ``speed_in`` and ``speed_out`` [m/s], ``efficiency`` (e_A), ``place`` [m] and
+    ``angle`` [rad]. Noise is independent in every frame. The seam pattern causes similar errors in
+    neighboring frames. Their correlation depends on the unknown spin, so the least favorable spin
+    is assumed.
     """
     flights = results.flights
     scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
@@ -117,9 +118,9 @@ def frames_u(
 
 
 def _u(sightings: Sightings, parts: Array) -> Array:
-    """Return the standard uncertainty of the sum of positions in the frames times `parts`, (shot,).
+    """Return the standard uncertainty of a weighted sum of the positions in the frames, (shot,).
 
-    It is in pixels if the parts have no unit.
+    The weights are `parts`, (shot, frame). The result is in pixels if the weights have no unit.
     """
     used = parts != 0
     noise = np.sum(np.where(used, parts * sightings.u, 0.0) ** 2, axis=1)

@@ -53,16 +53,17 @@ class Sightings:
 
 
 def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightings:
-    """Return the positions of the ball in the camera's frames, for each shot.
+    """Return the positions of the ball in the camera's frames [px], (shot, frame).
 
-    Frames in which the ball was not located reliably are NaN.
+    A position is NaN if the ball was not located reliably in the frame.
 
     Parameters
     ----------
     record
         Image windows with their background, or positions that the camera itself tracked.
     x
-        Constants as numbers by name: calibration of the stage's camera, and radius of the ball.
+        Calibration constants of the stage's camera and radius of the ball, keyed by name. Each is a
+        single number.
     stage
         First part of the constants' names, always ``impact``.
 
