@@ -176,33 +176,33 @@ def track(
     film_of_track: bool = False,
     progress: Progress = quiet,
 ) -> Track:
-    """Follow the ball through a clip: flights, contacts, speeds, restitution, acceleration.
+    """Track the ball in a clip; return flights, contacts, speeds and restitution.
 
-    The clip is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of images in the order
-    of their numbers (negative ones first), a TIFF stack, an animated WebP or PNG, or a .npy array.
-    A clip without a ball gives a result without flights, with a warning.
+    The clip is a video (MP4, MOV, AVI, MKV, WebM, GIF, CINE, MRAW), a folder of numbered images, a
+    TIFF stack, an animated WebP or PNG, or a .npy array. Images are sorted by number, and negative
+    numbers come first. If no ball is found, the result has no flights and a warning.
 
     Parameters
     ----------
     clip
         File or folder of the clip.
 
-        Or an array of 8 or 16 bits, (frame, row, column) or (frame, row, column, color), with its
-        rate as `fps`.
+        An array of 8 or 16 bits is also allowed. Its shape is (frame, row, column) or (frame, row,
+        column, color), and `fps` is then required.
     ball
-        Diameter of the ball with its unit, for example ``73mm±0.5mm``, or a ball, which also sets
-        the drag: ``baseball``, a name in the catalog, the first letters of only one such name, or a
-        .toml file.
+        Diameter of the ball with its unit, for example ``73mm±0.5mm``. Or a type of ball, which
+        also sets the drag: a name in the catalog, the first letters of exactly one name, such as
+        ``baseball``, or a .toml file.
 
         A `Sheet` of a ball is also allowed. A number without a unit is rejected.
     mass
-        Mass of the ball in g, kg or oz, for example ``145g``. The drag is computed from it.
+        Mass of the ball in g, kg or oz, for example ``145g``. It is used to compute the drag.
     fps
-        Frames per second of real time, including repeated frames. By default the rate of the file,
-        or the rate at which the ball falls with g if the file's rate contradicts g.
+        Frames per second of real time, including repeated frames. By default the frame rate in the
+        file. If this rate contradicts g, the rate is computed from the fall of the ball.
     exposure
-        Exposure time of a frame, for example ``1/120`` or ``8ms``. A calibrated camera needs it
-        here or in its calibration file.
+        Exposure time of a frame, for example ``1/120`` or ``8ms``. With a calibration file, it must
+        be stated here or in this file.
     gravity
         Local gravity [m/s²]. By default 9.81 ± 0.025.
     frames
@@ -210,17 +210,18 @@ def track(
     region
         Part of the picture to use, ``X,Y,WIDTH,HEIGHT`` [pixels from the upper left corner].
     ball_at
-        Position of the ball [pixels from the upper left corner], ``X,Y@FRAME``, if other objects
-        move too.
+        Position of the ball in one frame, ``X,Y@FRAME`` [pixels from the upper left corner]. It is
+        needed if other objects move too.
     scale
-        Two points [pixels] and their distance, for example ``100,50:400,50=50cm``.
+        Two points of the picture [pixels] and the distance between them, for example
+        ``100,50:400,50=50cm``.
     ruler
-        Ruler that sets the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size
-        of the ``ball``. By default the one with the smaller uncertainty.
+        Source of the scale if none is stated: ``gravity`` (camera level to 5 deg) or the size of
+        the ``ball``. By default the source with the smaller uncertainty.
     readout
         Readout time of a rolling shutter for one frame, for example ``16ms``.
     global_shutter
-        No rolling shutter: all rows are exposed at once.
+        The shutter is global: all rows are exposed at once.
     phone
         Clip of an ordinary phone: its frame rate is correct, its shutter may roll, and the size of
         the ball is known to 1 %. Warnings about these assumptions are omitted.
@@ -228,12 +229,12 @@ def track(
         The camera does not move.
     level
         The camera is level and square to the flight within 1 deg, as on a leveled tripod. By
-        default it is assumed to be so within 5 deg.
+        default, 5 deg is assumed.
     calibration
-        Calibration file, .toml: from ``calibrate``, or with metres_per_pixel, frames_per_second,
-        exposure_s, lens_blur_px, timestamps, ….
+        Calibration file, .toml. ``calibrate`` writes it, or it is written by hand with keys such as
+        metres_per_pixel, frames_per_second, exposure_s, lens_blur_px or timestamps.
     corrected
-        ``track.csv`` of an earlier run, corrected by hand, whose positions and flights are used.
+        File ``track.csv`` of an earlier run, corrected by hand. Its positions and flights are used.
     film_of_track
         Also write the marked frames as a film, ``track.webp``, when the result is saved.
     progress
@@ -363,25 +364,26 @@ def calibrate(
 ) -> Calibration:
     """Calibrate a camera from pictures of a board, for use by ``track``.
 
-    In one picture the board is in the plane of the ball's flight, or parallel to it at a known
-    height. In the other pictures it is tilted by about 30 deg.
+    In one picture the board is in the plane of the ball's flight, or parallel to this plane at a
+    known distance. In the other pictures the board is tilted by about 30 deg.
 
     Parameters
     ----------
     pictures
         Images, folders of images, TIFF stacks or clips.
     board
-        Calibration board: ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``, counted in
-        squares.
+        Calibration board, ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``: columns and rows
+        of squares, side of a square, and side of a ChArUco marker.
     plane
-        Picture of the board in the ball's plane, or parallel to it. By default the first picture.
+        File name of the picture in which the board is in the ball's plane or parallel to it. By
+        default the first picture.
     height
-        Height of the ball's plane above the board in this picture, toward the camera, for example
-        ``36.5mm``.
+        Distance from the board in this picture to the ball's plane, positive toward the camera, for
+        example ``36.5mm``. By default 0.
     height_u
-        Standard uncertainty of this height, for example ``1mm``.
+        Standard uncertainty of `height`, for example ``1mm``. By default 0.
     square_u
-        Standard uncertainty of the side of a square, for example ``5um``.
+        Standard uncertainty of the side of a square, for example ``5um``. By default 0.
 
     Raises
     ------
@@ -412,15 +414,16 @@ def board(
     views: int = 10,
     seed: Seed | None = None,
 ) -> Path:
-    """Simulate pictures of a calibration board in a new folder, to try ``calibrate``.
+    """Write simulated pictures of a calibration board to a new folder, to try ``calibrate``.
 
     Parameters
     ----------
     folder
-        The new folder: ``pictures/``, and ``truth/`` with the true lens.
+        The new folder. It gets ``pictures/``, and ``truth/`` with the true lens. Its path is
+        returned.
     board
-        Calibration board: ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``, counted in
-        squares.
+        Calibration board, ``charuco:14x9:40mm:30mm`` or ``chessboard:14x9:40mm``: columns and rows
+        of squares, side of a square, and side of a ChArUco marker.
     camera
         Camera: a name in the catalog or a .toml file.
 

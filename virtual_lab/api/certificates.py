@@ -361,18 +361,18 @@ def certify(
     uncertainty: Propagation = "first-order",
     progress: Progress = quiet,
 ) -> Certificate:
-    """Test a bat by a procedure, and make its certificate.
+    """Simulate the test of a bat by a procedure, and return its certificate.
 
     Parameters
     ----------
     bat
         The bat: a name in the catalog or a .toml file.
 
-        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+        A sheet is also allowed, for example ``vl.bat("r161")``. Its values may be changed.
     procedure
         The test procedure: a name in the catalog or a .toml file.
 
-        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
+        A sheet is also allowed, for example ``vl.procedure("bbcor").with_(valid_hits=8)``.
     ball
         Ball of the test, instead of the ball of the procedure: a name in the catalog or a .toml
         file.
@@ -388,8 +388,8 @@ def certify(
         it can compute the true values, so the certificate says "not sealed". By default a random
         seed of 128 bits, stored only in the sealed truth.
     number
-        Number of the laboratory among those with the same seed. Each laboratory has its own bat,
-        balls and calibration errors.
+        Number of the laboratory, from 0. Laboratories with the same seed and different numbers
+        differ in bat, balls and calibration errors.
     reality
         ``noise-free``: no randomness, but vibration of the bat, encoder counts, drag and friction
         remain. ``ideal``: bat, balls and instruments equal their nominal values.
@@ -403,21 +403,21 @@ def certify(
 
         One name of ``vl.shelf("faults")``, or a list.
     control_bat
-        Bat of known e, tested first with the same balls, if the procedure uses a control bat to
-        correct for the balls.
+        Control bat, a bat of known e. It is tested first, with the same balls. Only for a procedure
+        that uses a control bat to correct for the balls.
     correction
         Conversion of the result to a standard ball, ``METHOD:E0``, such as ``trampoline:0.5``; the
         methods are ``ratio`` and ``trampoline``. Only for procedures without a conversion. The
         certificate marks the conversion as assumed.
     film
-        Save a video of the first shot; needs the rig ``filmed-cannon``.
+        Save a video of the first shot. The rig must have a camera, such as ``filmed-cannon``.
     laboratory
         File of particulars for the certificate: laboratory, customer, bat, instruments. The command
         ``virtual-lab template laboratory FILE`` writes an empty file. The next six parameters
         override values of the file.
 
-        Or its keys and values, ``{"customer": {"name": "Oak Bats"}}``; the logo is then a file in
-        the current folder.
+        A mapping with the same keys is also allowed: ``{"customer": {"name": "Oak Bats"}}``. The
+        logo is then a file in the current folder.
     customer
         Name of the customer.
     bat_serial
@@ -438,14 +438,15 @@ def certify(
         Number of this test in its laboratory. Requires `seed`. Tests with different numbers have
         the same calibrations, but different bats and balls.
     lot
-        Number of the lot of balls in its laboratory. Requires `seed`. Tests with the same number
-        use balls of one lot. By default lot 0; if `test` is stated, each test has its own lot.
+        Number of the lot of balls in its laboratory. Requires `seed`. Tests with the same lot
+        number use balls of the same lot. By default lot 0. If `test` is stated, the default is a
+        separate lot for each test.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such folders. At least three tests are needed. The scatter of
-        their hits is included in the estimated scatter.
+        laboratory, or a folder of such folders. At least three tests are needed. The scatter of the
+        hits is then estimated from these tests and the current test.
     uncertainty
-        Method to propagate the uncertainty; Monte Carlo draws until two digits of u are accurate.
+        Method to propagate the uncertainty. Monte Carlo stops when two digits of u are accurate.
     progress
         Function that is called with a message that names the current task. If it is not given, the
         functions of `virtual_lab` and the commands show the progress on stderr.
@@ -540,7 +541,8 @@ def _certificate(tested: BatTest, seed: int | None) -> Certificate:
 def load_folder(folder: Folder) -> Certificate:
     """Return the certificate of a result folder, with shots, budget and figure.
 
-    The records are reduced again. The truth is not opened; use `score` to compare with it.
+    The records are reduced again. The sealed truth is not opened. To compare the certificate with
+    it, use `score`.
 
     Parameters
     ----------
@@ -550,8 +552,7 @@ def load_folder(folder: Folder) -> Certificate:
     Raises
     ------
     InputError
-        A folder without a certificate or records, or a certificate that disagrees with its
-        records.
+        The folder has no certificate or no records, or the certificate disagrees with the records.
     """
     from virtual_lab.certificate.chain import stated_and_reduced
 
@@ -568,21 +569,21 @@ def reduce(
     reason: str = "",
     history: Folders = (),
 ) -> Certificate:
-    """Compute the certificate of a folder of raw records, without the truth.
+    """Return the certificate computed from a folder of raw records, without the sealed truth.
 
     Parameters
     ----------
     records
-        Folder of the records that ``certify`` wrote, OUT/records, or the folder of another
-        laboratory with its ``laboratory.toml``.
+        Folder of raw records: the folder ``records`` of a result folder, or a folder from another
+        laboratory that contains a ``laboratory.toml``.
     replaces
         Result folder of the report that the new report replaces.
     reason
         Reason for the replacement. The certificate states the replaced report and the reason.
     history
         Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such folders. At least three tests are needed. They replace the
-        history that the records name.
+        laboratory, or a folder of such folders. At least three tests are needed. These tests
+        replace the history that is stored with the records.
 
     Returns
     -------
@@ -592,9 +593,9 @@ def reduce(
     Raises
     ------
     InputError
-        A record, calibration or procedure that is missing or cannot be used; a folder without a
-        certificate to replace; a reason without a folder, or a folder without a reason; or a
-        history of fewer than three tests or of tests of another kind.
+        A record, calibration or procedure is missing or cannot be used; the folder `replaces` has
+        no certificate; only one of `replaces` and `reason` is stated; or `history` has fewer than
+        three tests or tests of another kind.
     """
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter, kind_of
@@ -628,10 +629,10 @@ def sweep(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> pd.DataFrame:
-    """Test bats by procedures in many laboratories; the table has one row per test.
+    """Simulate tests of bats in many laboratories; return a table with one row per test.
 
-    By default every laboratory tests the nominal bat, and the instruments record summary values
-    instead of every gate edge and encoder count, so that a test takes little time.
+    By default every laboratory tests the nominal bat. To save time, the instruments record summary
+    values instead of every gate edge and encoder count.
 
     Parameters
     ----------
@@ -640,27 +641,28 @@ def sweep(
 
         A sheet, or a list of several, is also allowed.
     more
-        Further bats, instead of a list.
+        Further bats. A list as `bats` has the same effect.
     procedures
         Test procedure: a name in the catalog or a .toml file.
 
         A sheet, or a list of several, is also allowed.
     laboratories
-        Number of laboratories. Each is identified by the seed and its number, from 0.
+        Number of laboratories. The seed and a number, from 0, identify each laboratory.
     seed
         Seed of the study.
     individual
         Give every laboratory an individual bat, as in ``certify``, instead of the nominal one.
     workers
-        Number of processes, each with one thread, that share the laboratories.
+        Number of processes. Each has one thread and computes a part of the laboratories.
     certificates
-        Folder for a result folder of each test, ``BAT-PROCEDURE-NUMBER``.
+        Folder in which one result folder per test is written, ``BAT-PROCEDURE-NUMBER``.
 
-        They are written as by ``Certificate.save``; `load`, `verify` and `report` read them.
+        The result folders are the same as from ``Certificate.save``, and `load`, `verify` and
+        `report` can read them. By default none is written.
     traces
         Let the instruments record every gate edge and encoder count, as in ``certify``. The
-        certificates then include the encoder records and their figures, and every laboratory has
-        an individual bat. A folder takes 540 kB with traces and 190 kB without, each including the
+        certificates then include the encoder records and their figures, and every laboratory has an
+        individual bat. A folder takes 540 kB with traces and 190 kB without, each including the
         truth. Needs ``certificates``.
     truth
         Store the sealed truth with each certificate, for ``score``. It takes 90 kB per folder.
@@ -675,13 +677,14 @@ def sweep(
     Returns
     -------
     pandas.DataFrame
-        ``bat``, ``procedure``, ``laboratory`` (its number), ``verdict``, ``reason`` (of FAIL or
-        INVALID, else empty), ``metric`` (its symbol) and its ``unit``. ``value``, ``u``, ``low``
-        and ``high`` of the 95 % interval, ``true`` and ``error`` (value minus true) are in this
-        unit. For e_A, e, r, e0 the value, its u and the true value (``restitution``,
-        ``restitution_u``, ``restitution_true``, …). A test without a result has NaN. For each
-        number that differs between changed sheets there is a column with the key and its unit, such
-        as ``windows.speed_tolerance_mph``. ``attrs["units"]`` has the units of all columns.
+        Columns: ``bat``, ``procedure``, ``laboratory`` (number), ``verdict``, ``reason`` (empty
+        unless the verdict is FAIL or INVALID), ``metric`` (symbol) and ``unit``. The columns
+        ``value``, ``u``, ``low`` and ``high`` (95 % interval), ``true`` and ``error`` (value minus
+        true) are in this unit. e_A, e, r and e0 have three columns each: value, u and true value,
+        such as ``restitution``, ``restitution_u`` and ``restitution_true``. Numbers are NaN for a
+        test without a result. If sheets with changed values are compared, each changed number has a
+        column named by its key and unit, such as ``windows.speed_tolerance_mph``.
+        ``attrs["units"]`` has the unit of each column.
 
     Raises
     ------

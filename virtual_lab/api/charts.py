@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 def chart(
     part: ChartedPart, *, instruments: Instruments = (), progress: Progress = quiet
 ) -> SpeedChart:
-    """Chart the error and run time of every model and method of a part of the laboratory.
+    """Return a chart of the error and run time of each model or method of a part of the laboratory.
 
     Parameters
     ----------
     part
-        Part: ``uncertainty`` compares the methods to propagate uncertainty, ``laboratory``
-        compares all parts of a test.
+        Part of the laboratory: ``collision``, ``motion``, ``camera``, ``uncertainty`` (methods to
+        propagate uncertainty) or ``laboratory`` (all parts of a test).
     instruments
         Instruments and rigs with changed values, instead of those of the catalog.
 
@@ -43,9 +43,10 @@ def chart(
 def stability(
     part: StablePart, *, instruments: Instruments = (), progress: Progress = quiet
 ) -> StabilityMap:
-    """Map the conditions under which the numerical methods of a part are valid.
+    """Return maps of the conditions under which the numerical methods of a part are valid.
 
-    Each point of the map is accurate, inaccurate, unstable or refused.
+    Each cell of a map has a state, such as good, inaccurate or unstable. In the maps of collision
+    and motion, a cell is marked as refused if the program rejects its settings.
 
     Parameters
     ----------

@@ -35,10 +35,10 @@ def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | No
 
 @_optional
 def read_seconds(text: str) -> float:
-    """Return a time of 0 to 1 s from a string such as ``8ms`` or ``1/120``, in seconds.
+    """Return a time in seconds from a string such as ``8ms`` or ``1/120``.
 
-    None gives None. Raises `ValueError` for a string of another form, a number without a unit, a
-    time outside 0 to 1 s, and ``1/0``.
+    A fraction such as ``1/120`` needs no unit. None gives None. Raises `ValueError` for a string of
+    another form, for any other number without a unit, for a time outside 0 to 1 s, and for ``1/0``.
     """
     from virtual_lab.units import to_si
 
@@ -52,10 +52,10 @@ def read_seconds(text: str) -> float:
 
 @_optional
 def read_mass(text: str) -> float:
-    """Return a mass of 0.1 g to 10 kg from a string such as ``145g``, in kilograms.
+    """Return a mass in kilograms from a string such as ``145g``.
 
-    None gives None. Raises `ValueError` for a string of another form, another mass or an unknown
-    unit.
+    None gives None. Raises `ValueError` for a string of another form, for an unknown unit, and for
+    a mass outside 0.1 g to 10 kg.
     """
     from virtual_lab.units import DIMENSIONS, to_si
 
@@ -78,11 +78,11 @@ def read_frames(text: str) -> tuple[int, int]:
 
 @_optional
 def read_region(text: str) -> tuple[float, float, float, float]:
-    """Return x, y, width and height of a part of the picture [px] from ``10,20,300,200``.
+    """Return x, y, width and height [px] of a part of the picture from ``10,20,300,200``.
 
-    x and y are the distances of its upper left corner from the upper left corner of the picture.
-    None gives None. Raises `ValueError` for a string of another form, for a width or height below 1
-    px, and for any number beyond ±1e6 px.
+    x and y are the position of the part's upper left corner, counted from the upper left corner of
+    the picture. None gives None. Raises `ValueError` for a string of another form, for a width or
+    height below 1 px, and for any number beyond ±1e6 px.
     """
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
@@ -90,7 +90,7 @@ def read_region(text: str) -> tuple[float, float, float, float]:
 
 @_optional
 def read_position(text: str) -> tuple[float, float, int]:
-    """Return x and y of a ball [px], and the number of its frame, from ``210,85@17``.
+    """Return x and y of a ball [px], and its frame number, from a string such as ``210,85@17``.
 
     x and y are counted from the upper left corner of the picture. None gives None. Raises
     `ValueError` for a string of another form, and for x or y beyond ±1e6 px.
@@ -101,12 +101,12 @@ def read_position(text: str) -> tuple[float, float, int]:
 
 
 def scale_keys(text: str | None) -> dict[str, float]:
-    """Return the scale [m/px] and its u by calibration key, from two points and their distance.
+    """Return the scale of the picture [m/px] and its u, from two points and their distance.
 
-    The keys are ``metres_per_pixel`` and ``metres_per_pixel_u``. The string is ``X,Y:X,Y=50cm``,
-    with points in pixels. Each point has a u of 1 px. The result is empty for None. Raises
-    `ValueError` for a string of another form or points closer than 10 px, and `InputError` for a
-    length that has no unit or is not from 1 mm to 1000 m.
+    The keys of the result are ``metres_per_pixel`` and ``metres_per_pixel_u``, as in a calibration
+    file. The string is ``X,Y:X,Y=50cm``, with both points in pixels. Each point has a u of 1 px.
+    The result is empty for None. Raises `ValueError` for a string of another form or points closer
+    than 10 px. Raises `InputError` for a length without a unit or outside 1 mm to 1000 m.
     """
     if text is None:
         return {}
@@ -120,17 +120,15 @@ def scale_keys(text: str | None) -> dict[str, float]:
 
 
 def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
-    """Return the calibration keys for a statement about the ball: diameter [m] and its u.
+    """Return the diameter of the ball [m] and its u as calibration keys.
 
     The keys are ``ball_diameter_m``, ``ball_diameter_m_u`` and ``assumed``. `ball` is a diameter
     with its unit, the first letters of exactly one ball in the catalog, a .toml file, or a sheet.
-    For a ball in the catalog, a file or a sheet, the result also has its mass, ``ball_mass`` [kg].
-    ``assumed`` is true if no u of the diameter was stated, so that a u of 1 % is assumed. The
-    result is empty for None.
+    Unless `ball` is a diameter, the result also has the mass ``ball_mass`` [kg]. If no u is stated,
+    a u of 1 % is assumed and ``assumed`` is True. The result is empty for None.
 
     Raises `ValueError` for letters that do not fit exactly one ball. Raises `InputError` for a
-    diameter that has no unit or is not from 1 mm to 1 m, and for a file that is not the sheet of a
-    ball.
+    diameter without a unit or outside 1 mm to 1 m, and for a file that is not the sheet of a ball.
     """
     if ball is None:
         return {}

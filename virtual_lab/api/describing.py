@@ -99,10 +99,11 @@ class Description:
 
 @cache
 def describe(module: str, name: str) -> Description:
-    """Return the description of a function of a module, parsed from source without an import.
+    """Return docstring and parameters of a function, read from its source without importing it.
 
-    `name` is the name of a function, or ``Class.method``. Raises `FileNotFoundError` for an unknown
-    module, and `ValueError` if there is no such function or no docstring.
+    `name` is the name of a function in the module `module`, or ``Class.method``. Raises
+    `FileNotFoundError` for an unknown module, and `ValueError` if there is no such function or no
+    docstring.
     """
     (function,) = ast.parse(_header(module, name)).body
     assert isinstance(function, ast.FunctionDef)
@@ -139,18 +140,19 @@ def describe(module: str, name: str) -> Description:
 def advice(rule: ParameterRule, value: Any) -> str:
     """Return the part of an error message that states which values a rule allows.
 
-    It has the form ``did you mean r161? allowed: …``. The question is left out if `value` is not a
-    string or is similar to no allowed name.
+    An example is ``did you mean r161? allowed: …``. The question is left out if `value` is not a
+    string, or if no allowed name is similar to it.
     """
     hint = nearest(value, rule.complete()) if isinstance(value, str) else ""
     return f"{hint}allowed: {rule.allowed}"
 
 
 def first_line(module: str, name: str) -> str:
-    """Return the first line of a function's docstring without an import of its module.
+    """Return the first line of a function's docstring, read without importing its module.
 
-    `name` is the name of a function, or ``Class.method``. Raises `FileNotFoundError` for an unknown
-    module, and `ValueError` if there is no such function or no docstring.
+    `name` is the name of a function in the module `module`, or ``Class.method``. Raises
+    `FileNotFoundError` for an unknown module, and `ValueError` if there is no such function or no
+    docstring.
     """
     return _header(module, name).split('"""')[1].split("\n")[0]
 

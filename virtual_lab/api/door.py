@@ -25,10 +25,10 @@ Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
 
 def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
-    """Return the public function of the library with this name; its module loads at the first call.
+    """Return the public function `name`. Its module is imported at the first call.
 
-    `place` is the module of the function and its name there. If the function has a parameter
-    `progress` and a call does not give it, the call shows the progress on stderr. A call raises
+    `place` holds the module of the function and its name in this module. If the function has a
+    parameter `progress` and a call does not set it, the progress is shown on stderr. A call raises
     `InputError` for an argument that is missing, unknown or not allowed, and for an instrument that
     no rig of the test uses.
     """
@@ -67,11 +67,11 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
 
 
 def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, sealed: bool) -> Any:
-    """Return a result with the arguments of its call as the text of ``settings.toml``.
+    """Return `result` with its field `settings` set to the arguments of the call, as TOML text.
 
     `call` is the first line of the text, as a comment. A result without a field `settings` is
-    returned unchanged. If the truth is `sealed`, seed and faults are left out. A comment then takes
-    the place of the seed.
+    returned unchanged. If the truth is `sealed`, seed and faults are left out, and a comment
+    replaces the seed.
     """
     if not hasattr(result, "settings"):
         return result

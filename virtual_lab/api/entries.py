@@ -6,7 +6,7 @@ from virtual_lab.sheets import AnyName, Sheet
 
 
 def bat(name: AnyName) -> Sheet:
-    """Return the data sheet of a bat, whose values `Sheet.with_` can change.
+    """Return the data sheet of a bat. Its method `with_` returns a copy with changed values.
 
     Parameters
     ----------
@@ -16,13 +16,13 @@ def bat(name: AnyName) -> Sheet:
     Raises
     ------
     InputError
-        An unknown name, or a file that is not the sheet of a bat.
+        The name is unknown, or the file is not the sheet of a bat.
     """
     return Sheet.of("bats", name)
 
 
 def ball(name: AnyName) -> Sheet:
-    """Return the data sheet of a ball, whose values `Sheet.with_` can change.
+    """Return the data sheet of a ball. Its method `with_` returns a copy with changed values.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ def ball(name: AnyName) -> Sheet:
     Raises
     ------
     InputError
-        An unknown name, or a file that is not the sheet of a ball.
+        The name is unknown, or the file is not the sheet of a ball.
     """
     return Sheet.of("balls", name)
 
 
 def procedure(name: AnyName) -> Sheet:
-    """Return the data sheet of a test procedure, whose values `Sheet.with_` can change.
+    """Return the data sheet of a procedure. Its method `with_` returns a copy with changed values.
 
     Parameters
     ----------
@@ -48,13 +48,13 @@ def procedure(name: AnyName) -> Sheet:
     Raises
     ------
     InputError
-        An unknown name, or a file that is not the sheet of a test procedure.
+        The name is unknown, or the file is not the sheet of a test procedure.
     """
     return Sheet.of("procedures", name)
 
 
 def instrument(name: AnyName) -> Sheet:
-    """Return the data sheet of an instrument, whose values `Sheet.with_` can change.
+    """Return the data sheet of an instrument. Its method `with_` returns a changed copy.
 
     Parameters
     ----------
@@ -64,13 +64,13 @@ def instrument(name: AnyName) -> Sheet:
     Raises
     ------
     InputError
-        An unknown name, or a file that is not the sheet of an instrument.
+        The name is unknown, or the file is not the sheet of an instrument.
     """
     return Sheet.of("instruments", name)
 
 
 def rig(name: AnyName) -> Sheet:
-    """Return the data sheet of a rig, whose values `Sheet.with_` can change.
+    """Return the data sheet of a rig. Its method `with_` returns a copy with changed values.
 
     Parameters
     ----------
@@ -80,6 +80,6 @@ def rig(name: AnyName) -> Sheet:
     Raises
     ------
     InputError
-        An unknown name, or a file that is not the sheet of a rig.
+        The name is unknown, or the file is not the sheet of a rig.
     """
     return Sheet.of("rigs", name)
