@@ -34,10 +34,10 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
 
 
 def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
-    """Return the arguments of an action as printed on a page, for example "position: 120 mm".
+    """Return the arguments of an action in words, for example "position: 120 mm".
 
-    Arguments are separated by "; ". Empty ones are left out. Raises `KeyError` for an argument that
-    the action does not take.
+    This is the text on the page. Arguments are separated by "; ". Empty arguments are left out.
+    Raises `KeyError` for an argument that the action does not have.
     """
     takes = {each.name: each for each in ARGUMENTS.get(action, ())}
     titles = fault_titles() | {name: each.title for name, each in action_table().actions.items()}
@@ -55,10 +55,10 @@ def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
 def action_of(
     name: str, arguments: Mapping[str, object] | None = None, length: str = "mm"
 ) -> Action:
-    """Return an action after checking its arguments.
+    """Return the action with this name, after checking its arguments.
 
-    `arguments` may be strings as typed. A missing argument gets its default. A length without a
-    unit is in the unit `length`.
+    `arguments` are values, or strings as the trainee typed them. A missing argument gets its
+    default, if it has one. A length without a unit is in the unit `length`.
 
     Raises
     ------

@@ -105,15 +105,15 @@ class Day:
 
 
 def decide(day: Day, action: Action) -> float:
-    """Return the price of an action [s of laboratory time], without any effect on the day.
+    """Return the laboratory time that an action takes [s], if the action is allowed now.
 
-    An action is rejected only if it is impossible now or would change reduced results. Any other
-    action is allowed, with its consequences.
+    `day` is not changed. An action is rejected only if it is impossible now or would change reduced
+    results. Mistakes of the trainee are allowed, and so are their consequences.
 
     Raises
     ------
     InputError
-        The action is rejected; the message states the reason.
+        The action is rejected. The message states the reason.
     """
     name, arguments = action.name, action.arguments
     if day.handed_in and name != DISPUTE:
@@ -149,9 +149,9 @@ def decide(day: Day, action: Action) -> float:
 def is_offered(day: Day, action: str) -> bool:
     """Return whether the page of a day offers an action.
 
-    Until the day is handed in, the page offers the actions that this rig and this day allow. After
-    that, it offers only the dispute of a score, and in an exam nothing. Raises `KeyError` for an
-    unknown action.
+    Before the day is handed in, the page offers the actions that this rig and this day allow.
+    Afterward, it offers only the dispute of a score. In an exam, it then offers no action. Raises
+    `KeyError` for an unknown action.
     """
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam
@@ -161,9 +161,9 @@ def is_offered(day: Day, action: str) -> bool:
 
 
 def ready_steps(day: Day) -> tuple[str, ...]:
-    """Return the names of the steps before each shot, in order.
+    """Return the names of the steps that make the rig ready for each shot, in order.
 
-    Steps whose instrument the rig does not have are left out.
+    A step is left out if it needs an instrument that the rig does not have.
     """
     return tuple(step for step in MAKE_READY if has_instrument(day, step))
 
@@ -171,9 +171,9 @@ def ready_steps(day: Day) -> tuple[str, ...]:
 def has_instrument(day: Day, action: str) -> bool:
     """Return whether the rig has the instrument that an action needs.
 
-    The result is True for an action that needs no instrument. While the laboratory is being set
-    up, the instruments are not known yet, and the result is True for every action. Raises
-    `KeyError` for an unknown action.
+    The result is True for an action that needs no instrument. Before the laboratory is set up, its
+    instruments are unknown, and the result is True for every action. Raises `KeyError` for an
+    unknown action.
     """
     needs, calibration = action_table().actions[action].needs, day.morning.calibration
     return not calibration or any(key.startswith(needs) for key in calibration)

@@ -40,8 +40,8 @@ STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # stage of the records of
 def session_of(day: Day) -> Session:
     """Return the session of a day: its records and the calibration constants now in use.
 
-    Struck-out entries do not count. If a reading was repeated, the last one counts. The session has
-    no impact records before the first shot or aim paper.
+    Records of struck-out entries are left out. If a reading was repeated, the session has only the
+    last one. It has no impact records before the first shot or aim paper.
     """
     records: dict[str, dict[str, Record]] = {}
     calibration = dict(day.morning.calibration)

@@ -28,16 +28,17 @@ def fault_titles() -> dict[str, str]:
 
 
 def fault_of_text(words: str, action: str, key: str) -> str:
-    """Return the name of the fault that a trainee typed by its title or name.
+    """Return the name of the fault that a trainee entered by its title or its name.
 
-    “none”, “no result”, and any line of at most 300 characters that begins with “other:” (a
-    description in the trainee's words) are returned unchanged. `action` and `key` are only used in
-    the error message.
+    Three inputs are returned unchanged: “none”, “no result”, and a line of at most 300 characters
+    that begins with “other:”. Such a line describes a fault in the trainee's words. `action` and
+    `key` are only used in the error message.
 
     Raises
     ------
     InputError
-        The string is none of these; the message suggests the most similar title.
+        The string is not a fault and not one of these inputs. The message suggests the most similar
+        title.
     """
     titles = fault_titles()
     names = {title.lower(): name for name, title in titles.items()}

@@ -36,7 +36,7 @@ class ClassSheet(Spec):
 
 
 def load_class(path: Path) -> ClassSheet:
-    """Return title, scenario and trainees of an exam from a .toml file.
+    """Return the title, the scenario and the trainees of an exam, read from a .toml file.
 
     Raises `InputError` if the file is not valid, or if its scenario is not meant for an exam.
     """

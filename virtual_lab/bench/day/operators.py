@@ -224,9 +224,10 @@ HABITS = {
 
 
 def operator_of(name: str, seed: int = 0) -> Operator:
-    """Return a simulated operator by name: a function that yields the actions of a day.
+    """Return the simulated operator with this name.
 
-    `seed` determines which mistakes the operator makes. Raises `InputError` for an unknown name.
+    An operator is a function that yields one action after another. `seed` determines the mistakes
+    that the operator makes. Raises `InputError` for an unknown name.
     """
     if name not in HABITS:
         allowed = f"{nearest(name, HABITS)}allowed: {', '.join(HABITS)}"

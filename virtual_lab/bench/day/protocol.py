@@ -20,7 +20,7 @@ class StepDue:
 
 
 def steps_due(day: Day) -> Iterator[StepDue]:
-    """Yield each step that was due so far, in order, whether it was done or not.
+    """Yield each step that has been due so far, done or not, in the order of the day.
 
     The steps that prepare a shot are due once per shot. The removal of sabot scrap is not due
     before the first shot, because there is no scrap yet.
@@ -61,10 +61,10 @@ def excuses_of(day: Day) -> dict[str, str]:
 
 
 def remarks(day: Day) -> Display:
-    """Return one row to display for each step that the last event required and that was skipped.
+    """Return one row for each step that the last event required and that was not done in time.
 
     A row holds the text "skipped: " with the title of the step, the effect of the omission, and an
-    empty unit. The result is empty if no required step was skipped. Steps that were skipped before
+    empty unit. The tuple is empty if no required step was skipped. Steps that were skipped before
     earlier events are not listed again.
     """
     last = len(day.events) - 1
@@ -77,7 +77,7 @@ def remarks(day: Day) -> Display:
 
 
 def checklist(day: Day, *, end: bool) -> Display:
-    """Return a checklist to display: before the first shot, or before the verdict if `end`.
+    """Return the checklist before the first shot, or the checklist before the verdict if `end`.
 
     There is one row per item: its title, the word "done" or "not done", and an empty unit.
     """

@@ -106,10 +106,12 @@ class PrintedRow(NamedTuple):
 
 
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
-    """Yield one row per suspected fault: the first reading beyond its limits that indicates it.
+    """Yield one row per suspected fault.
 
-    Nothing is yielded if all readings are within their limits. A fault is left out if one of the
-    faults in its list ``unless`` is suspected too, because that fault explains the same readings.
+    A fault is suspected if a reading that indicates it is beyond its limits. The row is the first
+    such reading. A fault is left out if a fault in its list ``unless`` is suspected too, because
+    that fault explains the same readings. Nothing is yielded if all readings are within their
+    limits.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):
@@ -407,13 +409,17 @@ def beam_passages(record: Record) -> Array:
 
 
 def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[CheckRow]:
-    """Yield the largest and the smallest ratio of blocking times of a range of shots, one row each.
+    """Yield the largest and the smallest ratio of blocking times over several shots, one row each.
 
     The ratio is the time for which the incoming ball blocks the first gate, divided by the time for
-    which it blocks the last gate; it is 1 for a round ball. For light boards, a row with the number
-    of balls that blocked the first gate too early comes first; these balls are left out of the
-    ratio. If no ball has both times, there are no rows of the ratio. `event` is the entry of the
-    notebook to which the rows refer. `shots` are counted from 0.
+    which it blocks the last gate. It is 1 for a round ball. There is no such row if no ball has
+    both times.
+
+    For light boards, an additional first row holds the number of balls that blocked the first gate
+    too early. The ratios of these balls are left out.
+
+    `event` is the entry of the notebook to which the rows refer. `shots` is the range of shots,
+    counted from 0.
     """
     passages = beam_passages(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]

@@ -79,9 +79,10 @@ class Scenario(Spec):
 
 
 def load_scenario(name: str) -> Entry[Scenario]:
-    """Return a shipped scenario by name, or the scenario of a .toml file by path.
+    """Return the shipped scenario `name`, or the scenario in the file if `name` ends in .toml.
 
-    Raises `InputError` with file, key and allowed values if the scenario is not valid.
+    Raises `InputError` with file, key and allowed values if there is no such scenario or if it is
+    not valid.
     """
     return catalog.load("bench/scenarios", name, Scenario)
 

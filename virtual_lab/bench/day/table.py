@@ -90,15 +90,18 @@ class ActionTable(Spec):
 
 @cache
 def channels() -> Mapping[str, str]:
-    """Return the channel that each measuring action at the bench records, keyed by action name."""
+    """Return the name of the record that each measuring action writes, keyed by action name.
+
+    The record is a channel of the bench. Actions that write no such record are left out.
+    """
     return {name: each.channel for name, each in action_table().actions.items() if each.channel}
 
 
 @cache
 def preparation() -> tuple[str, ...]:
-    """Return the names of the procedure's steps before the first impact position is set.
+    """Return the names of the steps that the procedure requires before the shots, in order.
 
-    The steps are in the order of the procedure.
+    These are the steps before the first impact position is set.
     """
     book = (name for name, each in action_table().actions.items() if each.in_book)
     return tuple(takewhile(lambda name: name != "set-place", book))
@@ -111,16 +114,19 @@ def repairs() -> Mapping[str, ActionSheet]:
 
 
 def remedy_of(fault: str) -> tuple[str, Mapping[str, str]] | None:
-    """Return name and arguments of the action that removes a fault; None if there is no remedy."""
+    """Return name and arguments of the action that removes a fault.
+
+    The result is None if no action removes it.
+    """
     if fault in FOUND_INSTEAD:
         return FOUND_INSTEAD[fault]
     return next(((name, {}) for name, each in repairs().items() if fault in each.mends), None)
 
 
 def in_buttons(sentence: str) -> str:
-    """Return an error message in which the titles of buttons replace the names of actions.
+    """Return an error message with button titles instead of action names.
 
-    Other words are unchanged.
+    All other words are unchanged.
     """
     writes = {f"bench/{channel}": name for name, channel in channels().items()}
     writes |= {"balls/log": "hit-wall", "impact/aim": "aim-paper"}
@@ -147,6 +153,9 @@ def action_table() -> ActionTable:
 
 @cache
 def detectable() -> Mapping[str, FoundBy]:
-    """Return the data of each fault that a check at the bench can reveal, keyed by fault name."""
+    """Return the means of detection of each fault that a check at the bench can reveal.
+
+    The keys are fault names. The values state the actions, the reading and its limit.
+    """
     detections = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
     return MappingProxyType(detections)

@@ -106,7 +106,7 @@ def rehearse(
     operator_seed: OperatorSeed = 0,
     instruments: Instruments = (),
 ) -> RehearsedDay:
-    """Let an operator carry out a day at the rehearsal bench.
+    """Let an operator carry out a day at the rehearsal bench; return the day and its debrief.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def rehearse(
         Name of a shipped scenario, or path of a .toml file.
     operator
         ``book``, ``expert``, ``careful``, ``careless``, ``cheating``, or a generator function that
-        receives a function returning the current desk and yields actions.
+        yields actions. It has one parameter, a function that returns the current desk.
     script
         Path of a .json file with actions, instead of an operator.
     seed
@@ -127,8 +127,8 @@ def rehearse(
     Raises
     ------
     InputError
-        The scenario, the operator or an action does not exist, an action is impossible when its
-        turn comes, or the operator did not hand in the day.
+        The scenario, the operator or an action does not exist, an action is not possible at its
+        time, or the operator did not hand in the day.
     """
     if script is not None:
         taker = by_script(read_json(Path(script)), str(script))

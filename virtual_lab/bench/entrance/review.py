@@ -85,11 +85,12 @@ class PlayedEntry:
 
 
 def summary(folder: str | Path) -> Rows[ClassDay]:
-    """Return one row per day in the folders below `folder`, for example of a class.
+    """Return a table of all days in the folders below `folder`, one row per day.
 
-    The rows are sorted by folder. Practice days are left out. The scores of a day that was not
-    handed in are None. If a day that was handed in has no debrief yet, the debrief is written
-    beside its log. Raises `InputError` if there is no day, or if the files of a day cannot be used.
+    `folder` is, for example, the folder of a class. The rows are sorted by folder. Practice days
+    are left out. The scores of a day are None until it is handed in. If a handed-in day has no
+    debrief yet, this function writes the debrief into the folder of the day. Raises `InputError` if
+    there is no day, or if the files of a day cannot be used.
     """
     place = Path(folder)
     logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
@@ -100,10 +101,11 @@ def summary(folder: str | Path) -> Rows[ClassDay]:
 
 
 def trends(folder: str | Path) -> Rows[CurvePoint]:
-    """Return the learning curves of the trainees below `folder`, one row per point.
+    """Return the learning curves of the trainees below `folder`, one row per point of a curve.
 
-    There is one curve per trainee and score, and one per trainee and fault. All days of a trainee
-    must be in one folder; their names give the order. Practice days are left out. Raises
+    Each trainee has one curve per score and one curve per fault. A point is the value of one day.
+    For a fault that was present, it is 1 if the trainee named it and 0 if not. All days of a
+    trainee must be in one folder, sorted by their names. Practice days are left out. Raises
     `InputError` if there is no day, or if the files of a day cannot be used.
     """
     root, points = Path(folder), list[CurvePoint]()
@@ -177,11 +179,10 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
-    """Try a scenario with the operators `book` and `expert`; return one row per day.
+    """Return one row per trial day of a scenario, carried out by the operators `book` and `expert`.
 
-    Each operator carries out three days, with the seeds 1, 2 and 3, so there are six rows.
-
-    Raises `InputError` with file, key and allowed values if the scenario is not valid.
+    Each operator carries out three days, with the seeds 1, 2 and 3, so there are six rows. Raises
+    `InputError` with file, key and allowed values if the scenario is not valid.
     """
     entry = load_scenario(str(name))
     scenario = entry.spec
@@ -230,7 +231,9 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
 
 
 def replay(path: str | Path) -> Rows[PlayedEntry]:
-    """Repeat a day from its log; return one row per entry, compared with the entry in the log.
+    """Repeat a day from its log; return one row per entry.
+
+    A row states whether the repeated entry equals the entry in the log.
 
     Parameters
     ----------

@@ -36,24 +36,24 @@ def serve(
     tls: tuple[Path, Path] | None = None,
     exam: str = "",
 ) -> None:
-    """Begin or continue days in folders, and serve their pages until Ctrl-C stops the server.
+    """Begin or continue the day in each folder, and serve the pages until Ctrl-C is pressed.
 
     Parameters
     ----------
     folders
-        Folder of each trainee, keyed by name, at most 50.
+        Folder of each trainee, keyed by the trainee's name. At most 50.
     scenario
-        Scenario of new days. None: the days in the folders, which must be handed in, are replayed.
+        Scenario of new days. If None, the days in the folders are replayed. They must be handed in.
     seed
-        Seed of new days, so that all trainees have the same day. None: each has a random seed.
+        Seed of all new days, which are then equal. If None, each day has a random seed.
     port, host
-        Address of the pages. A host other than this computer needs `tls`.
+        Port and host name of the pages. A host other than this computer needs `tls`.
     browser
         Whether to open the page of the first day.
     say
         Function that prints a line of instructions.
     tls
-        Files of certificate and key, in PEM format.
+        Files of certificate and key, in PEM format. If None, the pages are served without TLS.
     exam
         Title of an exam; empty for none. Its days stay closed until the trainer begins the exam.
 

@@ -110,7 +110,7 @@ class CheckStandards:
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
     """Return a copy of the laboratory with other faults.
 
-    Seed, salt, calibration certificates and date stay the same.
+    Its seed, salt, calibration certificates and date are unchanged.
     """
     setup = replace(
         laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision
@@ -134,10 +134,11 @@ def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str
 
 
 def speed_ratio(gates: Record) -> Array:
-    """Return the ratio of rebound to incoming speed of each shot, shape (shot,).
+    """Return the ratio of rebound speed to incoming speed of each shot, shape (shot,).
 
-    The speeds are those between the first and the last gate. A shot that one of these gates missed
-    gives NaN. Raises `AssertionError` for a record of anything but light gates or light boards.
+    Both speeds are averages between the first and the last gate. The ratio is NaN if one of these
+    two gates missed the ball. Raises `AssertionError` for a record of anything but light gates or
+    light boards.
     """
     into, back = _flight_times(gates)
     return np.asarray(into / back)

@@ -226,17 +226,17 @@ def _trip_probability(shot: ShotConditions) -> float:
 
 
 def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
-    """Return the true bat and balls at a stage of the test, as changed by the faults of the day."""
+    """Return the true bat and balls at a stage of the test, including the effects of the faults."""
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
     plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
     return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
 
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
-    """Return a copy of a station in which an instrument has other true constants.
+    """Return a copy of a station in which one instrument has changed true constants.
 
-    `part` is the name of the instrument, and `true` are the new values [SI] by the names of the
-    constants. Raises `AttributeError` if the station has no such instrument, and `KeyError` for an
-    unknown constant.
+    `part` is the name of the instrument. The keyword arguments `true` are the new values [SI], by
+    name of the constant. Raises `AttributeError` if the station has no such instrument, and
+    `KeyError` for an unknown constant.
     """
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))

@@ -38,11 +38,12 @@ FRAMES = 6  # number of frames in a film of a shot
 
 
 def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
-    """Return the sketch of a shot as a JSON object, the top view that a trainee may see.
+    """Return the sketch of a shot as a JSON object.
 
-    `struck` lists the contacts in order, such as "bat" or "stop"; it is empty if the ball hit
-    nothing. If the ball hit the bat, there are four more keys. `way` is "back" or "on", and `side`
-    is "straight", "up" or "down"; both are the true direction of the ball afterward. `rebound`
+    The sketch is the top view that a trainee may see. Its key `struck` lists the contacts in order,
+    such as "bat" or "stop", and is empty if the ball hit nothing. If the ball hit the bat, there
+    are four more keys. `way` is "back" if the ball flies back and "on" if it flies on. `side` is
+    "straight", "up" or "down". Both are the true direction of the ball after the hit. `rebound`
     (e_A) and `turn` (angular rate of the bat [rad/s]) are blurred.
     """
     if shot not in firing.sketches:
@@ -89,7 +90,7 @@ def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tup
 
 
 def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, PlayedShots] | None:
-    """Return the true scene of a shot and the motion in it.
+    """Return the true initial conditions of a shot and its true motion.
 
     The result is None for a rig that swings the bat, and for a shot that the model of the motion
     cannot compute.
@@ -110,7 +111,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
-    """Return the true motion of shot number `shot`, counted from 1, of a day.
+    """Return the true motion of a shot of a day. `shot` is counted from 1.
 
     The result is None for a rig that swings the bat, and for a shot that the model of the motion
     cannot compute. Raises `IndexError` if the shot has not been fired.
@@ -150,9 +151,9 @@ def has_camera(laboratory: Laboratory) -> bool:
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
     """Return six camera frames of a shot as one PNG, drawn from its sketch.
 
-    They do not reveal true numbers, because they depend only on the sketch, the impact position
-    that was set, and data sheets. `event` is the entry of the shot. The result is empty if the ball
-    missed the bat or the rig has no camera.
+    The frames depend only on the sketch, the set impact position, and data sheets. They reveal no
+    true value. `event` is the notebook entry of the shot. The result is empty if the ball missed
+    the bat or the rig has no camera.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):
@@ -181,7 +182,7 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 
 
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
-    """Return the six true camera frames of shot number `shot`, counted from 1, as one PNG.
+    """Return the six true camera frames of a shot as one PNG. `shot` is counted from 1.
 
     The result is empty if the rig has no camera. Raises `IndexError` if the shot has not been
     fired.
@@ -195,7 +196,7 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
 
 
 def before_shot(day: Day, shot: int) -> Day:
-    """Return the day as it was before shot number `shot`, counted from 1.
+    """Return the day as it was immediately before a shot. `shot` is counted from 1.
 
     Raises `IndexError` if the shot has not been fired.
     """

@@ -42,11 +42,12 @@ SECRET = "sealed.json"
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
-    """Return the laboratory of a day, with the faults of `scenario`.
+    """Return the simulated laboratory of a day, with the faults of `scenario`.
 
-    `seed` determines its true values. `salt` is the random salt of the commitment to this seed. If
-    the faults of the scenario are None, the laboratory has none. Raises `InputError` if the
-    scenario names something that does not exist or does not fit.
+    `seed` determines the true values of the laboratory. `salt` is hashed together with the seed, to
+    prove later that the seed was not changed. There are no faults if the faults of the scenario are
+    None. Raises `InputError` if the scenario names an unknown sheet, or sheets that do not fit
+    together.
     """
     setup = TestSetup.of(
         scenario.bat,
@@ -220,7 +221,7 @@ def do_action(apparatus: Apparatus, day: Day, action: Action) -> DayEvent:
 
 
 def play_actions(apparatus: Apparatus, actions: Iterable[Action]) -> Day:
-    """Return the day after a series of actions on a new day, without a log.
+    """Return the day after a series of actions. The day is new and has no log.
 
     Raises `InputError` if an action is rejected.
     """
@@ -233,7 +234,7 @@ def run_operator(
     morning: Day | None = None,
     listed: Mapping[str, float] = MappingProxyType({}),
 ) -> Day:
-    """Return the day after all actions of an operator, without a log.
+    """Return the day after an operator has carried out all actions. No log is written.
 
     Parameters
     ----------
@@ -242,7 +243,7 @@ def run_operator(
     operator
         The simulated operator.
     morning
-        The day so far; by default a new day.
+        The day to continue. By default a new day.
     listed
         Possible faults of a new day, with their probabilities. Ignored with `morning`.
 

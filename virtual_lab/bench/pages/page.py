@@ -101,14 +101,14 @@ def day_page(
     Parameters
     ----------
     desk, briefing
-        The desk of the day, and the part of the scenario that the trainee may know.
+        The desk (the day and its results), and the part of the scenario that the trainee may know.
     refusal
-        The rejected action to report at the top of the page.
+        The rejected action to report at the top of the page. By default none.
     shot
         Number of the shot to draw, from 1; by default the last shot.
     true_motion
-        The true motion of this shot, which the trainee may see after handing in the day for
-        scoring. By default the page draws the sketch of the shot.
+        The true motion of this shot. The trainee may see it after handing in the day. By default
+        the page draws the sketch of the shot.
     scenarios_offered
         Scenarios that the trainee may begin instead, keyed by name.
     """
@@ -167,7 +167,7 @@ def day_page(
 
 
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
-    """Return the HTML page that replays a day: its state after entry `number`, 0 for the start.
+    """Return the HTML page that shows a day as it was after entry `number`; 0 is the start.
 
     `briefing` is the part of the scenario that a trainee may know. Raises `IndexError` if there is
     no such entry.
@@ -212,7 +212,10 @@ def _display_variables(
 
 
 def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return the HTML page of the notebook for printing: all entries and hits, in order."""
+    """Return the HTML page of the notebook for printing.
+
+    It lists all entries and all hits of the day, in order.
+    """
     return page_template(PACKAGE, "notebook.html").render(
         briefing=briefing,
         day=desk.day,
@@ -237,12 +240,15 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def hall_page(hall: Hall) -> str:
-    """Return the HTML page of the trainer in an exam. It shows the progress of each trainee."""
+    """Return the HTML page for the trainer of an exam. It shows the progress of each trainee."""
     return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
 
 
 def refusal_sentence(fault: InputError) -> str:
-    """Return an error as one sentence that names buttons and fields by their titles on the page."""
+    """Return an error as one sentence for the page.
+
+    The sentence names buttons and fields by their titles on the page.
+    """
     titles = {each.name: each.title for each in ARGUMENTS.get(fault.where, ())}
     key = titles.get(fault.key, fault.key)
     value = f"“{fault.value}”" if isinstance(fault.value, str) else fault.value
@@ -257,7 +263,7 @@ def refusal_sentence(fault: InputError) -> str:
 def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
     """Return an HTML page with a title and one sentence, both plain text.
 
-    `by_code` adds a field for the trainee's code.
+    If `by_code`, the page also has a field in which the trainee enters a code.
     """
     page = page_template(PACKAGE, "plain.html")
     return page.render(title=title, sentence=sentence, by_code=by_code)
@@ -299,7 +305,7 @@ def _last_undecided(desk: Desk, hits: list[PrintedHit]) -> bool:
 
 
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
-    """Return the HTML page of the rules or of the instruments.
+    """Return the HTML page of the rules or of the instruments, as selected by `name`.
 
     `name` is "rules" or "instruments". Any other name raises jinja2's `TemplateNotFound`.
     """

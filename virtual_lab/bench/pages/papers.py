@@ -24,7 +24,10 @@ SCALES = {"mm": 1e3, "ppm": 1e6, "deg": 1 / DEGREE, "kg mm²": 1e6, "kg mm": 1e3
 
 @cache
 def wall() -> Mapping[str, Any]:
-    """Return the texts of the pages of rules and instruments, from ``data/bench/wall.toml``."""
+    """Return the content of ``data/bench/wall.toml``.
+
+    It holds the texts for the pages of rules and instruments.
+    """
     return catalog.sheet("bench", "wall")[0]
 
 
@@ -56,9 +59,9 @@ class PrintedInstrument(NamedTuple):
 
 
 def rules_of(desk: Desk) -> list[PrintedRule]:
-    """Return one row for each numerical entry in the rules of the procedure.
+    """Return one row per number in the sheet of the procedure.
 
-    The value is printed in the unit of the rule book, followed by SI units if they differ.
+    The number is printed in the unit of the rule book, followed by the SI unit if it differs.
     """
     words = wall()["rules"]
     order = {key: place for place, key in enumerate(words)}
@@ -164,9 +167,10 @@ def may_go_wrong(listed: Mapping[str, float]) -> list[tuple[str, str, str]]:
 
 
 def wall_pages(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the template variables of the papers on the laboratory's wall, keyed by variable name.
+    """Return the template variables of the papers on the laboratory's wall, keyed by name.
 
-    The papers are the rules, the sheets of the instruments, the prices and the possible faults.
+    The papers are the rules, the sheets of the instruments, the prices of the actions, and the
+    possible faults.
     """
     return {
         "rules": desk.rules.spec,

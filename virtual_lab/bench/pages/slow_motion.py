@@ -74,7 +74,7 @@ class SlowMotion:
 
 
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
-    """Return the motion that the sketch of a shot shows.
+    """Return an approximate motion of ball and bat that agrees with the sketch of a shot.
 
     `event` is the entry of the shot. `place` is its impact position from the tip [m]. If no ball
     reached the bat, the x of the ball is NaN.
@@ -105,10 +105,10 @@ def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
 
 
 def clear_rebound(sketch: Mapping[str, Any]) -> float:
-    """Return the e_A to draw: the e_A of the sketch, kept at least 0.03 away from zero.
+    """Return the e_A to draw for a sketch, at least 0.03 away from zero.
 
-    It is positive if the ball of the sketch flies back and negative otherwise, so that the
-    direction of the ball stays visible. Raises `KeyError` for a sketch in which the ball missed the
+    It is positive if the ball flies back and negative if it flies on. The distance from zero keeps
+    the direction of the ball visible. Raises `KeyError` for a sketch in which the ball missed the
     bat.
     """
     rebound, least = float(sketch["rebound"]), 0.03
@@ -118,14 +118,15 @@ def clear_rebound(sketch: Mapping[str, Any]) -> float:
 def contact_words(struck: Sequence[str], direction: str = "", side: str = "straight") -> str:
     """Return a sentence on the contacts of a shot and the direction of the ball after them.
 
-    Without a contact it is "No ball reached the bat."
+    The sentence is "No ball reached the bat." if there is no contact.
 
     Parameters
     ----------
     struck
         Contacts in order: "bat", "bat again", "stop" or "frame".
     direction
-        "back" if the ball flies back, "on" if it flies on; if empty, the sentence leaves it out.
+        "back" if the ball flies back, "on" if it flies on. If empty, the sentence does not state
+        the direction.
     side
         Direction of the rebound: "straight", "up" or "down".
     """
@@ -142,7 +143,7 @@ def contact_words(struck: Sequence[str], direction: str = "", side: str = "strai
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
-    """Return the data to draw the motion of shot number `shot`, counted from 1."""
+    """Return the data with which the page draws the motion of a shot. `shot` is counted from 1."""
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
     upper = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]

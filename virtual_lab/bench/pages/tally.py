@@ -40,10 +40,11 @@ def printed_column(title: str, values: Array, form: str) -> PrintedColumn:
 
 
 def swings(desk: Desk) -> list[PrintedColumn]:
-    """Return amplitudes [°] and periods [s] of the pendulum as columns, with one row per release.
+    """Return the readings of the pendulum as columns, with one row per release.
 
-    A further column is the decrease from the first to the last period [ms]. The list is empty
-    before the pendulum was swung.
+    The columns are the number of the release, the first and the last amplitude [°], the decrease
+    from the first to the last period [ms], and all periods [s]. The list is empty before the
+    pendulum has been swung.
     """
     event = desk.last("swing")
     if event is None:
@@ -65,7 +66,7 @@ def swings(desk: Desk) -> list[PrintedColumn]:
 def in_units(sentence: str, system: str) -> str:
     """Return a sentence in which inches and mph are converted to mm and m/s if `system` is "SI".
 
-    With any other system it is returned unchanged.
+    For any other `system` the sentence is returned unchanged.
     """
 
     def convert(match: re.Match[str]) -> str:
@@ -207,9 +208,10 @@ def _chart(
 
 
 def residual_chart(desk: Desk, shot: int) -> str:
-    """Return an SVG chart of the residuals [counts] of the encoder fit of a shot, counted from 1.
+    """Return an SVG chart of the residuals [counts] of the encoder fit of a shot.
 
-    The string is empty without an encoder, without a fit, or with fewer than 40 fitted samples.
+    `shot` is counted from 1. The string is empty if there is no encoder or no fit, or if fewer than
+    40 samples were fitted.
     """
     record = desk.session.records.get("impact", {}).get("encoder")
     if not isinstance(record, EncoderRecord) or desk.missing:

@@ -40,15 +40,15 @@ class Traces:
 
 
 def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
-    """Return the drawing and the tables of the records of one shot.
+    """Return the drawing of the records of one shot, and the tables of their values.
 
     Parameters
     ----------
     shot
         Number of the shot, from 1.
     records
-        Records of the shot as JSON objects, by channel. Without an encoder record the table of
-        samples is empty.
+        Records of the shot as JSON objects, keyed by channel. Without an encoder record the table
+        of samples is empty.
 
     Raises
     ------

@@ -46,9 +46,9 @@ def costly_decisions(
 ) -> tuple[CostlyDecision, ...]:
     """Return up to three decisions with the largest effect on the error of the result.
 
-    For each wrong decision, the day is replayed with only this decision corrected. A decision
-    without which the day gains or loses its result comes first. The tuple is empty if no decision
-    changed the error.
+    For each wrong decision, the day is replayed with only this decision corrected. The effect is
+    the change of the error. Decisions that create or prevent the result of the day come first. The
+    tuple is empty if no decision changed the error.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def costly_decisions(
     results
         Results that the trainee entered.
     justified
-        Shots, from 0, that were rejected for a good reason. They are left as they are.
+        Shots that were rejected for a good reason, counted from 0. These decisions are not
+        corrected.
     """
     decisions: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None
@@ -124,7 +125,7 @@ def _scatter(day: Desk, corrected: Desk) -> float:
 
 
 def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Play a new day with the given actions up to its reduction; return the desk.
+    """Return the desk of a new day after the given actions, ready to be reduced.
 
     The shots in `by_windows`, counted from 0, are accepted or rejected by the acceptance windows
     instead of by the trainee. Raises `InputError` if an action is impossible, or if a record that

@@ -178,14 +178,14 @@ def debrief(
     expert: Day | None = None,
     scores_only: bool = False,
 ) -> Debrief:
-    """Return the debrief of a day.
+    """Return the debrief of a day: its scores and explanations.
 
     Parameters
     ----------
     apparatus
         The machines of the day, which hold the truth.
     taken_day
-        The day or its desk. With a desk, reductions that it has cached are not repeated.
+        The day, or its desk. A desk saves time if it already holds the reduced results.
     scenario
         The scenario with the faults of the day.
     seal
@@ -293,20 +293,20 @@ def debrief(
 
 
 def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
-    """Return the debrief of a stored day, which states whether the seal is intact.
+    """Return the debrief of a stored day. It states whether the seal is intact.
 
-    A broken seal is stated, not raised. `expert` is the day of the simulated expert, with which the
-    trainee's day is compared; by default it is simulated now. Raises `InputError` if the day was
+    A broken seal raises no error. `expert` is the day of the simulated expert, with which the
+    trainee's day is compared. By default it is simulated now. Raises `InputError` if the day was
     not handed in.
     """
     return debrief(day.apparatus, day.desk, day.scenario, day.seal, expert=expert)
 
 
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
-    """Return the day that the simulated expert carries out.
+    """Return the day of the simulated expert in the trainee's laboratory.
 
     Machines, bat and balls are those of the trainee's `day`. If another laboratory supplied the
-    first entries of this day, the expert continues after them.
+    first entries of `day`, the expert continues after these entries.
     """
     return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 

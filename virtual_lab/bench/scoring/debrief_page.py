@@ -16,7 +16,7 @@ from virtual_lab.output.template import page_template
 
 
 def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
-    """Return the debrief as a self-contained HTML page; `linked` adds links to the replay."""
+    """Return the debrief as a self-contained HTML page. If `linked`, it has links to the replay."""
     return page_template("virtual_lab.bench.pages", "debrief.html").render(
         debrief=debrief,
         linked=linked,

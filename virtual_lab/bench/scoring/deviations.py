@@ -44,11 +44,12 @@ class Deviation:
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield one judgment per deviation from the procedure, in the order of the entries.
+    """Yield the judgment of each deviation from the procedure, in the order of the entries.
 
-    Deviations are omissions that the trainee noted, rejections of hits that were within the
-    acceptance windows, and additional checks after a reading beyond its limit. Struck-out entries,
-    and those that another laboratory supplied, are not judged.
+    There are three kinds of deviation: an omission that the trainee noted, a rejection of a hit
+    that was within the acceptance windows, and an additional check that an earlier reading beyond
+    its limit justified. Struck-out entries are not judged. Entries that another laboratory supplied
+    are not judged either.
     """
     before = Desk(desk.day.until(0))
     for event in desk.day.events:
@@ -58,10 +59,10 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
-    """Return the total time [s] of additional checks that a reading justified.
+    """Return the total time [s] of the additional checks that a reading justified.
 
-    The procedure does not require these checks. The economy score does not count their time.
-    `judged` are the deviations of the day, each with its judgment.
+    The procedure does not require these checks, and the economy score does not count their time.
+    `judged` are the deviations of the day with their judgments.
     """
     entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(

@@ -46,10 +46,13 @@ def right_verdict(
 ) -> RightVerdict:
     """Return the correct verdict of a day, its reason, and the true metric.
 
-    It is the verdict of the rules on the true metric. However, if the day is `spoilt` by a fault
-    and the error exceeds U = 2 u, it is INVALID. If the day has no result it is INVALID on a spoilt
-    day and MEASURED on any other, and the true metric is None. `value` and `u` are the result of
-    the day and its standard uncertainty in SI units, None without a result.
+    The verdict is normally the one that the rules give for the true metric. It is INVALID if the
+    day is `spoilt` by a fault and the error of the result is larger than U = 2 u. If the day has no
+    result, the verdict is INVALID on a spoilt day and MEASURED on any other day, and the true
+    metric is None.
+
+    `value` is the result of the day and `u` its standard uncertainty, both in SI units. They are
+    None without a result.
     """
     truth = None
     if value is not None:
@@ -70,12 +73,12 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     The first case that applies determines the score:
 
     * PASS instead of FAIL, or FAIL instead of PASS: 0.
-    * INVALID: 0 if the records do not support it, 0.6 (`MENDABLE`) if they do but the fault could
+    * INVALID: 0 if the records do not support it. If they do, 0.6 (`MENDABLE`) if the fault could
       have been repaired, otherwise 1.
-    * INVALID would have been correct: 0.2.
+    * Another verdict, although INVALID would have been correct: 0.2.
     * The day has no result: 0.
-    * Otherwise 1 if the error is at most U = 2 u, else U / |error|; half of this for MEASURED
-      instead of PASS or FAIL, or the reverse.
+    * All other cases: 1 if the error is at most U = 2 u, otherwise U / |error|. The score is halved
+      if the trainee gave MEASURED and PASS or FAIL was correct, or vice versa.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:
@@ -113,10 +116,12 @@ def detection_score(
 ) -> tuple[float, str]:
     """Return the detection score, max(0, 1 - Σ (p - o)²), and its explanation.
 
-    The sum runs over every fault that is possible, present or named: p is the probability that the
-    trainee gave to a fault. If it was not named, p is its rate, or 0 for a fault without a rate. o
-    is 1 if the fault was present, otherwise 0. `named` are the trainee's probabilities, `faults`
-    the faults that were present, and `rates` the rates of the possible faults.
+    The sum runs over every fault that is possible, present or named. p is the probability that the
+    trainee gave to the fault. For a fault that the trainee did not name, p is its rate, or 0 if it
+    has no rate. o is 1 if the fault was present, otherwise 0.
+
+    `named` are the trainee's probabilities by fault, `faults` are the faults that were present, and
+    `rates` are the rates of the possible faults, 0 to 1.
     """
     probabilities = dict.fromkeys(faults, 0.0) | dict(rates) | dict(named)
     penalty = sum((p - (name in faults)) ** 2 for name, p in probabilities.items())
@@ -131,8 +136,8 @@ def detection_score(
 def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float]) -> bool:
     """Return whether the trainee gave a fault a probability above its rate.
 
-    `named` and `rates` are probabilities, 0 to 1, by fault. The result is False for an unnamed
-    fault.
+    `named` holds the trainee's probabilities and `rates` the rates of the faults, both 0 to 1 and
+    keyed by fault. The result is False for a fault that the trainee did not name.
     """
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 
@@ -141,8 +146,9 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
     """Return the protocol score, 0 to 1, and its explanation.
 
     The score is the share of the due steps that were done in time or skipped for a good reason. A
-    noted reason is good unless the records contradict it; only the last note on a step is used. The
-    score is 0 if no step was due. `judged` are the deviations of the day, each with its judgment.
+    noted reason is good unless the records contradict it. If a step has several notes, the last one
+    is used. The score is 0 if no step was due. `judged` are the deviations of the day with their
+    judgments.
     """
     due = len(list(steps_due(day)))
     reasons = {each.step: each.judged != DENIED for each in judged if each.step}
@@ -157,9 +163,8 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
 def justified_rejections(day: Day, judged: list[Deviation]) -> set[int]:
     """Return the shots that the trainee rejected with good reason, counted from 0.
 
-    `judged` are the deviations of the day from the procedure, each with its judgment. A rejection
-    is right if it was judged as justified, because the records of the shot show an anomaly, and the
-    trainee did not accept the shot later.
+    A rejection has a good reason if the records of the shot show an anomaly. A shot is left out if
+    the trainee accepted it later. `judged` are the deviations of the day with their judgments.
     """
     just = {each.entry for each in judged if each.judged == JUSTIFIED}
     shots = {
@@ -175,10 +180,10 @@ def record_score(
 ) -> tuple[float, str]:
     """Return the record score, 0 to 1, and its explanation.
 
-    The score is the share of correct items among the decisions on hits and the entered results. A
-    decision is correct if it follows the acceptance windows; hits in `justified`, counted from 0,
-    may also be rejected although they are within the windows. An undecided hit counts as wrong. If
-    there is no hit, or a record is missing, the score is 0.
+    The items scored are the decision on each hit and each entered result. The score is the share of
+    correct items. A decision is correct if it follows the acceptance windows. The rejection of a
+    hit in `justified`, counted from 0, is also correct. A hit without a decision counts as wrong.
+    The score is 0 if there is no hit, or if a record is missing.
     """
     reasons = desk.reasons if not desk.missing else ()
     if not reasons:
@@ -199,9 +204,10 @@ def record_score(
 def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
     """Return the economy score, 0 to 1, and its explanation.
 
-    The score is the product of three factors, each at most 1: the expert's time over the trainee's
-    time, the expert's number of shots over the trainee's, and the score `result`. `needless` is the
-    part of the trainee's time that is not counted [s]: extra checks that a reading justified.
+    The score is the product of three factors: the expert's time divided by the trainee's time, the
+    expert's number of shots divided by the trainee's number of shots, and the score `result`. The
+    first two factors are at most 1. `needless` is the time of additional checks that a reading
+    justified [s]; it is subtracted from the trainee's time.
     """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)
@@ -216,7 +222,10 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
 
 def before_repair(day: Day, faults: tuple[str, ...]) -> set[int]:
-    """Return the numbers of the shots, from 0, before the last repair of any of the `faults`."""
+    """Return the shots, counted from 0, that were fired before the last repair of a fault.
+
+    Only repairs of the `faults` count. The set is empty if none of them was repaired.
+    """
     fired = before = 0
     for event in day.events:
         fired += event.action == "fire"

@@ -131,17 +131,17 @@ def application(
     Parameters
     ----------
     days
-        The days, by token. The token is part of the address that opens the day, and works once. In
-        an exam it works repeatedly. Each use then ends the access of the browser that used it
-        before.
+        The days, keyed by token. The token is part of the address that opens the day, and it works
+        once. In an exam it works repeatedly. If a second browser uses it, the first browser loses
+        its access.
     hosts
-        Served names with port, such as ``127.0.0.1:8000``; at least one. A request to another name
-        is answered with status 403.
+        Host names with port under which the pages are served, such as ``127.0.0.1:8000``. At least
+        one. A request to another name is answered with status 403.
     secure
         Whether TLS is used.
     exam
-        The trainer's token, which works once, and the state of the exam. Trainees can work only
-        while the exam is in progress. None: there is no exam.
+        The trainer's token and the state of the exam. The token works once. Trainees can work only
+        while the exam is in progress. If None, there is no exam.
     """
 
     async def act(request: Request) -> Response:
