@@ -272,7 +272,7 @@ def entry_names(entries: AnyEntries) -> tuple[str, ...]:
 
 
 def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
-    """Return one word as a tuple of one, or a list of words as a tuple."""
+    """Return a list of words as a tuple; a single word becomes a tuple with one element."""
     return (words,) if isinstance(words, str) else tuple(words)
 
 
@@ -395,23 +395,23 @@ AnyStudy = Annotated[
 
 
 def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
-    """Return the sheet of a rig or of one of its instruments, and the key in this sheet.
+    """Return the data sheet of a rig or of one of its instruments, and a key of this sheet.
 
-    Whether the sheet has the key is not checked.
+    The function does not check whether the sheet has the key.
 
     Parameters
     ----------
     rigs
-        Names or paths of rigs, by stage.
+        Names or paths of rigs, keyed by stage.
     key
-        Stage and key of the rig's sheet, ``impact.pivot.from_knob_u``. If this key names an
-        instrument, a key of the instrument's sheet follows, ``impact.gates.distance_u``.
+        Stage and key of the rig's sheet, for example ``impact.pivot.from_knob_u``. For a key of an
+        instrument's sheet: stage, instrument and key, for example ``impact.gates.distance_u``.
 
     Raises
     ------
     InputError
-        There is no such stage, or no key after it; or the rig or instrument has no sheet, or one
-        that is not TOML.
+        The stage is unknown, no key follows the stage, or the sheet of the rig or instrument does
+        not exist or is not a TOML file.
     """
     stage, _, key_in_rig = key.partition(".")
     if stage not in rigs or not key_in_rig:
@@ -428,12 +428,14 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
 
 
 def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
-    """Return the arguments of a call as a file of settings, which ``--config`` reads.
+    """Return the arguments of a call as the TOML text of a settings file, for ``--config``.
 
-    `call` is the first line, as a comment. An argument that a file cannot contain (a sheet with
-    changed values, an array, a function) is only named in a comment. Arguments that are None, and
-    `progress`, are left out. If the truth is sealed, a comment takes the place of the seed, and
-    faults are not mentioned at all, because a comment would reveal that faults exist.
+    The text begins with `call`, as a comment. Arguments that are None, and `progress`, are omitted.
+    An argument that a file cannot contain (a sheet with changed values, an array, a function) is
+    only described in a comment.
+
+    If `sealed` is True, the text does not reveal the seed: a comment replaces it. The faults are
+    omitted without a comment, because a comment would reveal that faults exist.
     """
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():

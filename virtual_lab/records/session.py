@@ -251,10 +251,10 @@ class SessionForm(Spec):
 
 
 def load_session(folder: Path) -> Session:
-    """Return the session in a folder, after checking all files against their digests.
+    """Return the session stored in `folder`, after comparing its files with their SHA-256 digests.
 
-    Raises `InputError`, which names file and key, for a missing, damaged, changed or unlisted file,
-    and for a value that is not allowed.
+    Raises `InputError`, which names file and key, if a file is missing, damaged, changed or not
+    listed in the session, or if a value is not allowed.
     """
     where = folder / SESSION
     form = validate(read_json(where), str(where), SessionForm)
@@ -325,10 +325,10 @@ def _require_listed(folder: Path, form: SessionForm, where: Path) -> None:
 
 
 def require_channel(stage: str, channel: str, where: Path) -> None:
-    """Raise `InputError` for the name of a stage or channel that could lead out of the folder.
+    """Raise `InputError` if the name of a stage or channel is unsafe as part of a file name.
 
-    Allowed are 1 to 100 ASCII letters, digits, - and _. `where` is the file that contains the
-    names.
+    A safe name has 1 to 100 characters: ASCII letters, digits, - and _. `where` is the file that
+    contains the names; the error message names it.
     """
     for name in (stage, channel):
         if not re.fullmatch(r"[\w-]{1,100}", name, re.ASCII):
@@ -341,7 +341,11 @@ def _entries(constants: Mapping[str, Estimate]) -> dict[str, Any]:
 
 
 def entry_of_constant(constant: Estimate) -> dict[str, Any]:
-    """Return a constant as a JSON object: value and u [SI], dof if finite, source if stated."""
+    """Return a calibration constant as a JSON object.
+
+    The keys ``value`` and ``u`` (standard uncertainty) are in SI units. The key ``dof`` is omitted
+    if the degrees of freedom are infinite, and ``source`` is omitted if it is empty.
+    """
     entry: dict[str, Any] = {"value": constant.value, "u": constant.u}
     if constant.dof != inf:
         entry["dof"] = constant.dof

@@ -23,7 +23,7 @@ def air_density(
     """Return the density of moist air [kg/m³] by CIPM-2007, in the common shape of the arguments.
 
     `temperature` is in K, `pressure` in Pa, and `humidity` is the relative humidity from 0 to 1.
-    The formula is also applied to values outside its range; no error is raised.
+    Conditions outside the valid range of the formula are not rejected. NaN gives NaN.
     """
     kelvin, p = np.asarray(temperature, dtype=float), np.asarray(pressure, dtype=float)
     t = kelvin - ZERO_CELSIUS

@@ -53,9 +53,10 @@ class Board:
 def board_of(text: str) -> Board:
     """Return the board described by a string like ``charuco:14x9:40mm:30mm``.
 
-    The parts after the kind are the numbers of squares in a row and in a column, the side of a
-    square, and the side of a marker. One more part can name the ArUco dictionary, by default
-    ``4X4_1000``. A plain chessboard has no marker: ``chessboard:14x9:40mm``.
+    The first part is the kind of board, ``charuco`` or ``chessboard``. The other parts are the
+    number of squares per row and per column, the side of a square, and the side of a marker. A
+    ChArUco board can have one more part, the ArUco dictionary, by default ``4X4_1000``. A
+    chessboard has no marker: ``chessboard:14x9:40mm``.
 
     Raises
     ------

@@ -30,26 +30,26 @@ def drag_rate(
 
 
 def time_before(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the time of flight [s] over `distance` [m] if the ball has `speed` [m/s] at its end.
+    """Return the time of flight [s] over `distance` [m], from the speed at the end of the flight.
 
-    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    `speed` is in m/s. `drag` is the drag rate κ [1/m], 0 without air. The arguments broadcast.
     """
     distance = np.asarray(distance)
     return np.asarray(distance * _exprel(-np.asarray(drag) * distance) / np.asarray(speed))
 
 
 def time_after(distance: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the time of flight [s] over `distance` [m] if the ball has `speed` [m/s] at its start.
+    """Return the time of flight [s] over `distance` [m], from the speed at the start of the flight.
 
-    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    `speed` is in m/s. `drag` is the drag rate κ [1/m], 0 without air. The arguments broadcast.
     """
     return time_before(distance, speed, -np.asarray(drag))
 
 
 def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the distance [m] flown in `time` [s] if the ball has `speed` [m/s] at the start.
+    """Return the distance [m] that a ball flies in `time` [s], from its speed at the start.
 
-    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    `speed` is in m/s. `drag` is the drag rate κ [1/m], 0 without air. The arguments broadcast.
     """
     path = np.asarray(np.asarray(speed) * time)
     loss = np.asarray(drag) * path
@@ -59,9 +59,9 @@ def distance_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 
 
 def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
-    """Return the speed [m/s] of a ball after `time` [s] of flight that began with `speed` [m/s].
+    """Return the speed [m/s] of a ball after a flight of `time` [s], from its speed at the start.
 
-    The arguments broadcast. `drag` is the drag rate κ [1/m], 0 without air.
+    `speed` is in m/s. `drag` is the drag rate κ [1/m], 0 without air. The arguments broadcast.
     """
     return np.asarray(speed / (1 + np.asarray(drag) * speed * np.asarray(time)))
 

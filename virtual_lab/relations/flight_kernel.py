@@ -20,11 +20,20 @@ FAST = {"nsz"}
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
-    """Fill `out` with the time of flight [s] over a distance, from the speed at one of its ends.
+    """Fill `out` with the times of flight [s] over the distances `way`, one per shot.
 
-    All arrays are (shot,). `way` is the distance [m], always positive. `pace` is 1/speed [s/m] at
-    the end where the speed is known. `drag` is κ [1/m] if the flight starts at this end, and -κ if
-    it stops there.
+    All arrays have the shape (shot,).
+
+    Parameters
+    ----------
+    way
+        Distances, always positive [m].
+    pace
+        1/speed at one end of each flight [s/m].
+    drag
+        κ [1/m] if the speed is known at the start of the flight, -κ if it is known at the end.
+    out
+        Result.
     """
     long = 0
     for i in range(out.size):

@@ -17,9 +17,10 @@ class Peak(NamedTuple):
 
 
 def peak(places: Array, values: Array) -> Peak:
-    """Return the maximum of the cubic spline through a curve, and its position.
+    """Return the maximum (`value`, `place`) of the cubic spline through a curve.
 
-    Both are in the units of the arguments. The maximum can be at an end of the curve.
+    `value` is the largest value of the spline, in the unit of `values`. `place` is its position, in
+    the unit of `places`. The maximum can be at an end of the curve.
 
     Parameters
     ----------

@@ -16,12 +16,14 @@ DOWN = np.diag([1.0, -1.0, -1.0])  # rotation from rig axes to a camera that loo
 
 
 def distort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
-    """Return the positions of points in the plane z = 1 after distortion by the lens, (…, 2).
+    """Return the normalized image coordinates of points after distortion by the lens, (…, 2).
+
+    Normalized image coordinates are x/z and y/z in the axes of the camera.
 
     Parameters
     ----------
     points
-        x/z and y/z, (…, 2).
+        Undistorted normalized image coordinates, (…, 2).
     coefficients
         k1, k2, p1, p2 and k3. Each is a number, or an array that broadcasts with the shape (…).
     """
@@ -39,16 +41,17 @@ def distort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
 
 
 def undistort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array:
-    """Return the points in the plane z = 1 whose distorted positions are `points`, (…, 2).
+    """Return the normalized image coordinates of points without distortion by the lens, (…, 2).
 
-    The method is fixed-point iteration, exact to 1e-10 for a distortion of a few percent.
+    This is the inverse of `distort`. It is computed by fixed-point iteration and is exact to 1e-10
+    for a distortion of a few percent.
 
     Parameters
     ----------
     points
-        Distorted x/z and y/z, (…, 2).
+        Distorted normalized image coordinates x/z and y/z, (…, 2).
     coefficients
-        k1, k2, p1, p2, k3, each a number or of a shape that broadcasts with x.
+        k1, k2, p1, p2 and k3. Each is a number, or an array that broadcasts with the shape (…).
     """
     drawn = np.asarray(points, dtype=np.float64)
     flat = drawn
@@ -60,18 +63,19 @@ def undistort(points: ArrayLike, coefficients: Sequence[Array] | Array) -> Array
 def project_points(
     points: ArrayLike, focal: float, centre: ArrayLike, coefficients: Array
 ) -> Array:
-    """Return the pixels (x, y), (…, 2), of points (…, 3) in axes of the camera.
+    """Return the positions (x, y) of points in the picture [px], (…, 2).
 
     Parameters
     ----------
     points
-        Points in front of the camera, (…, 3), in any unit.
+        Points (x, y, z) in the axes of the camera, (…, 3), in any unit. They must be in front of
+        the camera (z > 0); this is not checked.
     focal
         Focal length [px].
     centre
-        Principal point [px], (2,).
+        Principal point (x, y) [px], (2,).
     coefficients
-        Distortion k1, k2, p1, p2, k3.
+        Distortion k1, k2, p1, p2 and k3, (5,).
     """
     place = np.asarray(points, dtype=np.float64)
     flat = distort(place[..., :2] / place[..., 2:], coefficients)
@@ -79,7 +83,7 @@ def project_points(
 
 
 def rotation(vector: ArrayLike) -> Array:
-    """Return the rotation matrices, (…, 3, 3), of rotation vectors (…, 3) [rad] (Rodrigues).
+    """Convert rotation vectors (…, 3) [rad] to rotation matrices (…, 3, 3), by Rodrigues' formula.
 
     A zero vector gives the identity matrix.
     """
@@ -94,9 +98,10 @@ def rotation(vector: ArrayLike) -> Array:
 
 
 def looking_down(tilt: ArrayLike) -> Array:
-    """Return the rotations (…, 3, 3) from axes of a rig to those of a camera above it.
+    """Return the rotation matrices (…, 3, 3) from the axes of a rig to the axes of its camera.
 
-    `tilt` is the rotation vector of the camera, (…, 3) [rad]. Without tilt the rig's Z points
-    toward the camera and its X to the right in the picture.
+    The camera is above the rig. `tilt` is the rotation vector of the camera, (…, 3) [rad]. Without
+    tilt, the Z axis of the rig points toward the camera, and its X axis points to the right in the
+    picture.
     """
     return np.asarray(DOWN @ rotation(tilt))

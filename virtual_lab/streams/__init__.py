@@ -61,12 +61,14 @@ def of_owners(values: ArrayLike, owner: Owner) -> Any:
 
 
 def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
-    """Return owner and slot of `count` consecutive readings in each laboratory of a block.
+    """Return the owner and the slot of `count` consecutive readings in each laboratory of a block.
 
-    `laboratories` is the shape of the block: (n,), or () for a single laboratory. For a block, both
-    results have the shape (n · count,). The owner is the index of the laboratory of a reading, and
-    the slots are 0 to `count` - 1, repeated for each laboratory. For a single laboratory the owner
-    is `...`, and the slots have the shape (count,).
+    The owner of a reading is the index of its laboratory. Its slot is its number in this
+    laboratory, from 0 to `count` - 1. Both arrays have the shape (n · count,), sorted by
+    laboratory.
+
+    `laboratories` is the shape of the block: (n,), or () for a single laboratory. For a single
+    laboratory the owner is `...`, and the slots have the shape (count,).
     """
     slots = np.tile(np.arange(count), laboratories)
     return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots
@@ -213,11 +215,11 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
 
 
 def salt_of(seed: int | None) -> bytes:
-    """Return the salt for the commitment to a seed, 16 bytes.
+    """Return the 16-byte salt for the commitment to a seed.
 
-    If the seed is None, that is, if the program draws the seed and seals it, the salt is random. A
-    seed chosen by the user is not secret. Its salt is computed from it, so that a repeated test has
-    identical files.
+    If the seed is None, the program draws the seed and keeps it secret; the salt is then random. A
+    seed chosen by the user is not secret. Its salt is computed from the seed, so a repeated test
+    produces identical files.
     """
     if seed is None:
         return secrets.token_bytes(16)
@@ -239,7 +241,7 @@ def commitment(salt: bytes, seed: int) -> str:
 
 
 def generator(seed: int, name: str, block: int) -> np.random.Generator:
-    """Return a numpy generator for the random numbers of one block, addressed by seed and name.
+    """Return a numpy generator for the random numbers of one block, selected by seed and name.
 
     It is used for distributions that numpy samples by rejection. `block` is a whole number from 0.
     The same arguments give the same numbers. Generators that differ in seed, name or block are

@@ -39,27 +39,27 @@ def fill(
     normal: bool,
     out: Floats,
 ) -> bool:
-    """Fill `out` with `each` numbers per slot. Return whether all slots fit into 32 bits.
+    """Fill `out` with random numbers. Return False if a slot does not fit into 32 bits.
 
-    If a slot does not fit, the function stops and `out` is not complete. Number i of a slot is word
-    i % 2 of the counter (i // 2, slot, laboratory, third word of the key).
+    Otherwise the result is True. If it is False, `out` is not complete. Number i of a slot is word
+    i % 2 of the Philox counter (i // 2, slot, laboratory, third word of the key).
 
     Parameters
     ----------
     key
-        Three words of 32 bits.
+        Three words of 32 bits. All laboratories of a study have the same key.
     laboratories
-        Number of the laboratory of each slot, (slot,), or of all slots, (1,): whole numbers of 32
-        bits. All laboratories of a study share a key.
+        Number of the laboratory of each slot, (slot,), or one number for all slots, (1,): whole
+        numbers of 32 bits.
     slots
         Whole numbers of 32 bits, (slot,).
     each
         Number of random numbers per slot.
     normal
-        Whether the numbers are standard normal. Otherwise they are uniform between -1/2 and 1/2
-        and never 0.
+        True for standard normal numbers. Otherwise the numbers are uniform between -1/2 and 1/2 and
+        never 0.
     out
-        Result, (slot x each,).
+        Result, (slot x each,), sorted by slot.
     """
     pairs = (each + 1) // 2
     chunk = min(256, slots.size * pairs)

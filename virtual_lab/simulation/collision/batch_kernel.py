@@ -403,7 +403,10 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
 
 
 def prepare_lanes(modes: int) -> Array:
-    """Return the block of numbers of `collide_lanes` for bats with `modes` flexible modes."""
+    """Return the working memory of `collide_lanes` for bats with `modes` flexible modes.
+
+    The result is a 1-D array of floats. All lanes are empty at first.
+    """
     size = at.head + -(-modes // CHUNK) * CHUNK * MODE.size
     memory = np.zeros(size + 8)
     w = memory[(-memory.ctypes.data // 8) % 8 :][:size]  # starts at a cache line
@@ -413,7 +416,10 @@ def prepare_lanes(modes: int) -> Array:
 
 
 def prepare_results(scenes: int, modes: int) -> Out:
-    """Return the arrays that `collide_lanes` fills."""
+    """Return the result arrays of `collide_lanes` for n `scenes` and N flexible `modes`, all zero.
+
+    Their shapes are (n, 2 N + 2), (n, 3) and (n, 4). `collide_lanes` explains the columns.
+    """
     counts = np.zeros((scenes, 4), np.int64)
     return np.zeros((scenes, 2 * modes + 2)), np.zeros((scenes, 3)), counts
 
@@ -430,14 +436,15 @@ def collide_lanes(
     rule: StepRule,
     out: Out,
 ) -> None:
-    """Integrate n collisions with N flexible modes. Fill `out`.
+    """Integrate n collisions of bats with N flexible modes, and write the results to `out`.
 
-    The symbols are those of `modal_kernel`. The results of a doubtful scene are not valid.
+    The collisions (scenes) are integrated in parallel lanes; a finished lane takes the next scene.
+    The symbols are explained in `modal_kernel`. The results of a doubtful scene are not valid.
 
     Parameters
     ----------
     w
-        Numbers of the lanes, from `prepare_lanes`.
+        Working memory, from `prepare_lanes`.
     w2 : (bats, N) array
         Squared angular frequencies [1/s^2].
     bat : (n,) array
@@ -447,18 +454,19 @@ def collide_lanes(
     given
         Input of the scenes, arrays (n,).
     stiff
-        Whether any scene has a compliance of the stiff modes.
+        True if the compliance of the stiff modes is above 0 for at least one scene.
     scheme : two arrays
-        Kicks and drifts of the integration, one kick more than drifts.
+        Coefficients of the kicks and of the drifts in a step. There is one kick more than drifts.
     rule
-        Settings of the steps.
+        Settings of the step size.
     out
         Results, from `prepare_results`:
 
         * p and p' of all modes, then s and s', at the last release [SI], (n, 2 N + 2);
         * time from first touch to last release [s], energy lost in the ball [J], and error of the
           energy balance, as a share of the initial energy, (n, 3);
-        * contacts, reloads before release, 1 if the scene is doubtful, else 0, and steps, (n, 4).
+        * number of contacts, number of reloads before release, 1 for a doubtful scene (otherwise
+          0), and number of steps, (n, 4).
     """
     wide()
     kicks, drifts = scheme

@@ -103,21 +103,19 @@ def choose(
     rung: str | None = None,
     standard_uncertainty: float | None = None,
 ) -> Choice:
-    """Return the collision model of a bat: the named rung, or the fastest accurate one.
+    """Return the collision model for a bat, an upper estimate of its error, and the reason.
 
-    The result holds the model, an upper estimate of its error of e_A, and the reason. The estimate
-    is the largest error on `probe` times a safety factor. `probe` are scenes similar to those of
-    the test. The other arguments select the model:
+    The error is the largest error of e_A over the scenes `probe`, times a safety factor. The scenes
+    should be similar to the shots of the test. Two arguments select the model:
 
-    * A `rung` of `COLLISION_RUNGS` is used whatever its error; ``modal`` has the default number of
-      modes.
-    * With only `standard_uncertainty`, the u of the e_A to be measured, the fastest model is used
-      that has an error of at most `SHARE` times this u. If there is none, the reference model is
-      used.
-    * With neither, the modal rung is used.
+    * `rung` names one of `COLLISION_RUNGS`, which is used even if its error is large. The rung
+      ``modal`` has the default number of modes.
+    * `standard_uncertainty` is the u of the e_A that will be measured. The fastest model with an
+      error of at most `SHARE` times this u is used. If there is none, the reference model is used.
+    * If both are None, the modal rung is used.
 
-    Raises `InputError` for an unknown rung, an uncertainty that is not positive, a support or a
-    probe position beyond the bat, or a probe scene that gives no result.
+    Raises `InputError` for an unknown rung, for an uncertainty that is not positive, for a support
+    or a probe position beyond the bat, and for a probe scene that gives no result.
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":
@@ -350,12 +348,13 @@ def _together(models: Sequence[tuple[CollisionModel, Shots]], scenes: Scenes) ->
 def probing_scenes(
     ball: BallSpec, speed: float, places: tuple[float, float] = PROBING.places
 ) -> Scenes:
-    """Return the probe scenes: a nominal ball at `speed` [m/s] at positions along the barrel.
+    """Return the scenes that measure the error of a collision model, one per impact position.
 
-    The positions are about `PROBING.every` apart. They cover `PROBING.places`, extended to include
-    `places`, the lowest and highest distance from the tip [m]. The e0 is that of the nominal ball
-    at this speed. Raises `InputError` for a negative position or a speed that is not positive, not
-    finite, or above 1e6 m/s.
+    In each scene the nominal `ball` hits the bat at the relative `speed` [m/s], with the e0 of the
+    ball at this speed. The positions are about `PROBING.every` apart. They cover `PROBING.places`,
+    and also `places`, the lowest and highest distance from the tip [m], if it extends farther.
+    Raises `InputError` for a negative position, and for a speed that is not positive, not finite,
+    or above 1e6 m/s.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

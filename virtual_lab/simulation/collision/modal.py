@@ -83,14 +83,17 @@ def collide_bats(
 ) -> list[Collisions]:
     """Return the collisions of several bats, one result per pair of model and scenes in `batch`.
 
-    The stepper of the first model integrates all of them together. `tables` has one array per pair,
-    the values of `ModalModel.table` at the n impact positions, (n, N + 1). The first N columns are
-    the shapes of all modes [kg^-1/2], rigid modes first and hoop mode last. The last column is the
-    compliance of the stiff modes [m/N]. Without `tables` the splines of each model give these
-    values; for few scenes, building the splines takes too long.
+    All collisions are integrated together, by the stepper of the first model.
 
-    Raises `InputError` for a position beyond the bat, and for a scene whose energy balance is off,
-    whose e_A does not settle as the steps are halved, or that does not end.
+    `tables` holds the values of `ModalModel.table` at the n impact positions, one array (n, N + 1)
+    per pair. The first N columns are the shapes of all modes [kg^-1/2], with the rigid modes first
+    and the hoop mode last. The last column is the compliance of the stiff modes [m/N]. Without
+    `tables` these values are interpolated by splines. For a few scenes this is slower, because the
+    splines must be built first.
+
+    Raises `InputError` for a position beyond the bat. It is also raised for a scene that does not
+    end, that violates the energy balance, or for which e_A does not converge as the steps are
+    halved.
     """
     for model, scenes in batch:
         scenes.require_on(model.modes.length)
@@ -173,11 +176,21 @@ def energy_split(
     losses: Array,
     energy: Array,
 ) -> EnergySplit:
-    """Return the shares of the ball's initial energy at separation, each (n,), dimensionless.
+    """Return the energy of ball and bat at separation, in shares of the ball's initial energy.
 
-    `displacements` [kg^1/2 m] and `velocities` [kg^1/2 m/s] are the modal state, (n, N), in the
-    order of `modes`. `e_A` is (n,). `losses` is the energy lost in the ball, and `energy` the
-    initial energy of the ball, both (n,) [J].
+    The fields of the result have the shape (n,), one value per collision, and are dimensionless.
+
+    Parameters
+    ----------
+    modes
+        Modes of the bat.
+    displacements, velocities
+        Modal displacements [kg^1/2 m] and velocities [kg^1/2 m/s] at separation, (n, N), in the
+        order of `modes`.
+    e_A
+        Collision efficiency, (n,).
+    losses, energy
+        Energy lost in the ball, and initial energy of the ball, (n,) [J].
     """
     strained = modes.angular_frequencies * displacements
     beam = modes.deflections.shape[1]
@@ -196,7 +209,7 @@ def energy_split(
 
 
 def kernel_is_compiled() -> bool:
-    """Return whether the kernel of the modal models is compiled, in this process or on disk.
+    """Return True if the kernel of the modal models is compiled, in this process or on disk.
 
     The result is also True if numba's compiler is disabled.
     """

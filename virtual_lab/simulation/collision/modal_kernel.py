@@ -298,10 +298,12 @@ def _follow(
 def collide(
     w2: Array, which: Counts, g: Array, c: Array, ball: Array, steps: Array, window: float
 ) -> tuple[Array, Array, Counts]:
-    """Integrate n collisions with N flexible modes one by one, and return states, sums and counts.
+    """Integrate n collisions of bats with N flexible modes one after another.
 
-    The results are those of `collide_lanes`, except that the counts, (n, 3), are contacts, reloads
-    and a `Failure`. The other results of a failed scene are not valid.
+    Three arrays are returned: states (n, 2 N + 2), sums (n, 3) and counts (n, 3). States and sums
+    have the columns of the first two arrays of `collide_lanes`. The counts are the number of
+    contacts, the number of reloads, and a `Failure`. The states and sums of a failed scene are not
+    valid.
 
     Parameters
     ----------

@@ -34,18 +34,19 @@ MARGIN = 40  # number of extra knots at each end; each multiplies the end effect
 def patch_shape(modes: Modes, z: Array, width: float) -> Array:
     """Return the mean deflection of each mode over patches centered at `z`, (n, N) [kg^-1/2].
 
-    `z`, (n,) [m], is the distance from the barrel tip. `width` is the full width of the patch [m];
-    0 is a point. The mean is weighted by a cosine, largest at the center. A patch near an end
-    shrinks on both sides so that it stays on the bat.
+    `z`, (n,), is the distance from the barrel tip [m]. `width` is the full width of a patch [m];
+    with a width of 0 the result is the deflection at the point `z`. The mean is weighted by a
+    cosine, which is largest at the center. Near an end of the bat the patch becomes narrower on
+    both sides, so that it stays on the bat.
     """
     return patch_shapes((modes,), z, width)[0]
 
 
 def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
-    """Return the result of `patch_shape` for each of several sets of modes of one bat.
+    """Return the result of `patch_shape` for several sets of modes of one bat, one array per set.
 
-    All sets share one mesh. The arrays are (n, N) [kg^-1/2], where N is the number of modes of the
-    set.
+    All sets must share one mesh. An array has the shape (n, N) [kg^-1/2], where N is the number of
+    modes of its set.
     """
     block_size = 4096  # positions per block, so that the interpolation matrix fits in the cache
     blocks = [

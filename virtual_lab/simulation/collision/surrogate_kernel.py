@@ -26,8 +26,9 @@ def _polynomials(x: Array, out: Array) -> None:
 def evaluate_surrogate(coefficients: Array, unit: Array) -> Array:
     """Return the value of a Chebyshev series in four variables at n points, (n,).
 
-    `coefficients` are those of T_i T_j T_k T_l, with one axis per variable. `unit` holds the
-    variables, (4, n), each scaled to the range -1 to 1.
+    `coefficients` has one axis per variable: element i, j, k, l multiplies the product of the
+    polynomials T_i, T_j, T_k and T_l of the four variables. `unit` holds the variables, (4, n),
+    each scaled to the range -1 to 1.
     """
     a, b, c, d = coefficients.shape
     rows = np.ascontiguousarray(coefficients.reshape(a, b * c * d).T)

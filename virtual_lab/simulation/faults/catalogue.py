@@ -47,58 +47,58 @@ def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Return the balance readings as measured from the knob instead of the tip [m].
+    """Return the balance point measured from the knob [m], as if it were measured from the tip.
 
-    The laboratory enters them as if they were measured from the tip. The result is a mapping with
-    the key ``readings``, an array of the shape of the readings in the record.
+    The laboratory enters this distance by mistake. The result is a mapping with the key
+    ``readings``, an array of the shape of the readings in the record.
     """
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
 
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
-    """Return too small pendulum amplitudes, which the operator entered from habit [rad].
+    """Return the amplitudes [rad] of a pendulum as entered from habit, not as read.
 
-    The result is a mapping with the keys ``first_amplitude`` and ``last_amplitude``, each
-    (release,). The amplitudes of the record are multiplied by the ratio of the usual to the real
-    amplitude at release.
+    They are the recorded amplitudes times `USUAL_SWING` / `FAR_SWING`, which is below 1. The result
+    is a mapping with the keys ``first_amplitude`` and ``last_amplitude``, each with one value per
+    release of the pendulum, (release,).
     """
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}
 
 
 def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]:
-    """Return the calibration with the moment of inertia of the pendulum's clamp entered as 0.
+    """Return the calibration with a value of 0 for the moment of inertia of the pendulum's clamp.
 
-    Its u and all other constants are unchanged. Raises `KeyError` if the calibration does not have
-    this constant.
+    The uncertainty of this value and all other constants are unchanged. Raises `KeyError` if the
+    calibration does not have this constant.
     """
     key = "bench.pendulum.clamp_inertia"
     return {**constants, key: replace(constants[key], value=0.0)}
 
 
 def livelier(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen whose balls have an e0 that is 0.02 higher.
+    """Return a copy of the specimen in which the e0 of all balls is 0.02 higher.
 
-    The hits at the bat use these balls. The wall test was made with the original ones.
+    These balls are used for the hits at the bat, but not for the wall test of e0.
     """
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
 
 
 def not_conditioned(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen whose balls were kept in a damp room instead of their store.
+    """Return a copy of the specimen in which the balls were kept in a damp room.
 
-    The relative humidity of the room is 75 %. Balls whose e0 does not depend on the humidity are
-    unchanged.
+    The relative humidity of the room is 75 %. If the e0 of the balls does not depend on the
+    humidity, they are unchanged.
     """
     return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen in which ball 3, counted from 0, is worn: e0 is 0.04 lower.
+    """Return a copy of the specimen in which ball 3, counted from 0, is worn: its e0 is 0.04 lower.
 
-    The specimen is that of one laboratory, not of a block. Raises `IndexError` if it has fewer than
-    four balls.
+    The specimen must belong to one laboratory; a specimen of a block of laboratories is not
+    allowed. Raises `IndexError` if it has fewer than four balls.
     """
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
@@ -106,9 +106,9 @@ def worn_out(specimen: Specimen) -> Specimen:
 
 
 def crack(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen with a cracked bat, whose stiffness is 10 % lower.
+    """Return a copy of the specimen with a cracked bat: its elastic moduli are 10 % lower.
 
-    The frequencies of its bending modes are 5 % lower.
+    The frequencies of its bending modes are therefore 5 % lower.
     """
     bat, share = specimen.bat, 0.9
     material = replace(
@@ -120,11 +120,13 @@ def crack(specimen: Specimen) -> Specimen:
 
 
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
-    """Return the edge times of balls that are out of round by up to 1.5 mm.
+    """Return the gate times of balls that are out of round by up to 1.5 mm.
 
-    The radii at the front and at the back of the ball differ, and change from gate to gate. A beam
-    that barely hits a round ball can miss such a ball; its edges are NaN. The result is a mapping
-    with the key ``times`` [s], an array of the shape of the times in the record.
+    A ball breaks a beam early or late, because its front radius differs from that of a round ball,
+    and its back radius does so for the time at which the beam is clear again. Both radii change
+    from gate to gate. If a round ball barely breaks a beam, the other ball can miss it; both times
+    are then NaN. The result is a mapping with the key ``times`` [s], an array of the shape of the
+    times in the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -156,8 +158,9 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
     """Return gate times in which the gate nearest the bat misses every second incoming ball.
 
-    Its edges of shots 1, 3, 5, …, counted from 0, are NaN. The result is a mapping with the key
-    ``times`` [s], an array of the shape of the times in the record.
+    The times of this gate are NaN for the incoming balls of shots 1, 3, 5, …, counted from 0. The
+    result is a mapping with the key ``times`` [s], an array of the shape of the times in the
+    record.
     """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
@@ -165,10 +168,11 @@ def every_second_missed(record: Any, written: FaultContext) -> Arrays:
 
 
 def cleared_twice(record: Any, written: FaultContext) -> Arrays:
-    """Return gate times in which the gate nearest the bat clears twice in about 60 % of the shots.
+    """Return gate times in which the gate nearest the bat reports the end of some passages late.
 
-    In these shots the last edge of the incoming ball is 0.4 ms late. The result is a mapping with
-    the key ``times`` [s], an array of the shape of the times in the record.
+    In about 60 % of the shots, the gate reports the incoming ball a second time. Therefore the
+    recorded time at which the ball left the beam is 0.4 ms late. The result is a mapping with the
+    key ``times`` [s], an array of the shape of the times in the record.
     """
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
@@ -184,11 +188,11 @@ def scraps_of_beams(station: Station) -> Station:
 
 
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
-    """Return gate times in which sabot fragments break the first gate ahead of the ball.
+    """Return gate times in which sabot fragments break the beam of the first gate before the ball.
 
-    In about 60 % of the shots, fragments fly 30 mm ahead of the ball, so the gate breaks earlier.
-    The result is a mapping with the key ``times`` [s], an array of the shape of the times in the
-    record. For light boards the mapping is empty, because their instrument simulates the fragments.
+    In about 60 % of the shots, fragments fly 30 mm ahead of the ball. The result is a mapping with
+    the key ``times`` [s], an array of the shape of the times in the record. For light boards the
+    mapping is empty; the simulation of the boards includes the fragments.
     """
     if isinstance(record, BoardRecord):
         return {}
@@ -200,7 +204,7 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
 
 
 def drifting(record: Any, written: FaultContext) -> Arrays:
-    """Return the gate times at the wall with rebounds that become faster from hit to hit.
+    """Return the gate times of the wall test, with rebound speeds that rise from hit to hit.
 
     The apparent e0 rises by 6 % from the first to the last hit of the plan. The result is a mapping
     with the key ``times`` [s], an array of the shape of the times in the record.
@@ -231,10 +235,10 @@ def slipping(record: Any, written: FaultContext) -> Arrays:
 
 
 def loose(record: Any, written: FaultContext) -> Arrays:
-    """Return the counts of an encoder that follows a loose bat with a play of 0.3 degrees.
+    """Return the encoder counts if the bat has a play of 0.3 degrees in its clamp.
 
-    The result is a mapping with the key ``counts``, an array (shot, sample). Raises `KeyError` for
-    a station without an encoder.
+    The encoder follows the bat only beyond this play. The result is a mapping with the key
+    ``counts``, an array (shot, sample). Raises `KeyError` for a station without an encoder.
     """
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))

@@ -110,9 +110,9 @@ def sheet_off(part: str, **values: float) -> Standing:
 
 
 def instrument_of(station: Station, part: str) -> Any:
-    """Return the instrument `part` of a station, or None if it has no instrument of that name.
+    """Return the instrument of a station with the name `part`, or None if there is none.
 
-    The result is also None for a station that is no `FittedStation`.
+    The result is also None if the station is not a `FittedStation`.
     """
     return station.instruments().get(part) if isinstance(station, FittedStation) else None
 
@@ -120,7 +120,7 @@ def instrument_of(station: Station, part: str) -> Any:
 def fitted_with(station: Station, part: str, instrument: Any) -> Station:
     """Return a copy of the station with its instrument `part` replaced by `instrument`.
 
-    Raises `KeyError` if the station has no such instrument, and `AttributeError` if it is no
+    Raises `KeyError` if the station has no such instrument, and `AttributeError` if it is not a
     `FittedStation`.
     """
     fitted: Any = station

@@ -14,10 +14,10 @@ NO_SIZE = {"records-swapped"}  # faults that are there or not
 
 
 def sized(fault: Fault, size: float) -> Fault:
-    """Return a copy of a fault whose changes of numbers are multiplied by `size`.
+    """Return a copy of a fault with its effect multiplied by `size`; a size of 1 changes nothing.
 
-    With a size of 1 the fault is unchanged. Changes of integers, strings and tuples of objects keep
-    their full size, and so do readings that the fault adds or removes. A fault in `NO_SIZE` is
+    Only changes of floats are multiplied. Changes of integers, strings and tuples of objects keep
+    their full size. Readings that the fault adds or removes also keep it. A fault in `NO_SIZE` is
     returned unchanged.
     """
     if fault.name in NO_SIZE:
@@ -46,11 +46,12 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 
 
 def blend(before: Any, after: Any, size: float) -> Any:
-    """Return `before` with its change to `after` multiplied by `size`, number by number.
+    """Return `before` + `size` · (`after` - `before`), number by number.
 
-    Mappings and dataclasses are changed entry by entry. Integers, strings, tuples of objects and
-    the keys of a mapping are those of `after`. So are numbers that are not finite in `before` or in
-    `after`. Raises `TypeError` for a tuple or list of several floats that changes.
+    Mappings and dataclasses are blended entry by entry, with the keys of `after`. Integers, strings
+    and tuples of objects are taken from `after` unchanged. A number is also taken from `after` if
+    it is not finite in `before` or in `after`. Raises `TypeError` for a tuple or list of several
+    floats that changes.
     """
     if before is after:
         return before

@@ -66,9 +66,10 @@ class InstrumentFactory:
 
 
 def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the known constants of the given instruments, keyed by ``instrument.constant``.
+    """Return the calibration constants of the instruments, keyed by ``instrument.constant``.
 
-    Each is an `Estimate` in SI, or `Estimates` (laboratory,) for a block.
+    These are the values on the certificates, in SI units: an `Estimate` each, or `Estimates`
+    (laboratory,) for a block of laboratories.
     """
     return {
         f"{name}.{key}": estimate
@@ -78,9 +79,9 @@ def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 
 
 def true_constants_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
-    """Return the true constants of the given instruments in SI, keyed by ``instrument.constant``.
+    """Return the true constants of the instruments in SI units, keyed by ``instrument.constant``.
 
-    Each is a number, or an array (laboratory,) for a block.
+    Each is a number, or an array (laboratory,) for a block of laboratories.
     """
     return {
         f"{name}.{key}": value

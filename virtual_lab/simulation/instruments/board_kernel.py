@@ -33,16 +33,18 @@ class Boards(NamedTuple):
 def write_edges(
     records: Array, flights: Array, start: Array, out: bool, boards: Boards, reach: Array
 ) -> None:
-    """Compute the recorded times of all edges in one direction, in place.
+    """Compute the times at which the balls break and clear each beam, in place.
 
-    Near a board a flight is treated as a straight line. The times of a beam that the ball misses
-    are NaN.
+    The times of a beam that the ball misses are NaN. Near a board the flight is treated as a
+    straight line.
 
     Parameters
     ----------
     records
-        Errors of the times on input, recorded times rounded to clock ticks on output [s],
-        (shot, direction, board, 2 beam + edge). Only one direction is changed.
+        Array (shot, direction, board, edge). Before the call it holds the random errors of the
+        times [s]. After the call it holds the recorded times, rounded to clock ticks [s]. Edge 2 i
+        is the time at which beam i is broken, and edge 2 i + 1 the time at which it is cleared.
+        Only the direction `out` is changed.
     flights
         Trajectory parameters from `Passage.way`, (5, shot).
     start
@@ -93,15 +95,15 @@ def sum_up(
     edge: float,
     trip: float,
 ) -> None:
-    """Compute the recorded times and heights of the passages in one direction, in place.
+    """Compute the time and height of each ball's passage at each board, in place.
 
-    Both are NaN if a ball breaks fewer than four beams of a board.
+    Time and height are NaN if a ball breaks fewer than four beams of a board.
 
     Parameters
     ----------
     records
-        Standard normal numbers on input, recorded times [s] and heights [m] on output,
-        (2, board, shot).
+        Array (2, board, shot). Before the call it holds standard normal numbers. After the call it
+        holds recorded times [s] in row 0 and recorded heights [m] in row 1.
     flights
         Trajectory parameters from `Passage.way`, (5, shot).
     start
@@ -111,7 +113,8 @@ def sum_up(
     boards
         True constants of the boards.
     edge, trip
-        Standard uncertainties of the time of an edge [s] and of the threshold of a beam [m].
+        Standard uncertainties of the time at which a beam is broken or cleared [s], and of the
+        threshold of a beam [m].
     """
     sign = 1.0 if out else -1.0
     passage, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))
@@ -140,26 +143,27 @@ def sum_up(
 
 @njit(cache=True)
 def gain_memory(radius: float) -> Array:
-    """Return an empty table for the gains of balls up to a radius [beam pitches], (row, 4).
+    """Return an empty table for the results of `fill_gains`, (row, 4).
 
-    It is the argument `memory` of `fill_gains`. All values are 0, which means that there is no
-    entry yet.
+    `radius` is the largest radius of the balls [beam pitches]. All values are 0, which means that
+    the table has no entry yet.
     """
     return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 
 
 @njit(cache=True, error_model="numpy")
 def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: Array) -> None:
-    """Fill `gains`, (3, n), with the uncertainties of time and height per uncertainty of an edge.
+    """Compute the sensitivity of the time and height of a passage to errors at the beams.
 
-    The rows are:
+    The result is written to `gains`, (3, n), one column per ball. Each row is a ratio of standard
+    uncertainties:
 
-    * u of the passage's time per u of the time of an edge;
-    * u of the height per u of the distance flown at an edge;
-    * u of the height per u of the threshold of a beam.
+    * u of the time of the passage divided by u of the time at which a beam is broken or cleared;
+    * u of the height divided by u of the ball's position at such a time, along its path;
+    * u of the height divided by u of the threshold of a beam.
 
-    They are NaN if fewer than four beams were broken. The position of the ball's center between two
-    beams is rounded to `CENTRE_PHASES` steps.
+    The ratios are NaN if fewer than four beams were broken. The position of the ball's center
+    between two beams is rounded to `CENTRE_PHASES` steps.
 
     Parameters
     ----------
@@ -168,8 +172,8 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     beams
         Number of beams of a board.
     memory
-        Table of `gain_memory` for the largest radius. It is overwritten; consecutive balls of the
-        same radius share it.
+        Table of `gain_memory` for the largest radius. It stores results and is overwritten when the
+        radius changes.
     gains
         Result, (3, n).
     """

@@ -92,10 +92,10 @@ def _certificate_of(spec: CalibratedSpec) -> Mapping[str, Estimate]:
 
 
 def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
-    """Return a constant as stated on a data sheet, with `sigma` as its u.
+    """Return a constant from a data sheet, with the standard uncertainty `sigma`.
 
-    `sigma` has the unit of `value`. If `sigma` is 0 the constant is exact, and its degrees of
-    freedom are inf whatever `dof` is.
+    `sigma` has the unit of `value`. `dof` is the number of degrees of freedom of `sigma`. If
+    `sigma` is 0, the constant is exact and `dof` is replaced by inf.
     """
     return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
 
@@ -103,16 +103,22 @@ def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
 def drawn(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
-    """Draw the constants on an instrument's certificate, and its true constants.
+    """Return the constants on an instrument's certificate and its true constants, drawn at random.
 
-    The result is two mappings by the name of the constant, in the units of `sheet`. For a block,
-    the constants on the certificate are `Estimates` and the true constants are arrays, both
-    (laboratory,).
+    The result is two mappings, keyed by the name of the constant, in the units of `sheet`. For a
+    block of laboratories, the constants on the certificate are `Estimates` and the true constants
+    are arrays, both (laboratory,).
 
-    `sheet` holds value, σ and degrees of freedom ν of each constant. The certificate states this
-    value, with a random u = σ √(χ²_ν / ν), or σ if ν is inf. The true constant is normally
-    distributed about the value, with standard deviation σ. `name` is the name of the instrument,
-    which is the key of its random stream.
+    Parameters
+    ----------
+    sheet
+        Value, standard deviation σ and degrees of freedom ν of each constant. The true constant is
+        normally distributed about the value with this σ. The certificate states the value with the
+        standard uncertainty u = σ √(χ²_ν / ν), drawn at random, or u = σ if ν is inf.
+    draws
+        Random numbers of the laboratory or of the block.
+    name
+        Name of the instrument. It selects the stream of random numbers.
     """
     numbers = draws.normal(f"{name}.errors", 2 * len(sheet)).T
     laboratories = numbers.shape[1:]
@@ -128,7 +134,7 @@ def drawn(
 
 
 def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
-    """Return an estimate for one laboratory, or copies of it for a block of laboratories.
+    """Return `constant` for one laboratory, or repeated for each laboratory of a block.
 
     `laboratories` is the shape of the block: (n,), or () for one laboratory. The result is
     `Estimates` for a block and an `Estimate` for one laboratory. Its u is multiplied by `share`, a

@@ -24,11 +24,12 @@ DEGREE = 11
 
 @lru_cache(64)
 def pieces_of(dof: float) -> Array:
-    """Return coefficients of polynomials that give ∛(χ²/ν) from a standard normal variate.
+    """Return the coefficients of polynomials that convert a standard normal number z to ∛(χ²/ν).
 
-    The shape is (interval, power), with the lowest power first. Each polynomial covers an interval
-    of width `PIECE`, mapped to -1 to 1; the intervals extend from -`REACH` to `REACH`. `dof` is ν,
-    above 0 and finite; an infinite ν gives NaN. The result is cached.
+    The result has the shape (interval, power), with the lowest power first. The intervals of z have
+    the width `PIECE` and extend from -`REACH` to `REACH`. In each interval the variable of the
+    polynomial runs from -1 to 1. `dof` is ν, above 0 and finite; an infinite ν gives NaN. The
+    result is cached.
     """
     from scipy.special import gammainccinv, gammaincinv, ndtr
 
@@ -45,10 +46,10 @@ def pieces_of(dof: float) -> Array:
 
 @njit(**KERNEL, error_model="numpy")
 def stated_shares(chance: Array, pieces: Array, shares: Array) -> None:
-    """Fill `shares` (n,) with u / σ for standard normal numbers `chance` (n,).
+    """Fill `shares` (n,) with u / σ: the u on a certificate divided by the true standard deviation.
 
-    A number of exactly 0, as in a laboratory without randomness, gives 1. `pieces` come from
-    `pieces_of`.
+    `chance` (n,) holds one standard normal number per certificate. A number of exactly 0, as in a
+    laboratory without randomness, gives 1. `pieces` is the result of `pieces_of`.
     """
     last = len(pieces) - 1
     for i in range(chance.size):

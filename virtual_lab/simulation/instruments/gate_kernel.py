@@ -29,12 +29,25 @@ WAY = Way()
 def pass_gate(
     flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
 ) -> None:
-    """Fill `since` [s], `height` [m] and `steep` [m/m] with time, height and slope at a gate.
+    """Compute the time, height and slope of each ball at a gate, and write them to three arrays.
 
-    All arrays are (shot,), except `flight`, the result of `Passage.way`, (5, shot). `distance` is
-    the distance of the gate from the target [m], and `gravity` is in m/s². The time is counted
-    before contact for an incoming ball and after release for a rebound. The height is the distance
-    of the ball's center above the line of fire. The slope is height per distance from the target.
+    All arrays are (shot,), except `flight`. The results are NaN for a shot without a ball.
+
+    Parameters
+    ----------
+    flight
+        Trajectory parameters from `Passage.way`, (5, shot).
+    distance
+        Distance of the gate from the target [m].
+    gravity
+        Acceleration of gravity [m/s²].
+    since
+        Result: time between gate and target [s], before contact for an incoming ball and after
+        release for a rebound.
+    height
+        Result: height of the ball's center above the line of fire [m].
+    steep
+        Result: slope, the change of height per distance from the target [m/m].
     """
     for i in range(since.size):
         height[i] = distance[i] - flight[WAY.plane, i]

@@ -267,11 +267,13 @@ def _write(state: Moving, row: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
-    """Continue the `shots` to the next contact with the bat or to their end, and log the events.
+    """Simulate `shots` until their next contact with the bat, or until their end.
 
-    `shots` are indices. `efficiency`, (len(shots),), is the e_A of the contact that each shot waits
-    for; a shot that does not wait ignores it. `log` is changed in place. Afterward `log.waits` is
-    True for a shot that needs the e_A of a new contact to continue.
+    The events are added to `log`, which is changed in place. A shot pauses at a contact, because
+    the caller must compute its e_A. `log.waits` is then True for this shot.
+
+    `shots` are indices. `efficiency`, (len(shots),), is the e_A of the contact at which each shot
+    was paused. It is ignored for a shot that was not paused.
     """
     for number in range(shots.size):
         i = shots[number]

@@ -15,7 +15,7 @@ def play_events(scene: ShotScene) -> PlayedShots:
     """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
     A shot that cannot be computed has no pieces; its element of `PlayedShots.refused` is the
-    reason, an `Obstacle`. The other shots do not affect the result of a shot.
+    reason, an `Obstacle`. The result of a shot does not depend on the other shots.
     """
     from virtual_lab.simulation.motion.event_kernel import MOST, Log, Own, Scene, carry_on
 

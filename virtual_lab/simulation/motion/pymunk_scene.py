@@ -66,10 +66,11 @@ USUAL = PymunkSettings()
 
 
 def longest_step(scene: ShotScene, state: ShotState) -> float:
-    """Return the longest safe step [s] for all shots, in which no ball can pass through an object.
+    """Return the longest safe time step [s], the same for all shots of the scene.
 
-    Within such a step the distance of ball and object decreases by at most the sum of their radii.
-    The step is infinite if nothing moves. `state` is the state of the shots of the scene, (n,).
+    It is so short that a ball cannot pass through the bat, a frame or the stop in one step: their
+    distance decreases by at most the sum of their radii. The step is infinite if nothing moves.
+    `state` is the state of the shots, (n,).
     """
     bat, ball = scene.bat, np.hypot(state.vx, state.vz)
     # largest lever arm at which ball and bat can meet within a step

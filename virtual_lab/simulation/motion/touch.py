@@ -78,7 +78,7 @@ def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotS
 
 
 def nearness(scene: ShotScene, state: ShotState) -> Nearness:
-    """Return gap [m] and relative motion of ball and bat for each state, (n,).
+    """Return gap [m] and relative motion of ball and bat for each state, as a `Nearness` of (n,).
 
     The gap is negative if ball and bat overlap. The ends of the bat are flat.
     """
@@ -109,11 +109,12 @@ def nearness(scene: ShotScene, state: ShotState) -> Nearness:
 def rebound(
     scene: ShotScene, state: ShotState, near: Nearness, efficiency: Array, shots: Shots
 ) -> ShotState:
-    """Return the states of the `shots` after frictionless contacts with these values of e_A, (n,).
+    """Return the states of the `shots` after frictionless contacts with the bat, (n,).
 
-    `state` is the state at the contact, and `near` its gap and relative motion. The normal speed of
-    the ball relative to the bat is reversed and multiplied by e_A. Its speed along the surface does
-    not change. The bat receives the angular momentum about its pivot that the ball loses.
+    `state` is the state at the contact, and `near` holds its gap and relative motion. `efficiency`
+    is the e_A of each contact, (n,). The normal speed of the ball relative to the bat is reversed
+    and multiplied by e_A. The speed of the ball along the surface does not change. The bat receives
+    the angular momentum about its pivot that the ball loses.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain
@@ -127,7 +128,7 @@ def rebound(
 
 
 def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.str_]:
-    """Return the reason why each contact cannot be computed, (n,), an empty string if it can.
+    """Return why each contact cannot be computed, (n,), or an empty string if it can be computed.
 
     The reasons are the values of `Obstacle`. `near` holds gap and relative motion before the
     contact, and `after` is the state after it.
@@ -158,7 +159,7 @@ def first_touch(
 
     Times are counted from `state`, and `shots` are the indices of its shots in the scene. The
     method is conservative advancement: ball and bat cannot meet before a time equal to their gap
-    divided by the largest possible closing speed. Therefore no touch is missed, however short. With
+    divided by the largest possible closing speed. Therefore even a very short touch is found. With
     `parting`, a contact at the start is ignored if the ball is moving away from the bat.
     """
     bat, start = scene.bat, np.zeros(len(until))

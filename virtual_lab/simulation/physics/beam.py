@@ -122,10 +122,11 @@ def barrel_radius(profile: Profile) -> Array:
 
 
 def radius_cubics(profile: Profile) -> tuple[Array, Array]:
-    """Return the stations [m], (k + 1,), and a cubic of the outer radius [m] from each, (4, k).
+    """Return knots (k + 1,) and coefficients (4, k) of a piecewise cubic for the outer radius [m].
 
-    Each column has the coefficients of a cubic in the distance from its station [m], starting with
-    the highest power. The cubics are those of `outer_diameter`, halved.
+    Column i gives the radius between knots i and i + 1 as a cubic in the distance from knot i [m],
+    starting with the highest power. The radius is half the result of `outer_diameter`. The knots
+    are distances from the barrel tip [m].
     """
     cubic = _interpolant(profile.z, profile.outer_diameter)
     return cubic.knots, cubic.coefficients / 2
@@ -228,10 +229,10 @@ def beam_of(
 ) -> Beam:
     """Return the beam of a bat: mesh, matrices and rigid-body values [SI].
 
-    The mesh has a node at the support, which by default is none. The matrices are those of the free
-    bat; `modes_of` applies the support. `order` is the polynomial degree of the elements, and no
-    element is longer than `element_size` [m]. Raises `InputError` if the support is beyond the bat,
-    its stiffness is not positive, or the order is below 4.
+    The mesh has a node at the support. By default there is no support. The matrices are those of
+    the free bat; `modes_of` applies the support. `order` is the polynomial degree of the elements,
+    and no element is longer than `element_size` [m]. Raises `InputError` if the support is beyond
+    the bat, its stiffness is not positive, or the order is below 4.
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
@@ -241,9 +242,9 @@ def beam_of(
 
 @lru_cache(maxsize=1024)  # the bats of a block are needed in each round
 def rigid_bat(body: BatBody) -> RigidBat[float]:
-    """Return a bat as a rigid body: length, mass, and moments of mass about the tip [SI].
+    """Return a bat as a rigid body: length, mass, and first and second moments of mass [SI].
 
-    Lumps such as a knob are included.
+    The moments refer to the barrel tip. Lumps such as a knob are included.
     """
     beam = beam_of(body)
     return RigidBat(

@@ -12,10 +12,10 @@ from virtual_lab.units import Array
 def coasting(
     rate: Array, ticks: Array, release: Array, *, constant: float, linear: float, quadratic: float
 ) -> tuple[Array, Array]:
-    """Return two arrays whose matrix product is the angle turned since release [rad].
+    """Return two matrices A (shot, term) and B (term, sample) for the rotation of a coasting bat.
 
-    Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is valid at all
-    ticks from release on, not before. The rate ω solves dω/dt = -(constant + linear ω + quadratic
+    The product A B, (shot, sample), is the angle turned since release [rad]. It is valid for
+    samples after the release. The angular rate ω solves dω/dt = -(constant + linear ω + quadratic
     ω²).
 
     Parameters
@@ -27,13 +27,14 @@ def coasting(
     release
         Time of the release, (shot,) [s].
     constant, linear, quadratic
-        Coefficients [rad/s², 1/s, 1/rad]: the torques of bearing and air divided by the moment of
-        inertia.
+        Torques of bearing and air divided by the moment of inertia: coefficients of the powers 0, 1
+        and 2 of ω [rad/s², 1/s, 1/rad].
 
     Raises
     ------
     ValueError
-        (linear + 2 quadratic ω) t exceeds 1/4, so the power series of the angle is not accurate.
+        (linear + 2 quadratic ω) t exceeds 1/4, where ω is the largest rate and t the longest time
+        after a release. The power series of the angle would not be accurate.
     """
     longest = max(ticks.max(initial=0.0) - release.min(initial=0.0), 0.0)
     friction = (linear + 2 * quadratic * np.abs(rate).max(initial=0.0)) * longest
@@ -73,10 +74,10 @@ def ringing(
     ticks: Array,
     release: Array,
 ) -> tuple[Array, Array]:
-    """Return two arrays whose matrix product is the decaying bending angle at the pivot [rad].
+    """Return two matrices A (shot, term) and B (term, sample) for the decaying vibration of a bat.
 
-    Their shapes are (shot, term) and (term, sample). The product, (shot, sample), is the part of
-    the section's angle that bending causes. It is valid at all ticks from release on, not before.
+    The product A B, (shot, sample), is the angle of the bat's section at the pivot that is caused
+    by bending [rad]. It is valid for samples after the release.
 
     Parameters
     ----------

@@ -32,12 +32,13 @@ class PiecewiseCubic:
 
 
 def monotone_cubic(knots: Array, values: Array) -> PiecewiseCubic:
-    """Return the piecewise cubic through `values` that is monotone wherever the values are.
+    """Return a piecewise cubic through `values` that does not overshoot between the knots.
 
-    `knots` and `values` are (n,), with increasing knots and n of at least 2. The slope of the cubic
-    at a knot is the weighted harmonic mean of the slopes beside it, and zero at an extreme value
-    (Fritsch and Butland 1984). At the ends it is the slope of the parabola through three knots,
-    limited to preserve the shape (Moler, Numerical Computing with MATLAB, 3.6).
+    It is monotone wherever the values are monotone. `knots` and `values` are (n,), with increasing
+    knots and n of at least 2. At an inner knot, the slope of the cubic is the weighted harmonic
+    mean of the slopes of the two adjacent intervals, and zero at an extreme value (Fritsch and
+    Butland 1984). At the ends it is the slope of the parabola through three knots, limited to
+    preserve the shape (Moler, Numerical Computing with MATLAB, 3.6).
     """
     width = np.diff(knots)
     slope = np.diff(values) / width

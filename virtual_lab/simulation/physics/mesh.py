@@ -16,7 +16,7 @@ from virtual_lab.units import Array
 
 @lru_cache
 def gauss_points(number: int) -> tuple[Array, Array]:
-    """Return points between -1 and 1 and weights of Gauss's rule, both (number,).
+    """Return the points and weights of Gauss-Legendre quadrature on [-1, 1], both (number,).
 
     The weights have the sum 2. The arrays are read-only because they are shared.
     """
@@ -45,9 +45,9 @@ class ReferenceElement:
 
 @lru_cache
 def reference_element(order: int) -> ReferenceElement:
-    """Return the element on [-1, 1] with polynomials of degree `order`, at least 1.
+    """Return the finite element on the interval [-1, 1] with polynomials of degree `order`.
 
-    It has order + 1 Legendre-Gauss-Lobatto nodes.
+    `order` is at least 1. The element has order + 1 Legendre-Gauss-Lobatto nodes.
     """
     last = np.zeros(order + 1)
     last[-1] = 1.0
@@ -117,11 +117,12 @@ class Mesh:
 def mesh_through(
     places: tuple[float, ...], keep: tuple[float, ...], *, size: float, order: int
 ) -> Mesh:
-    """Return a mesh with boundaries at `places` and `keep`, and no element longer than `size` [m].
+    """Return a mesh with element boundaries at `places` and `keep` [m].
 
-    All positions are in m. `order` is the polynomial degree of the elements. The boundaries in
-    `keep` (ends, supports) are exact. A boundary in `places` is left out if it is within 10 µm of
-    one of these or of the boundary before it.
+    The positions in `keep` (ends, supports) become boundaries exactly. A position in `places` is
+    omitted if it is within 10 µm of a position in `keep` or of the next lower position in `places`.
+    Further boundaries are added so that no element is longer than `size` [m]. `order` is the
+    polynomial degree of the elements.
     """
     merged = 1e-5  # distance below which two places share one boundary [m]
     fixed = np.unique(np.array(keep))

@@ -125,12 +125,15 @@ def modes_of(
     order: int = ORDER,
     element_size: float = ELEMENT_SIZE,
 ) -> Modes:
-    """Return the normal modes of a bat: rigid, `bending` bending modes, and hoop mode if hollow.
+    """Return the normal modes of a bat: rigid modes, bending modes, and hoop mode if there is one.
 
-    By default the result has all bending modes of the mesh, which is that of `beam_of`. All modes
-    have unit modal mass. With a pivot of finite stiffness the bounce on its spring is the first
-    bending mode; its energy, including that of the spring, is part of the bending energy. The hoop
-    mode is that of the data sheet; a bat whose sheet does not state one has none.
+    `bending` is the number of bending modes. By default all bending modes of the mesh are returned.
+    The mesh is the mesh of `beam_of`, with polynomial degree `order` and elements of at most
+    `element_size` [m]. All modes have unit modal mass.
+
+    If the pivot has a finite stiffness, the first bending mode is the motion of the bat on this
+    spring. The energy of this mode and of the spring is part of the bending energy. The hoop mode
+    is copied from the data sheet; a bat without one on its sheet has no hoop mode.
 
     Raises `InputError` if the support is beyond the bat, its spring is too soft, the order is below
     4, or the mesh has fewer modes.
@@ -155,10 +158,10 @@ def modes_of(
 
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
-    """Return the node nearest the barrel tip of each of the first `count` bending modes.
+    """Return one node [m from the tip] of each of the first `count` bending modes, in their order.
 
-    The nodes are distances from the tip [m], in the order of the modes. Raises `IndexError` for a
-    mode without a node, and for a `count` above the number of bending modes.
+    It is the node nearest the barrel tip. Raises `IndexError` for a mode without a node, and if
+    `count` exceeds the number of bending modes.
     """
     z = np.linspace(0.0, modes.length, 2001)
     nodes = []

@@ -53,7 +53,9 @@ class ShellMode:
 
 @lru_cache(maxsize=256)
 def shell_mode(body: BatBody, cap: Cap = "rigid") -> ShellMode:
-    """Return frequency [Hz], modal mass [kg] and shape of a hollow bat's lowest n = 2 mode.
+    """Return frequency [Hz], modal mass [kg] and shape of the lowest hoop mode of a hollow bat.
+
+    The hoop mode has the circumferential order n = 2: the section becomes an ellipse.
 
     Parameters
     ----------

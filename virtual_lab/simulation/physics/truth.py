@@ -234,9 +234,10 @@ def _as_lists(arrays: Mapping[str, Array]) -> dict[str, Any]:
 
 
 def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
-    """Return an individual bat of a design, or one per laboratory in a block, drawn at random.
+    """Return an individual bat of a design, with random deviations from the data sheet.
 
-    Density, stiffness and density tilt vary by the spread of the data sheet.
+    Density, stiffness and the slope of the density along the bat vary by the spread of the sheet.
+    For a block of laboratories the result contains one individual bat per laboratory.
     """
     numbers = draws.normal("bat", (3,)).reshape(-1, 3)
     return TrueBat(name=spec.name, bodies=tuple(_make_body(spec, *row) for row in numbers.tolist()))
@@ -269,11 +270,11 @@ def _spec_of_owners(spec: BallSpec, owner: Any) -> BallSpec:
 
 
 def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
-    """Return the sheet of a ball with the properties of a lot, drawn at random [SI].
+    """Return a copy of a ball's data sheet with the properties of a lot, drawn at random [SI].
 
-    These properties are radius, stiffness, and level and slope of e0. In a block each laboratory
-    has a lot, and the properties are arrays (laboratory,). `store` is the relative humidity in
-    which the lot was kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
+    The properties are radius, stiffness, and level and slope of e0. For a block of laboratories
+    they are arrays (laboratory,), because each laboratory has its own lot. `store` is the relative
+    humidity in which the lot was kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
     """
     wider, steeper = draws.normal("lot", 2).T
     line, law = spec.restitution, spec.humidity
@@ -298,11 +299,12 @@ def draw_balls(
     lot: Draws | None = None,
     store: Array | None = None,
 ) -> TrueBalls:
-    """Return `number` balls of a lot, drawn at random: mass [kg] and e0 of each, (ball,).
+    """Return `number` balls of a lot, drawn at random, with the mass [kg] and e0 of each, (ball,).
 
-    The e0 refers to the reference speed of the sheet. In a block the arrays are (laboratory, ball).
-    The properties of the lot are drawn from `lot`, by default from `draws`. `store` is the relative
-    humidity in which the lot is kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
+    The e0 refers to the reference speed of the sheet. For a block of laboratories the arrays are
+    (laboratory, ball). The properties of the lot are drawn from `lot`, by default from `draws`.
+    `store` is the relative humidity in which the lot is kept, 0 to 1, (laboratory,); None means the
+    humidity of the sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread

@@ -62,12 +62,22 @@ class RestingBatSpec(CannonRigSpec):
 def commission(
     spec: CannonRigSpec, factory: InstrumentFactory, name: str, gates: type[Any], sheet: type[Any]
 ) -> dict[str, Any]:
-    """Return the instruments of a rig, by the field names of its station.
+    """Return the instruments of a rig with a cannon, keyed by the field names of its station.
 
-    The key ``ideal`` is also set: True if the laboratory is ideal. The errors of the instruments
-    are then zero, otherwise they are drawn at random. `name` is the prefix of the names of the
-    rig's random numbers. `gates` is the class of the gates and `sheet` the class of their data
-    sheet. Raises `InputError` for an unknown or invalid data sheet.
+    The errors of the instruments are drawn at random, or are zero if `factory` is ideal. The key
+    ``ideal`` of the result is True in this case. Raises `InputError` for an unknown or invalid data
+    sheet.
+
+    Parameters
+    ----------
+    spec
+        Data sheet of the rig. It names the data sheets of the instruments.
+    factory
+        Factory of the laboratory's instruments.
+    name
+        Name of the rig. It is the first part of the names of its streams of random numbers.
+    gates, sheet
+        Class of the gates, and class of their data sheet.
     """
     fit = factory.commission
     return {

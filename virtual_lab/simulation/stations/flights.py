@@ -78,18 +78,16 @@ class FlownShots(NamedTuple):
 
 
 def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
-    """Return the flights of the balls at a pivoted bat at rest, by the plan's model of the motion.
+    """Return the flights of the balls at a pivoted bat at rest, (shot,).
 
-    The arrays of the result are (shot,). The closed form is used unless the ball may hit a frame on
-    its way in, or the bat may return from its stop and hit the ball again. Such shots are simulated
-    event by event. Their speeds, slopes and heights are those of the simulation if the ball hits
-    anything but the bat, or hits the bat twice. Otherwise the closed form is kept.
+    If the plan requests pymunk, all shots are simulated by pymunk. Otherwise the flights are
+    computed in closed form, with these exceptions:
 
-    If the plan requests pymunk, all shots are simulated, and all results are those of the
-    simulation.
-
-    A ball that may hit a frame only on its way back is not simulated event by event, because no
-    gate beyond this frame can detect it. If it hits the frame, its flight ends there.
+    * If a ball may hit a frame on its way in, or if the bat may return from its stop and hit the
+      ball again, the shot is simulated event by event. The simulated flight is used only if the
+      ball hits anything but the bat, or hits the bat twice.
+    * If a ball may hit a frame only on its way back, the closed form is used and the flight ends at
+      the frame. No gate beyond this frame can detect the ball.
 
     Raises
     ------
@@ -130,10 +128,11 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
 def scene_of(
     passage: Passage, bat: RestingBat, around: Surroundings, after: Array | float
 ) -> ShotScene:
-    """Return the shots as a scene for a model of the motion, from 1 m ahead of the contact.
+    """Return the scene of the shots for a model of the motion.
 
-    The scene ends at the time `after` [s], a number or (shot,), after the contact in closed form.
-    Its e_A is that of `bat` for all contacts of a shot. `around` are the objects around the bat.
+    A scene starts when the ball is 1 m ahead of the contact. It ends `after` [s], a number or
+    (shot,), after the time of the contact in the closed form. All contacts of a shot have the same
+    e_A, from `bat`. `around` are the objects around the bat.
     """
     pivoted = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((pivoted.radius(bat.place) + passage.radius) ** 2 - bat.across**2)

@@ -76,13 +76,15 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 def blows_of(
     specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
 ) -> Blows:
-    """Return the collisions of the scenes, (shot,), with a bat on a pivot.
+    """Return the collisions of the balls with a bat on a pivot, one per scene, (shot,).
 
-    The pivot is at the true distance `at` from the knob [m]. If the instruments record only summary
-    values (`detail`), only e_A is computed; the contact time is then a typical one, and there is no
-    vibration. In this case the pivot is at the surveyed distance `surveyed` from the knob [m],
-    because a shift by a fraction of a millimeter does not change e_A. Raises `InputError` for a
-    position beyond the bat, or a scene that gives no result.
+    The pivot is at the true distance `at` from the knob [m].
+
+    If `detail` requests only summary values, only e_A is computed. The contact time is then a
+    typical value, and there is no vibration. The pivot is then at the surveyed distance `surveyed`
+    from the knob [m], because a shift by a fraction of a millimeter does not change e_A.
+
+    Raises `InputError` for a position beyond the bat, or a scene that gives no result.
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
@@ -100,15 +102,24 @@ def blows_of(
 def thrown_back(
     efficiency: Array, tilt: Array, relative_speed: Array, bat_speed: Array | float
 ) -> tuple[Array, Array]:
-    """Return the ball's rebound speed along the line of fire [m/s], and its rebound slope, (shot,).
+    """Return the rebound speed of the ball [m/s] and the slope of its rebound [m/m], both (shot,).
 
-    The slope is the speed across the line of fire divided by the rebound speed [m/m]. It has the
-    sign of `tilt` if the ball rebounds, and is NaN for a rebound speed of 0.
+    The rebound speed is the component along the line of fire. The slope is the component across the
+    line of fire divided by the rebound speed. It is NaN if the rebound speed is 0.
 
-    A frictionless ball keeps its speed along the surface of the barrel. Its normal speed relative
-    to the bat after the contact is e_A times the normal relative speed before. `tilt` is the
-    contact angle [rad]. `relative_speed` is the relative speed along the line of fire [m/s].
-    `bat_speed` [m/s] is added to the rebound speed.
+    There is no friction. The speed along the surface of the barrel does not change. The normal
+    speed relative to the bat is reversed and multiplied by e_A.
+
+    Parameters
+    ----------
+    efficiency
+        e_A of each contact.
+    tilt
+        Contact angle [rad]. The slope has its sign if the ball rebounds.
+    relative_speed
+        Speed of the ball relative to the bat, along the line of fire [m/s].
+    bat_speed
+        Speed of the bat, which is added to the rebound speed [m/s].
     """
     cosine, sine = np.cos(tilt), np.sin(tilt)
     across, along = relative_speed * cosine, relative_speed * sine
@@ -120,13 +131,15 @@ def thrown_back(
 def error_free(
     plan: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
-    """Return the true results for the lot's mean ball at the plan's positions, (shot,).
+    """Return the true results at the positions of the plan, for the mean ball of the lot, (shot,).
 
-    The relative speeds are the nominal ball speeds of the plan plus the speed of a swinging bat. In
-    the collision that gives e_A, the bat is held by `support`. From the impulse of this collision,
-    e and r are computed twice: for a rigid free bat (`free`), and for a rigid bat on a pivot at
-    `pivot_from_knob` [m from the knob] (`pivoted`). The result has both, whatever `support` is. It
-    also has the e0 of the ball. No equation of the reduction is used.
+    The results are the relative speed, e_A, the e0 of the ball, and e and r. The relative speed is
+    the nominal ball speed of the plan plus the speed of a swinging bat. In the collision that gives
+    e_A, the bat is held by `support`.
+
+    The impulse of this collision gives e and r twice: for a rigid free bat (`free`), and for a
+    rigid bat on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). Both are returned for
+    every `support`. No equation of the reduction is used.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob
@@ -171,10 +184,10 @@ def _recoil(
 
 
 def wall_restitution(scenes: Scenes) -> Array:
-    """Return e0 of the balls of the scenes on a rigid wall, (n,), computed from the force law.
+    """Return the e0 of the balls on a rigid wall, computed from the force law, (n,).
 
-    It is the square root of the work of the force during unloading over that during loading, which
-    does not depend on the stiffness.
+    e0 is the square root of the work of the force during unloading divided by its work during
+    loading. It does not depend on the stiffness of the ball.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # dense near zero compression

@@ -59,9 +59,9 @@ E = TypeVar("E", bound=Enum)
 
 
 def member_of(kind: type[E], key: str, name: str) -> E:
-    """Return the member of the enumeration `kind` whose value is `name`.
+    """Return the member of the enumeration `kind` that has the value `name`.
 
-    Raises `InputError`, which names the argument `key`, if there is none.
+    Raises `InputError`, which names the argument `key`, if there is no such member.
     """
     names = [each.value for each in kind]
     if name not in names:
@@ -224,9 +224,9 @@ class Rig(Protocol):
 
 
 def knows_blocks(rig: Rig) -> bool:
-    """Return whether a rig can be commissioned in a block of laboratories at once.
+    """Return whether all laboratories of a block can be commissioned at once with this rig.
 
-    It can if its attribute `blocks` is True.
+    They can if the rig has an attribute `blocks` that is True.
     """
     return getattr(rig, "blocks", False) is True
 
@@ -243,9 +243,9 @@ class MotionRig(Rig, Protocol):
 
 @cache
 def installed_rigs() -> Mapping[str, Rig]:
-    """Return every rig installed on this computer keyed by name, in alphabetical order.
+    """Return all rigs installed on this computer, keyed by name, in alphabetical order.
 
-    All packages with rigs are loaded. An error of a package that cannot be loaded is passed on.
+    All packages with rigs are loaded. If a package cannot be loaded, its error is raised.
     """
     return MappingProxyType({name: point.load() for name, point in _entry_points().items()})
 
@@ -258,9 +258,9 @@ def _entry_points() -> Mapping[str, EntryPoint]:
 def find_rig(name: str, stage: Stage) -> Rig:
     """Return the installed rig `name` of a stage. Only the package of this rig is loaded.
 
-    Raises `InputError` if no rig has that name, or if the rig serves another stage. The message
-    lists the rigs of the stage, so in these cases all packages are loaded. An error of a package
-    that cannot be loaded is passed on.
+    Raises `InputError` if no rig has that name, or if the rig belongs to another stage. The message
+    lists the rigs of the stage, so all packages are loaded for it. If a package cannot be loaded,
+    its error is raised.
     """
     point = _entry_points().get(name)
     # Only this rig is loaded, because other rigs may need modules that this test does not.

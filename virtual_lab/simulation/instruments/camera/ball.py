@@ -84,16 +84,17 @@ def render_balls(
     warp: ArrayLike | None = None,
     view: ArrayLike | None = None,
 ) -> RenderedBalls:
-    """Return the images of balls in many regions of one shape, before noise.
+    """Return images of the ball in many regions of a frame, before noise.
 
-    The images, (region, row, column), are the share of the background that the ball hides, and the
-    light of the ball, 1 for a white surface that faces the lamp.
+    The images have the shape (region, row, column). `cover` is the share of the background light
+    that the ball blocks. `radiance` is the light of the ball, 1 for a white surface that faces the
+    lamp.
 
     Parameters
     ----------
     path
-        Centers of the ball in the frame, (region, point, 2) [px]: one point for a ball at rest,
-        two from the start to the end of the exposure, or more for a path of straight segments.
+        Centers of the ball in the frame, (region, point, 2) [px]: one point for a ball at rest, two
+        from the start to the end of the exposure, or more for a path of straight segments.
     radius
         Radius of the ball, () or (region,) [px].
     corners
@@ -107,8 +108,8 @@ def render_balls(
     light
         Light on the ball; ambient light by default.
     orientation
-        Axes of the ball at mid-exposure as rows, in camera axes, (region, 3, 3) or (3, 3). By
-        default they are the camera axes.
+        Axes of the ball in the middle of the exposure, one per row, in the axes of the camera,
+        (region, 3, 3) or (3, 3). By default they are the axes of the camera.
     turn
         Rotation vector of the ball over the exposure, (region, 3) or (3,) [rad]. By default the
         ball does not spin.
@@ -116,11 +117,12 @@ def render_balls(
         Time of each point of the path, increasing from 0 to 1, (region, point). By default the
         steps are equal.
     warp
-        Outlines that are not circles: coefficients of x, y, x², xy and y² that map the unit disk to
-        pixels about the center, (region, 2, 5). `radius` then only sets the density of sampling.
+        Coefficients of x, y, x², xy and y² that map the unit disk to pixels about the center,
+        (region, 2, 5), for outlines that are not circles. `radius` then only sets the density of
+        sampling.
     view
-        Rotation from the direction (0, 0, -1) to the true direction to the camera, (region, 3, 3).
-        By default the two directions are equal.
+        Rotation matrices from the direction (0, 0, -1) to the true direction from ball to camera,
+        (region, 3, 3). By default the two directions are equal.
 
     Raises
     ------
@@ -189,9 +191,10 @@ def render_balls(
 
 
 def axes_of(turn: ArrayLike) -> Array:
-    """Return the axes of rotated balls as rows, (…, 3, 3), in axes of the camera.
+    """Return the axes of rotated balls in the axes of the camera, one per row, (…, 3, 3).
 
-    They are the camera's axes, rotated by the rotation vectors `turn`, (…, 3) [rad].
+    The axes of a ball are the axes of the camera rotated by `turn`, its rotation vector, (…, 3)
+    [rad].
     """
     return np.swapaxes(rotation(turn), -1, -2)
 

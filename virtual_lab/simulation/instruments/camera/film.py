@@ -30,11 +30,12 @@ def whole_frames(
     bat: FilmedBat | None = None,
     count: int | None = None,
 ) -> Iterator[tuple[float, Frame]]:
-    """Yield time stamp [s] and gray values (row, column) of each frame of the first shot.
+    """Yield the time stamp [s] and the gray values (row, column) of each frame of the first shot.
 
-    All frames that the camera records are yielded, with or without the ball, or only `count` frames
-    at equal steps. The time stamps are those of the camera's clock. The bat is drawn only if `bat`
-    is given. `name` and `slots` address the random numbers of camera and shots.
+    All frames that the camera records are yielded, also those without the ball. If `count` is
+    stated, only `count` frames at equal steps are yielded. The time stamps are readings of the
+    camera's clock. The bat is drawn only if `bat` is given. `name` selects the random numbers of
+    the camera, and `slots` those of the shots.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)

@@ -44,7 +44,7 @@ def hide_behind(
     blur: float,
     electrons: Pixels,
 ) -> None:
-    """Draw a bat into `electrons` (region, row, column) [e], where it replaces the background.
+    """Draw a bat into `electrons` (region, row, column), in place of the background.
 
     Parameters
     ----------
@@ -53,14 +53,14 @@ def hide_behind(
     corners
         First pixel (x, y) of each region, (region, 2).
     light
-        Direction to the lamp in axes of the camera (three numbers), ambient share and softness of
-        the light, (5,).
+        Direction to the lamp in the axes of the camera (three numbers), ambient share of the light,
+        and softness of the light, (5,).
     white
-        Electrons of a surface of the bat that faces the lamp [e].
+        Electrons per pixel of the bat where its surface faces the lamp [e].
     blur
         Standard deviation of the blur of the edges [px].
     electrons
-        Picture to draw into.
+        Picture, which is changed [e].
     """
     for r in range(len(electrons)):
         last = near.shape[1] - 1

@@ -34,13 +34,24 @@ class Electronics(NamedTuple):
 def expect(
     electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
 ) -> bool:
-    """Fill `out` (region, row, column) with the expected electrons of each pixel.
+    """Fill `out` with the expected electrons of each pixel, and return whether any pixel is dark.
 
-    Return True if any pixel has fewer than 25 electrons, so that its noise must be drawn from a
-    Poisson distribution instead of a normal one. `electrons` have the shape of `out`; negative
-    numbers count as 0. They are multiplied by `response`, the map of the whole sensor, which is 1
-    beyond its edges. Then `dark` electrons are added to each pixel. `corners`, (region, 2), are the
-    first column and row of each region on the sensor.
+    A pixel is dark if it has fewer than 25 electrons. Its noise must be drawn from a Poisson
+    distribution instead of a normal one.
+
+    Parameters
+    ----------
+    electrons
+        Electrons before the sensor's response, (region, row, column). Negative numbers count as 0.
+    corners
+        First column and row of each region on the sensor, (region, 2).
+    response
+        Factor on the electrons of each pixel of the sensor, (row, column). It is 1 outside the
+        sensor.
+    dark
+        Electrons that are added to each pixel.
+    out
+        Result, in the shape of `electrons`.
     """
     dim = 0
     rows, columns = response.shape
@@ -94,7 +105,8 @@ def read_out(
         Standard normal numbers, in the shape of `out`.
     uniform
         Uniform numbers from -0.5 to 0.5, in the shape of `out`. They are used only for pixels below
-        25 electrons. A number of exactly 0 gives the mean.
+        25 electrons. If the number is exactly 0, the expected electrons are used without Poisson
+        noise.
     wired
         Constants of the electronics.
     out

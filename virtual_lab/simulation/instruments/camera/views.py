@@ -42,11 +42,11 @@ LOOK = BoardLook()
 def board_views(
     camera: Camera, board: Board, views: int, draws: Draws, name: str
 ) -> Iterator[tuple[NDArray[Any], Array]]:
-    """Yield `views` pairs: a gray picture (row, column), and the true positions of its corners.
+    """Yield `views` pairs: a gray picture (row, column), and the true positions of the corners.
 
-    The corners of the squares are (corner, 3) in the calibrated axes [m]. In the first view the
-    board is flat at Z = 0, with its rows along X. In the other views it is closer, tilted and
-    off-center. `name` addresses the random numbers.
+    The positions are the corners of the squares of the board, (corner, 3), in the calibrated axes
+    [m]. In the first view the board is flat at Z = 0, with its rows along X. In the other views it
+    is closer to the camera, tilted and off-center. `name` selects the random numbers.
     """
     spec = camera.spec
     rays = _rays(camera.lens, (spec.sensor.rows, spec.sensor.columns))
