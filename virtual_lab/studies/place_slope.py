@@ -64,14 +64,14 @@ def slope(
 ) -> Slopes:
     """Show the slope of e_A along the barrel [1/in] at the impact position of a procedure.
 
-    Two more rows hold the mean and the standard deviation over the bats. Bat and ball are
-    nominal, and the speed is that of the procedure.
+    There is one row per bat, then one row for the mean and one for the standard deviation over the
+    bats. Bats and ball have their nominal values, and the ball speed is that of the procedure.
 
     Parameters
     ----------
     bats
-        At least two bats: names in the catalog or .toml files. By default the four of Table I of
-        the 2003 paper.
+        At least two bats: names in the catalog or .toml files. By default the four bats of Table I
+        of the paper of 2003.
 
         Sheets are also allowed.
     procedure
@@ -86,7 +86,7 @@ def slope(
     Raises
     ------
     InputError
-        Unknown names, a single bat, or a procedure that scans the barrel.
+        A name is unknown, only one bat is given, or the procedure scans the barrel.
     """
     procedure = entry_name(procedure)
     bats = entry_names(bats) or ("r161", "ea70", "barrel-loaded", "knob-loaded")

@@ -292,13 +292,13 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
     """Compare the certificates in result folders.
 
     The certificates must differ in only one way: several bats, several procedures, several
-    laboratories, or repeats of one test. Copies of one test are rejected. The numbers are copied
-    from the certificates and not recomputed; `verify` does this.
+    laboratories, or repeats of one test. The same test must not occur twice. The numbers are copied
+    from the certificates and not recomputed; `verify` recomputes them.
 
     Parameters
     ----------
     folders
-        Result folders, each with a ``certificate.json``, or one folder of such folders.
+        Result folders, each with a ``certificate.json``, or one folder that contains such folders.
     pdf
         Also write the report as PDF (needs the extra ``pdf``).
     paper

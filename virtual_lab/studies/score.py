@@ -57,19 +57,20 @@ class QuantityScore:
 def score(
     certificate: Mapping[str, Any], measurand: Mapping[str, float]
 ) -> dict[str, QuantityScore]:
-    """Return the scores of the metric and the other quantities, keyed by name, in SI units.
+    """Return each certified quantity compared with its true value, keyed by name, in SI units.
 
-    For a scan the metric is compared twice: with the result of the procedure on the exact curve,
-    and with the maximum of this curve. The metric "as found" is the metric before a correction for
-    the balls. The width of the curve [m], if stated, is last.
+    A scan has two true values of the metric: the result of the procedure on the exact curve, and
+    the maximum of this curve. The metric is compared with both. The metric before a correction for
+    the balls ("as found") is compared if the certificate states it. The width of the curve [m] is
+    the last entry if the certificate states it.
 
     Parameters
     ----------
     certificate
         Content of ``certificate.json``.
     measurand
-        True values keyed by name. It is empty for a test without a result, and then the scores are
-        empty too.
+        True values keyed by name. For a test without a result it is empty, and so is the return
+        value.
 
     Raises
     ------
@@ -162,8 +163,8 @@ class CertificateScore(StudyResult):
 def score_folder(folder: Folder) -> CertificateScore:
     """Compare the certificate in a result folder with the true values.
 
-    If files or keys in the folder were changed since the test, they are listed and the exit code is
-    3.
+    Files or keys that were changed since the test are listed in the result. The exit code of the
+    command is then 3.
 
     Parameters
     ----------

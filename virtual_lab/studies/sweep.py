@@ -39,10 +39,10 @@ def sweep_tests(
     workers: int = 1,
     progress: Progress = quiet,
 ) -> pd.DataFrame:
-    """Return a table with one row per test, in the columns that `virtual_lab.sweep` describes.
+    """Return a table with one row per test, with the columns of `virtual_lab.sweep`.
 
-    The rows are sorted by the order of `bats`, then of `procedures`, then by number of the
-    laboratory. A test without a result also has a row.
+    The rows are sorted by bat, then by procedure, both in the order of the arguments, then by the
+    number of the laboratory. A test without a result also has a row.
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ def sweep_tests(
     seed
         Seed of the study, common to all laboratories.
     individual
-        Whether each laboratory tests an individual bat. Otherwise all test the nominal bat.
-        Without `summed` the bats are always individuals.
+        Whether each laboratory tests an individual bat. Otherwise all test the nominal bat. If
+        `summed` is False, the bats are always individual.
     summed
-        Whether the instruments record only summary values. Otherwise they write every reading.
+        Whether the instruments record only summary values. Otherwise they record every reading.
     keep
-        Function to call with each test. Its result is ignored. It must be picklable if
-        `workers` is above 1.
+        Function to call with each test. Its result is ignored. It must be picklable if `workers` is
+        above 1. None: no call.
     workers
         Number of processes.
     progress
@@ -68,8 +68,8 @@ def sweep_tests(
     Raises
     ------
     InputError
-        A name is unknown, two bats or two procedures have the same name, a file cannot be
-        used, or `laboratories` or `workers` is below 1.
+        A name is unknown, two bats or two procedures have the same name, a file cannot be used, or
+        `laboratories` or `workers` is below 1.
     """
     import pandas as pd
 
@@ -105,12 +105,12 @@ def sweep_tests(
 def changed_numbers(
     kind: str, names: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Return the numbers that differ between changed sheets, and the units of these numbers.
+    """Return the changed numbers in data sheets that differ between the sheets, and their units.
 
-    The first mapping has the numbers by sheet and column, and the second one has the units by
-    column. The name of a column is the key of the number, with its unit unless that is 1. The unit
-    is that of the first sheet with the key. A sheet without the key has NaN. A list of numbers is
-    not a column.
+    The first mapping has a mapping from column to number for each sheet. The second mapping has the
+    unit of each column. The name of a column is the key of the number, followed by its unit unless
+    the unit is 1. A number has the unit of the first sheet that has its key. The number is NaN if a
+    sheet lacks the key. Lists of numbers are ignored.
 
     Parameters
     ----------

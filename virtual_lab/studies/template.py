@@ -48,10 +48,9 @@ MEASURED = {  # quantities read in channels of the bench
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    If `procedure` is ``laboratory``, only an empty file of particulars (laboratory, customer, bat)
-    is written, for ``certify``. If it is ``prices``, only an empty file of prices is written, for
-    ``plan``. If an error is raised, no partial files are left. The path of the folder or file is
-    returned.
+    Instead of a procedure, ``laboratory`` writes only an empty file of particulars (laboratory,
+    customer, bat) for ``certify``, and ``prices`` writes only an empty file of prices for ``plan``.
+    If an error is raised, no partial files are left. The path of the folder or file is returned.
 
     Parameters
     ----------

@@ -299,9 +299,9 @@ def speed_gain(v_rel: float) -> float:
 
 
 def gain_by_equations() -> float:
-    """Return the largest absolute deviation of `speed_gain` from Eqs. (3) and (6) [mph].
+    """Return the largest error of `speed_gain` [mph], compared with Eqs. (3) and (6) of the paper.
 
-    The relative speeds are 80 and 160 mph. The result is a rounding error.
+    The error is absolute. The relative speeds are 80 and 160 mph. The result is a rounding error.
     """
 
     def deviation(v_rel: float) -> float:
@@ -314,11 +314,12 @@ def gain_by_equations() -> float:
 
 
 def energy_with_vibration(support_name: str) -> float:
-    """Return the largest absolute difference in energy between a supported bat and a free bat.
+    """Return the largest absolute change of the total energy of a hit if the bat gets a support.
 
-    The energy is the sum of the bat's rigid motion, bending and hoop vibration, and the loss in the
-    ball, as a share of the ball's initial energy. R161 is hit 3 to 8 in from the tip, at 160 mph.
-    `support_name` is pivoted, clamped or held. Raises `KeyError` for another support.
+    The total is the energy of the bat's rigid motion, of its bending and hoop vibration, and the
+    loss in the ball. It is divided by the ball's initial energy. The change is relative to a free
+    bat. R161 is hit at 21 positions, 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted,
+    clamped or held. Raises `KeyError` for another support.
     """
 
     def total(name: str) -> Array:
@@ -329,11 +330,11 @@ def energy_with_vibration(support_name: str) -> float:
 
 
 def least_energy_gap(support_name: str) -> float:
-    """Return the smallest absolute difference in energy between a supported bat and a free bat.
+    """Return the smallest absolute change of the energy of rigid motion if the bat gets a support.
 
-    The energy is that of rigid motion, as a share of the ball's initial energy. R161 is hit 3 to
-    4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held. Raises `KeyError`
-    for another support.
+    The energy is divided by the ball's initial energy. The change is relative to a free bat. R161
+    is hit at 8 positions, 3 to 4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped
+    or held. Raises `KeyError` for another support.
     """
     gap = (
         collide_at(WOOD, Z, support_name=support_name).energy.rigid
@@ -343,10 +344,10 @@ def least_energy_gap(support_name: str) -> float:
 
 
 def at_percussion(bat: str) -> float:
-    """Return the absolute change of e at the center of percussion caused by a pivot, at 60 mph.
+    """Return the absolute change of the bat-ball restitution e if a free bat gets a pivot.
 
-    The pivot is 6 in from the knob; without it the bat is free. Raises `InputError` for an unknown
-    bat.
+    The pivot is 6 in from the knob. The bat is hit at the center of percussion for this pivot, at
+    60 mph. Raises `InputError` for an unknown bat.
     """
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
@@ -354,9 +355,10 @@ def at_percussion(bat: str) -> float:
 
 
 def recoils_at_percussion() -> float:
-    """Return the absolute relative change of r at the center of percussion caused by a pivot.
+    """Return the largest absolute relative change of the recoil factor r if a bat gets a pivot.
 
-    The pivot is 6 in from the knob. The largest change of the paper's four bats is returned.
+    The pivot is 6 in from the knob, and r is that at the center of percussion for this pivot. The
+    change is computed for the paper's four bats. A result of 0.01 means 1 %.
     """
     return max(
         _worst(
@@ -369,10 +371,11 @@ def recoils_at_percussion() -> float:
 
 
 def pivot_speed() -> float:
-    """Return the ratio of the speeds of the pivot point and the impact point, just after a hit.
+    """Return the ratio of the speeds of a point near the knob and of the impact point, after a hit.
 
-    R161 is free and rigid, and is hit at its center of percussion for a pivot 6 in from the knob.
-    The pivot point then stays at rest, so the ratio is 0 up to rounding. It may be negative.
+    The point is 6 in from the knob. R161 is free and rigid, and is hit at the center of percussion
+    for a pivot at this point. The point then stays at rest, so the ratio is a rounding error of
+    either sign.
     """
     bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)
@@ -384,15 +387,19 @@ def pivot_speed() -> float:
 
 
 def without_hoop() -> float:
-    """Return the peak BPF of EA70 minus that of EA70 with a rigid shell.
+    """Return the peak bat performance factor (BPF) of EA70 minus the peak with a rigid shell.
 
-    The first is that in the standard game, the second is that at 160 mph.
+    Both bats are free. The first peak is the one in the paper's standard game (90 mph pitch), 0.5
+    to 12 in from the tip. The second is `dead_shell_factor`.
     """
     return top(ALUMINIUM, "bat_performance_factor").value - dead_shell_factor()
 
 
 def dead_shell_factor() -> float:
-    """Return the peak BPF of free EA70 with a rigid shell, at 160 mph, 3 to 8 in from the tip."""
+    """Return the peak bat performance factor (BPF) of the bat EA70 with a rigid shell.
+
+    The bat is free and is hit 3 to 8 in from the tip, at 160 mph.
+    """
     stiff = ModalModel.of(replace(body(ALUMINIUM), hoop=None), Free())
     e_A = collide_at(stiff, Z).collision_efficiency
     e = np.asarray(restitution_from_efficiency(e_A, recoil(ALUMINIUM, Z)))
@@ -400,7 +407,10 @@ def dead_shell_factor() -> float:
 
 
 def softball_factor() -> float:
-    """Return the peak BPF of a free softball bat at 60 mph, 4 to 8.75 in from the tip."""
+    """Return the peak bat performance factor (BPF) of the catalog's bat ``softball-34``.
+
+    The bat is free and is hit 4 to 8.75 in from the tip, at 60 mph.
+    """
     z, slow = np.arange(4, 9, 0.25), "softball-slowpitch"
     bat_beam, struck_ball = beam("softball-34"), paper_ball(slow)
     e_A = collide_at("softball-34", z, speed=SLOW, with_ball=slow).collision_efficiency
@@ -411,24 +421,33 @@ def softball_factor() -> float:
 
 
 def besr_less_efficiency(e_A: float) -> float:
-    """Return BESR minus e_A, which is 0.5 for every e_A."""
+    """Return BESR minus e_A, computed from `e_A`; it is 0.5 for every `e_A`."""
     return float(besr(e_A)) - e_A
 
 
 def besr_of(e: float, r: float) -> float:
-    """Return BESR (dimensionless) from e and r."""
+    """Return the ball exit speed ratio BESR = e_A + 0.5, dimensionless.
+
+    The collision efficiency e_A follows from the bat-ball restitution `e` and the recoil factor `r`
+    by Eq. (6).
+    """
     return float(besr(efficiency(e, r)))
 
 
 def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
-    """Return v_f by Eq. (3) from e_A and the speeds of ball and bat, in the unit of the speeds."""
+    """Return the batted-ball speed v_f = e_A v_ball + (1 + e_A) v_bat, Eq. (3).
+
+    The result has the unit of `v_ball` and `v_bat`, which are both positive. `e_A` is the collision
+    efficiency.
+    """
     return float(batted_speed(e_A, v_ball, v_bat))
 
 
 def energy_fraction(name: str, e: float, r: float) -> float:
-    """Return a share of the collision energy by Eqs. (10), from e and r.
+    """Return a share of the collision energy by Eqs. (10), dimensionless.
 
-    `name` is ``ball``, ``bat`` or ``dissipated``. Raises `AttributeError` for another name.
+    `name` is ``ball`` (energy of the ball), ``bat`` or ``dissipated``. `e` is the bat-ball
+    restitution and `r` the recoil factor. Raises `AttributeError` for another name.
     """
     return float(getattr(energy_fractions(e, r), name))
 
@@ -439,25 +458,26 @@ def sweet_spot_restitution() -> float:
 
 
 def restitution_by_support() -> float:
-    """Return the absolute difference of e between pivoted and free R161.
+    """Return the absolute difference of the bat-ball restitution e between pivoted and free R161.
 
-    The hit is 4 in from the tip, at 160 mph.
+    The pivot is 6 in from the knob. The bat is hit 4 in from the tip, at 160 mph.
     """
     return _worst(restitution(WOOD, [4.0], "pivoted") - restitution(WOOD, [4.0]))
 
 
 def restitution_lost_clamped() -> float:
-    """Return the smallest loss of e caused by clamping the handle of R161.
+    """Return the smallest loss of bat-ball restitution e caused by clamping the handle of R161.
 
-    The loss is e of the free bat minus e of the clamped bat, at 160 mph. It is negative for a gain.
-    The smallest loss over impact positions 3 to 8 in from the tip is returned.
+    The loss is e of the free bat minus e of the clamped bat. It is the smallest over impacts 3 to 8
+    in from the tip, at 160 mph. A negative result means that e increased at some position.
     """
     return float((restitution(WOOD, Z) - restitution(WOOD, Z, "clamped")).min())
 
 
 def recoil_at_peak(bat: str) -> float:
-    """Return r of a free bat at the position of its peak e_A in the standard game.
+    """Return the recoil factor r of a free bat at the position of its largest e_A, dimensionless.
 
+    The collision efficiency e_A is that in the paper's standard game, 0.5 to 12 in from the tip.
     Raises `InputError` for an unknown bat.
     """
     return float(recoil(bat, top(bat, "collision_efficiency").place))

@@ -35,7 +35,11 @@ INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of bats in the measur
 
 
 def compression_free_restitution() -> float:
-    """Return e0 of the game's ball by its force law, √(work of expansion / work of compression)."""
+    """Return e0 of the ball of the paper's standard game, computed from its force law.
+
+    It is √(work of expansion / work of compression), with the exponents of the force law at 160
+    mph.
+    """
     ball = paper_ball()
     e0 = float(ball.restitution.at(160 * MPH))
     a, b = ball.exponent, (ball.exponent + 1) / e0**2 - 1
@@ -44,23 +48,24 @@ def compression_free_restitution() -> float:
 
 
 def wall_time() -> float:
-    """Return the contact time of the game's ball on a rigid wall at 160 mph [ms]."""
+    """Return the contact time [ms] of the standard game's ball on a rigid wall at 160 mph."""
     ball = paper_ball()
     arguments = (ball.mass, 160 * MPH, ball.stiffness, ball.exponent, 0.5)
     return float(wall_contact(*(np.array(number) for number in arguments)).time) * 1e3
 
 
 def modes_left_out(count: int) -> float:
-    """Return the peak e_A of free R161 with `count` bending modes minus that with all modes.
+    """Return the peak e_A of R161 for `count` bending modes minus the peak for the default number.
 
-    "All modes" are those that this program uses by default. The relative speed is 160 mph.
+    e_A is the collision efficiency. The bat is free and is hit 3 to 8 in from the tip, at 160 mph.
+    The default number is `BENDING_MODES`.
     """
     few = collide_at(model(WOOD, "free", count), Z).collision_efficiency.max()
     return float(few - collide_at(model(WOOD, "free", BENDING_MODES), Z).collision_efficiency.max())
 
 
 def bending_frequency(count: int) -> float:
-    """Return the frequency [kHz] of bending mode `count` of the free bat R161.
+    """Return the frequency [kHz] of bending mode number `count` of the free bat R161.
 
     Mode 1 is the lowest. Raises `IndexError` for a mode beyond those of the model.
     """
@@ -68,10 +73,11 @@ def bending_frequency(count: int) -> float:
 
 
 def less_lost() -> float:
-    """Return the smallest lost share of energy on EA70 minus the smallest lost share on R161.
+    """Return the smallest energy loss on EA70 minus the smallest energy loss on R161.
 
-    The share is a fraction of the ball's initial energy. For each free bat, the smallest share over
-    impacts 3 to 8 in from the tip at 160 mph is used. The result is negative if EA70 loses less.
+    A loss is the energy of vibration and the loss in the ball, divided by the ball's initial
+    energy. For each free bat, it is the smallest over impacts 3 to 8 in from the tip, at 160 mph. A
+    negative result means that EA70 loses less.
     """
     aluminium, wood = (float(energy_loss(collide_at(bat, Z)).min()) for bat in (ALUMINIUM, WOOD))
     return aluminium - wood
@@ -85,7 +91,7 @@ def shell_frequency() -> float:
 
 
 def shell_turns() -> float:
-    """Return the number of periods of the hoop mode of EA70 during the contact with a ball.
+    """Return the contact time of a ball on EA70, in periods of the bat's hoop mode.
 
     The bat is free and is hit 6 in from the tip, at 160 mph.
     """
@@ -93,31 +99,32 @@ def shell_turns() -> float:
 
 
 def same_speed() -> float:
-    """Return the relative spread of the angular speeds of the measured swings, by the swing law.
+    """Return the relative range of angular speed if the swing exponent is 0; it is 0.
 
-    It is the largest minus the smallest speed, divided by the mean, for moments of inertia of 15000
-    to 20000 oz in^2. The exponent of the law is 0, so the result is 0.
+    The range is the largest minus the smallest angular speed, divided by the mean, for bats with
+    moments of inertia of 15000 to 20000 oz in^2.
     """
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
 
 
 def variation_of_power(power: float, exponent: float) -> float:
-    """Return the relative variation of I omega^power over the bats of the measured swings.
+    """Return the relative range of the quantity I omega^power over bats of different inertia.
 
-    It is the largest minus the smallest value, divided by the mean. The moment of inertia I is
-    15000 to 20000 oz in^2. Eq. (13) gives the angular speed omega for the swing exponent
-    `exponent`.
+    The range is the largest minus the smallest value, divided by the mean. I is the bat's moment of
+    inertia, 15000 to 20000 oz in^2. omega is the angular speed of the swing by Eq. (13), with the
+    swing exponent `exponent`.
     """
     quantity = INERTIAS * np.asarray(game().swing(exponent).angular_speed(INERTIAS)) ** power
     return float(np.ptp(quantity) / quantity.mean())
 
 
 def best_mass(exponent: float) -> float:
-    """Return the mass of the bat with the largest v_f [oz], from 8 to 124 oz in steps of 0.5 oz.
+    """Return the mass [oz] of the bat with the largest batted-ball speed.
 
-    The bats have the shape of R161 and e = 0.5, and are hit 6 in from the tip. The pitch speed is
-    90 mph. `exponent` is the n of the swing law.
+    Masses of 8 to 124 oz are compared in steps of 0.5 oz. The bats have the shape of R161, and e is
+    0.5 for all. They are hit 6 in from the tip, and the pitch speed is 90 mph. `exponent` is the n
+    of the swing law.
     """
     mass = np.arange(8.0, 124.1, 0.5)
     r = float(recoil(WOOD, 6.0)) * 31.0 / mass
@@ -129,10 +136,10 @@ def best_mass(exponent: float) -> float:
 
 
 def energy_speeds() -> np.ndarray:
-    """Return the angular speed for a swing of constant energy [rad/s], shape (11,).
+    """Return the angular speed of 11 bats, all swung with the same energy [rad/s], shape (11,).
 
-    The bats are copies of R161 with scaled moments of inertia: 11 values from 15000 to 20000 oz
-    in^2, about an axis 33 in from the tip.
+    The bats are copies of R161 with scaled mass. Their moments of inertia about an axis 33 in from
+    the tip are 15000 to 20000 oz in^2, in equal steps.
     """
     law, bat_beam = game().swing(None), beam(WOOD)
     about_body = bat_beam.inertia(bat_beam.length + law.axis_beyond_knob)
@@ -140,18 +147,18 @@ def energy_speeds() -> np.ndarray:
 
 
 def energy_exponent() -> float:
-    """Return the exponent n of the power law that is closest to a swing of constant energy.
+    """Return the exponent n of the power law that approximates a swing of constant energy.
 
-    It is fitted to the angular speeds at moments of inertia of 15000 to 20000 oz in^2.
+    The power law is fitted to `energy_speeds`, for moments of inertia of 15000 to 20000 oz in^2.
     """
     return -float(np.polyfit(np.log(INERTIAS), np.log(energy_speeds()), 1)[0])
 
 
 def laws_apart() -> float:
-    """Return the largest absolute difference of angular speed between the two swing laws [%].
+    """Return the largest absolute difference of angular speed between two swing laws [%].
 
-    The laws are that of constant energy and the power law with n = 0.3, scaled to the same mean.
-    Moments of inertia are 15000 to 20000 oz in^2.
+    One law keeps the energy constant, and the other is the power law with n = 0.3. Their ratio is
+    scaled to a mean of 1. Moments of inertia are 15000 to 20000 oz in^2.
     """
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
@@ -159,20 +166,20 @@ def laws_apart() -> float:
 
 
 def without_inertia() -> float:
-    """Return the angular speed of a bat without inertia, divided by the angular speed of the game.
+    """Return the angular speed of a swing without a bat, divided by the swing of the standard game.
 
-    Both swings have the same energy. The angular speed of the game is that of a bat with the
-    reference inertia.
+    Both swings have the same energy. The bat of the standard game has the reference inertia.
     """
     law = game().swing(None)
     return float(law.angular_speed(0.0)) / game().angular_speed
 
 
 def follows() -> float:
-    """Return the correlation coefficient of the curves e_A and e of R161 near their peaks.
+    """Return the correlation coefficient of the curves of e_A and e of R161 near their peaks.
 
-    The curves are shifted so that their peaks coincide. They are compared within 3 in of the peak,
-    in the standard game with swing exponent 0.
+    e_A is the collision efficiency, and e the bat-ball restitution. The curves are shifted along
+    the bat until their peaks coincide. They are compared within 3 in of the peak. The conditions
+    are those of the paper's standard game with swing exponent 0.
     """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
@@ -183,10 +190,10 @@ def follows() -> float:
 
 
 def flat_swing() -> float:
-    """Return the peak position of v_f minus that of e_A on R161 [in], for a swing without rotation.
+    """Return the distance [in] of the peak of v_f from that of e_A, for a swing without rotation.
 
-    The pitch speed is 90 mph, and every point of the bat moves at 70 mph. A positive result is
-    toward the handle.
+    v_f is the batted-ball speed, and e_A the collision efficiency. The bat is R161. Every point of
+    it moves at 70 mph, and the pitch speed is 90 mph. A positive distance is toward the handle.
     """
     table = profiles_by_swing(WOOD)[0.0].table
     highest = top_of(table["impact_position_in"], table["collision_efficiency"], 90.0, 70.0)
@@ -194,16 +201,16 @@ def flat_swing() -> float:
 
 
 def least_recoil() -> float:
-    """Return the position of the smallest r of free R161 [in from the tip].
+    """Return the position [in from the tip] of the smallest recoil factor r of free R161.
 
-    It is searched from 6 to 17.75 in from the tip.
+    The search covers 6 to 17.75 in from the tip.
     """
     z = np.arange(6, 18, 0.25)
     return peak(z, -recoil(WOOD, z)).place
 
 
 def contact_time(bat: str) -> float:
-    """Return the contact time of a ball and a free bat, 6 in from the tip at 160 mph [ms].
+    """Return the contact time [ms] of a ball and a free bat, 6 in from the tip at 160 mph.
 
     Raises `InputError` for an unknown bat.
     """
@@ -211,53 +218,57 @@ def contact_time(bat: str) -> float:
 
 
 def gain_with_bat_speed() -> float:
-    """Return the change of v_f per unit of bat speed, for e_A = 0.2; it is 1 + e_A."""
+    """Return the increase of batted-ball speed per unit of bat speed, 1 + e_A, for e_A = 0.2."""
     return float(batted_speed(0.2, 90.0, 71.0)) - float(batted_speed(0.2, 90.0, 70.0))
 
 
 def swing_axis() -> float:
-    """Return the distance from the knob end to the axis of the swing, which is on the bat [in]."""
+    """Return the distance of the swing axis from the knob end [in]; the axis is on the handle."""
     return KNOB_OFFSET / INCH
 
 
 def constant_power_exponent() -> float:
-    """Return the swing exponent n for constant power, 1/3, minus that of measured swings, 0.3."""
+    """Return 1/3 - 0.3: the swing exponent n for constant power minus the measured exponent."""
     return 1 / 3 - 0.3
 
 
 def swing_speed() -> float:
-    """Return the bat speed 27 in from the axis at 45 rad/s [mph]."""
+    """Return the bat speed [mph] at 27 in from the axis of rotation, at 45 rad/s."""
     return 45 * 27 * INCH / MPH
 
 
 def peaks_apart(farther: str, nearer: str) -> float:
-    """Return the peak position of the curve `farther` on R161 minus that of `nearer` [in].
+    """Return the distance [in] of the peak of one curve of R161 from the peak of another.
 
-    A positive result is toward the handle. Both curves are ``restitution``,
-    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the standard
-    game with swing exponent 0. Raises `KeyError` for another curve.
+    The distance is positive if the peak of `farther` is closer to the handle than that of `nearer`.
+    Each curve is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
+    ``batted_speed_mph``, in the paper's standard game with swing exponent 0. Raises `KeyError` for
+    another curve.
     """
     return top(WOOD, farther).place - top(WOOD, nearer).place
 
 
 def speed_lost_inward() -> float:
-    """Return the bat speed of R161 at 3 in from the tip minus that at 9 in [mph].
+    """Return the bat speed at 3 in from the tip of R161 minus the bat speed at 9 in [mph].
 
-    The bat is swung in the standard game with swing exponent 0.
+    The swing is that of the paper's standard game with swing exponent 0.
     """
     return float(game_bat_speed(WOOD, 3) - game_bat_speed(WOOD, 9))
 
 
 def pitch_speed() -> float:
-    """Return the pitch speed of the game [mph]."""
+    """Return the pitch speed of the paper's standard game [mph]."""
     return game().pitch_speed / MPH
 
 
 def angular_speed() -> float:
-    """Return the angular speed of the game's swing for the reference inertia [rad/s]."""
+    """Return the angular speed [rad/s] of a bat with the reference inertia in the standard game."""
     return game().angular_speed
 
 
 def reference_inertia() -> float:
-    """Return the moment of inertia at which a bat swings at the game's angular speed [oz in^2]."""
+    """Return the reference inertia of the standard game's swing law [oz in^2].
+
+    A bat with this moment of inertia is swung at `angular_speed`.
+    """
     return game().reference_inertia / OZ_IN2

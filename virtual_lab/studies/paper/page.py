@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def draw_page() -> PageFigure:
-    """Return a single figure with the paper's Figs. 2 to 4.
+    """Return one figure with the paper's Figs. 2, 3 and 4 side by side.
 
-    Fig. 2 is for the swing exponent 0, Figs. 3 and 4 are for 0 and 0.5.
+    Fig. 2 is computed for the swing exponent 0, Figs. 3 and 4 for the exponents 0 and 0.5.
     """
     with page_figure(6.6, 12.6) as figure:
         grid = figure.add_gridspec(1, 3, wspace=0.03)
@@ -49,9 +49,9 @@ def draw_page() -> PageFigure:
 
 
 def write_page(rows: Sequence[Row], figure: PageFigure, path: Path) -> None:
-    """Write the figure and the table of claims into `path` as one self-contained HTML page.
+    """Write one self-contained HTML page with a figure and the table of the paper's claims.
 
-    An existing file is overwritten.
+    `rows` are the claims, and `path` is the file. An existing file is overwritten.
     """
     table = [row.cells | {"reason": row.claim.lost or row.claim.why} for row in rows]
     title = "Characterizing the performance of baseball bats: the paper and the virtual laboratory"

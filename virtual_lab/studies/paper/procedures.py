@@ -35,10 +35,11 @@ PITCH, LIMIT = 70.0, 0.228  # pitch speed [mph], and limit of e_A
 
 
 def rest_prediction_error(bat: str, n: float) -> float:
-    """Return the peak v_f predicted from e_A of a bat at rest, minus the true peak v_f [mph].
+    """Return the error of a peak batted-ball speed [mph] predicted from a test of the bat at rest.
 
-    e_A is that of the free bat at 160 mph, 3 to 9 in from the tip. `n` is the swing exponent, 0 to
-    0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an unknown
+    The prediction uses the collision efficiency of the free bat, measured at 160 mph, 3 to 9 in
+    from the tip. The error is the predicted minus the true peak speed. `n` is the swing exponent, 0
+    to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an unknown
     bat.
     """
     e_A = collide_at(bat, PLACES, speed=160.0).collision_efficiency
@@ -47,17 +48,21 @@ def rest_prediction_error(bat: str, n: float) -> float:
 
 
 def ends() -> float:
-    """Return the smallest distance of a peak of v_f from an end of the scanned range [in].
+    """Return the smallest distance [in] between a peak of v_f and an end of the scan.
 
-    The range is 3 to 9 in from the tip. The peaks are those of the paper's four bats, for the swing
-    exponents 0 and 0.5.
+    v_f is the batted-ball speed. The scan covers 3 to 9 in from the tip. The result is negative if
+    a peak is outside. The peaks of the paper's four bats are used, for the swing exponents 0 and
+    0.5.
     """
     places = [top(bat, "batted_speed_mph", n).place for bat in BATS for n in (0.0, 0.5)]
     return min(min(place - float(PLACES[0]), float(PLACES[-1]) - place) for place in places)
 
 
 def _factor(bat: str) -> float:
-    """Return the BPF of the ASTM method: pivoted, 60 mph, at the center of percussion."""
+    """Return the BPF of a bat by the ASTM method.
+
+    The bat is pivoted and is hit at its center of percussion, at 60 mph.
+    """
     place = np.array([centre_of_percussion_in(bat)])
     e_A = collide_at(
         bat, place, support_name="pivoted", speed=60.0, with_ball=BALL
@@ -67,9 +72,10 @@ def _factor(bat: str) -> float:
 
 
 def by_recoil() -> float:
-    """Return the absolute difference between e_A from the recoil of R161 and e_A from the ball.
+    """Return the absolute difference of e_A from the bat's recoil and e_A from the rebound speed.
 
-    The bat is pivoted 6 in from the knob and is hit at its center of percussion, at 60 mph.
+    e_A is the collision efficiency. R161 is pivoted 6 in from the knob and is hit at its center of
+    percussion, at 60 mph.
     """
     bat = model(WOOD, "pivoted")
     z, bat_beam = centre_of_percussion_in(WOOD), beam(WOOD)
@@ -84,10 +90,10 @@ def by_recoil() -> float:
 
 
 def reaction(distance: float) -> float:
-    """Return the absolute ratio of the impulse on the pivot to that on the barrel, for rigid R161.
+    """Return the absolute impulse on the pivot divided by the impulse of the ball, for rigid R161.
 
-    The impact is at `distance` [in] from the center of percussion, positive toward the handle. The
-    pivot is 6 in from the knob.
+    The pivot is 6 in from the knob. The ball hits the bat `distance` [in] from the center of
+    percussion; a positive distance is toward the handle.
     """
     bat_beam, z = beam(WOOD), centre_of_percussion_in(WOOD) + distance
     axis = bat_beam.length - 6 * INCH
@@ -96,10 +102,10 @@ def reaction(distance: float) -> float:
 
 
 def ncaa_bat_speed(place: float | Array, length: float) -> Array:
-    """Return the bat speed in the NCAA rig [mph], with the shape of `place`.
+    """Return the bat speed in the NCAA rig [mph] at one or more positions, in the shape of `place`.
 
-    It is 66 mph at 6 in from the tip. `place` is a position [in from the tip], and `length` the
-    length of the bat [m].
+    `place` are positions [in from the tip], and `length` is the length of the bat [m]. The speed is
+    66 mph at 6 in from the tip, and proportional to the distance from the pivot.
     """
     pivot = (length - rules("ncaa-modified").pivot_from_knob) / INCH
     return np.asarray(66.0 * (pivot - np.asarray(place)) / (pivot - 6.0))
@@ -116,43 +122,45 @@ def exponent_of_mass() -> float:
     """Return the exponent n of the swing law of the procedure ``asa``, dimensionless.
 
     The bat speed in the game is proportional to (1 / mass of the bat)^n. The result is NaN if the
-    procedure uses the moment of inertia or has no swing law.
+    procedure has no swing law, or a law in terms of the moment of inertia.
     """
     field = rules("asa").game
     return field.exponent if field and field.scales_with == "mass" else np.nan
 
 
 def at_limit(place: float) -> float:
-    """Return v_f in the NCAA rig [mph] of a bat with e_A = 0.228, hit at `place` [in from the tip].
+    """Return the batted-ball speed [mph] in the NCAA rig for a bat with e_A = 0.228.
 
-    The pitch speed is 70 mph; the bat has the length of R161.
+    The impact is at `place` [in from the tip]. The pitch speed is 70 mph; the bat has the length of
+    R161.
     """
     return float(batted_speed(LIMIT, PITCH, ncaa_bat_speed(place, beam(WOOD).length)))
 
 
 def besr_at_limit(place: float) -> float:
-    """Return the BESR of a bat with v_f = 97 mph in the NCAA rig, hit at `place` [in from the tip].
+    """Return the BESR of a bat with a batted-ball speed of 97 mph in the NCAA rig.
 
-    The pitch speed is 70 mph; the bat has the length of R161.
+    The impact is at `place` [in from the tip]. The pitch speed is 70 mph; the bat has the length of
+    R161.
     """
     e_A = collision_efficiency(PITCH, ncaa_bat_speed(place, beam(WOOD).length), 97.0)
     return float(besr(e_A))
 
 
 def below_field(speed: float) -> float:
-    """Return the relative speed of ball and R161 in the field minus `speed` [mph].
+    """Return the relative speed of ball and bat in the field minus the test speed `speed` [mph].
 
-    The relative speed in the field is that at the peak of v_f, for a pitch of 90 mph and swing
-    exponent 0.
+    The bat is R161, hit at the position of its peak batted-ball speed. The pitch speed is 90 mph,
+    and the swing exponent is 0.
     """
     return 90 + float(game_bat_speed(WOOD, top(WOOD, "batted_speed_mph").place)) - speed
 
 
 def off_percussion() -> float:
-    """Return the largest distance of a peak of v_f from the center of percussion [in].
+    """Return the largest distance [in] between the peak of v_f and the center of percussion.
 
-    It is the largest of the paper's four bats, with the peaks for swing exponent 0 and the pivot 6
-    in from the knob.
+    v_f is the batted-ball speed. The distance is computed for the paper's four bats, with swing
+    exponent 0. The center of percussion is that for a pivot 6 in from the knob.
     """
     return max(
         abs(centre_of_percussion_in(bat) - top(bat, "batted_speed_mph").place) for bat in BATS
@@ -160,11 +168,12 @@ def off_percussion() -> float:
 
 
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
-    """Return the bat speed of the light bat relative to that of the heavy one, minus 1 [%].
+    """Return the relative difference [%] of the bat speeds of a light and a heavy bat.
 
-    The speeds are those 0.5 in from the tip, in the standard game. `swing` is the exponent n, 0 to
-    0.5 in steps of 0.1; None stands for the law of constant energy. Raises `KeyError` for another
-    exponent, and `InputError` for an unknown bat.
+    It is positive if the light bat is faster. The speeds are those at 0.5 in from the tip, in the
+    paper's standard game. `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1, or
+    None for a swing of constant energy. Raises `KeyError` for another exponent, and `InputError`
+    for an unknown bat.
     """
     speeds = [
         float(profiles_by_swing(bat)[swing].table["bat_speed_mph"][0]) for bat in (light, heavy)
@@ -173,7 +182,7 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
 
 def swing_matters() -> float:
-    """Return the peak v_f of EA70 for swing exponent 0.5 minus that for exponent 0 [mph]."""
+    """Return the change of the peak v_f of EA70 [mph] for a swing exponent of 0.5 instead of 0."""
     return (
         top(ALUMINIUM, "batted_speed_mph", 0.5).value
         - top(ALUMINIUM, "batted_speed_mph", 0.0).value
@@ -181,24 +190,24 @@ def swing_matters() -> float:
 
 
 def metrics_alike() -> float:
-    """Return the absolute relative difference of the NCAA metric between EA70 and R161 [%].
+    """Return the absolute relative difference [%] of the NCAA metric between EA70 and R161.
 
-    The NCAA metric is the peak v_f at the speeds of the NCAA rig.
+    The NCAA metric is the peak batted-ball speed at the speeds of the NCAA rig.
     """
     return abs(_ncaa(ALUMINIUM) / _ncaa(WOOD) - 1) * 100
 
 
 def ncaa_lead(first: str, second: str) -> float:
-    """Return the NCAA metric of the first bat minus that of the second [mph].
+    """Return the NCAA metric of the first bat minus the NCAA metric of the second bat [mph].
 
-    The NCAA metric is the peak v_f at the speeds of the NCAA rig. Raises `InputError` for an
-    unknown bat.
+    The NCAA metric is the peak batted-ball speed at the speeds of the NCAA rig. Raises `InputError`
+    for an unknown bat.
     """
     return _ncaa(first) - _ncaa(second)
 
 
 def factor_lead(first: str, second: str) -> float:
-    """Return the BPF of the first bat minus that of the second.
+    """Return the bat performance factor (BPF) of the first bat minus that of the second bat.
 
     Each bat is pivoted 6 in from the knob and hit at its center of percussion, at 60 mph. Raises
     `InputError` for an unknown bat.
@@ -207,14 +216,15 @@ def factor_lead(first: str, second: str) -> float:
 
 
 def efficiency_of_besr(value: float) -> float:
-    """Return the e_A that corresponds to a value of BESR, which is 0.5 less."""
+    """Return e_A = BESR - 0.5 for the BESR `value`."""
     return value - (float(besr(LIMIT)) - LIMIT)
 
 
 def rule(procedure: str, name: str, unit: str = "1") -> float:
-    """Return the number `name` of a procedure in `unit`: mph, in or 1.
+    """Return a number of a procedure by its name, converted to a unit.
 
-    The result is NaN if this number is missing or 0. Raises `InputError` for an unknown procedure,
+    `name` is an attribute of `Procedure`. `unit` is mph or in, or 1 for a dimensionless number. The
+    result is NaN if the procedure states None or 0. Raises `InputError` for an unknown procedure,
     `AttributeError` for an unknown name, and `KeyError` for another unit.
     """
     unit_si = {"mph": MPH, "in": INCH, "1": 1.0}[unit]

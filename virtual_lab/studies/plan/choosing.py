@@ -16,21 +16,23 @@ Index = tuple[int, ...]
 
 
 def cheapest(u: Array, cost: Array, target: float, most: int) -> list[Index]:
-    """Return the indices of the cheapest plans that reach the target u, the cheapest first.
+    """Return the indices of the cheapest plans with a u of at most `target`, the cheapest first.
 
-    A plan is left out if it would still reach the target with one exchange fewer, or with one count
-    a step smaller. Of plans with equal costs, the one with fewer exchanges comes first, then the
-    one with the smaller u.
+    A plan exchanges a set of instruments and has four counts: hits, final hits, balls and wall
+    hits. A plan is left out if it would still reach the target with one exchange fewer, or with the
+    next smaller value of one count. Plans of equal cost are sorted by their number of exchanges,
+    then by u. The list is empty if no plan reaches the target.
 
     Parameters
     ----------
     u
         u of each plan in the unit of `target`, shape (set of exchanges, hits, final hits, balls,
-        wall hits). Bit k of the number of a set is 1 if instrument k is exchanged.
+        wall hits). The counts increase along their axes. Set number s exchanges instrument k if bit
+        k of s is 1.
     cost
         Cost of each plan in any unit, in the shape of `u`.
     target
-        Largest u.
+        Largest allowed u.
     most
         Largest number of indices to return.
     """
@@ -38,10 +40,10 @@ def cheapest(u: Array, cost: Array, target: float, most: int) -> list[Index]:
 
 
 def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None:
-    """Return the index of the cheapest plan that differs from the present laboratory in one thing.
+    """Return the index of the cheapest plan that reaches the target with a single change.
 
-    The plan exchanges one instrument or raises one count, by any number of steps. The result is
-    None if no such plan reaches the target. The arguments are those of `cheapest`.
+    The change is the exchange of one instrument, or a larger value of one count. The result is None
+    if no such plan reaches the target. The arguments are those of `cheapest`.
     """
     changed = [np.arange(size) > 0 for size in u.shape]
     changes = np.sum(np.meshgrid(*changed, indexing="ij"), axis=0)
@@ -51,11 +53,11 @@ def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None
 
 
 def irreducible(reaches: Mask) -> Mask:
-    """Return a mask of the plans that reach a target, but not with fewer changes.
+    """Return a mask of the plans that reach a target and that cannot be reduced.
 
-    A plan is False if it would still reach the target with one exchange fewer, or with one count a
-    step smaller. `reaches` marks all plans that reach the target. Its shape is that of `u` in
-    `cheapest`.
+    A plan can be reduced if it would still reach the target with one exchange fewer, or with the
+    next smaller value of one count. `reaches` is the mask of all plans that reach the target. Both
+    masks have the shape of `u` in `cheapest`.
     """
     needed = reaches.copy()
     for axis in range(1, reaches.ndim):

@@ -59,12 +59,13 @@ class DailyScatter:
 
 
 def read_history(folders: Sequence[Path], setup: TestSetup) -> DailyScatter:
-    """Return the scatter of the hits in result folders, or in one folder of daily checks.
+    """Return the variance of a hit, and its degrees of freedom, on each day of a history.
 
-    The variance is that of the metric. For daily checks it is that of e0 at the wall. `setup` is
-    the test that is planned. Raises `InputError` for a folder without a result, fewer than three
-    tests, the same test twice, tests of another bat, procedure, rig or metric, or a table of daily
-    checks that lacks a column.
+    The history is several result folders, or one folder of daily checks. Result folders give the
+    variance of the metric, and daily checks the variance of e0 at the wall. `setup` is the test
+    that is planned. Raises `InputError` for a folder without a result, fewer than three tests, the
+    same test twice, tests of another bat, procedure, rig or metric, or a table of daily checks that
+    lacks a column.
     """
     if len(folders) == 1 and (folders[0] / DAYS).exists():
         return _of_daily_checks(folders[0] / DAYS)
@@ -100,12 +101,13 @@ def _of_daily_checks(path: Path) -> DailyScatter:
 
 
 def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict[Key, str]:
-    """Return the sheet of balls whose simulated hits scatter as in a history.
+    """Return a data sheet of balls, adapted so that simulated hits have the variance of a history.
 
-    The key is kind and name of the sheet, and the value is its text. The variance of a hit is
-    linear in the square of the balls' scatter of e0, so two samples of simulated tests are enough
-    to compute the scatter. It is 0 if instruments and aim alone cause more scatter than the history
-    has. Raises `InputError` for fewer than three days, and if their variances differ significantly.
+    The sheet is the only entry of the result: its key is (kind, name), and its value is its text.
+    The variance of a hit is linear in the square of the balls' scatter of e0. Two samples of
+    simulated tests are therefore enough to compute this scatter. The scatter is 0 if instruments
+    and aim alone cause more variance than the history has. Raises `InputError` for fewer than three
+    days, and if the variances of the days differ significantly.
     """
     variance = history.pooled
     ball = TestSetup.of(bat, procedure=procedure).rules.spec.ball

@@ -125,10 +125,11 @@ class PlannedLaboratory:
 
 
 def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
-    """Return the instruments of rigs with half of each standard uncertainty, keyed by name.
+    """Return the data sheets of the instruments of `rigs`, with each standard uncertainty halved.
 
-    A survey of the rig itself, for example of its pivot, is keyed by the name of its table in the
-    rig's sheet. Raises `InputError` for an unknown rig.
+    The key is the name of the instrument. The standard uncertainties in the sheet of a rig itself
+    are also halved, for example those of its pivot. The key is then the name of the table that
+    contains them, or several names joined by ``+``. Raises `InputError` for an unknown rig.
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
@@ -144,19 +145,19 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
 
 
 def attempts(forecast: Forecast, counts: Counts) -> Array:
-    """Return the largest number of shots that a plan allows, in the shape of the counts.
+    """Return the largest number of shots that each plan allows, in the shape of the counts.
 
-    The ratio of allowed to expected shots is that of the procedure. A plan never allows fewer shots
-    than the procedure.
+    It is the number in the procedure, scaled with the expected number of shots and rounded up. It
+    is never below the number in the procedure.
     """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))
 
 
 def feasible(forecast: Forecast, counts: Counts) -> Array:
-    """Return a mask of the counts that a procedure can have, in the shape of the counts.
+    """Return a mask of the plans with possible counts, in the shape of the counts.
 
-    A count, or the number of shots that it requires, is not possible above 1000.
+    A plan is not possible if a count, or the number of shots that it allows, is above 1000.
     """
     numbers = [attempts(forecast, counts), *counts.values]
     return np.asarray(np.max(np.broadcast_arrays(*numbers), axis=0) <= MOST_COUNTED)

@@ -113,18 +113,18 @@ def plan(
     The table has the present laboratory and at most ten plans that should reach the target. It also
     has the cheapest single change of the present laboratory, if one is enough. The plans are sorted
     by minutes, or by price if `prices` is given. A plan is left out if it would still reach the
-    target with one exchange fewer or with one count a step smaller.
+    target with one exchange fewer or with the next smaller value of one count.
 
     A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
-    procedure, rounded; numbers between these are not tried. It may exchange up
-    to eight instruments for ones with half of each standard uncertainty, or for those of the sheets
-    in `prices`. Instruments that hardly lower u are not considered. An exchange does not change the
-    minutes.
+    procedure, rounded. Numbers between these are not tried. A plan may exchange up to eight
+    instruments. The new instruments have half of each standard uncertainty, or the data sheets
+    named in `prices`. Instruments that hardly lower u are not considered. An exchange does not
+    change the minutes.
 
-    Plans are chosen by a u that is predicted to first order from the budget of the present
-    laboratory. Then each plan in the table is simulated, and the column `reaches` shows whether its
-    simulated u reaches the target. If no plan is predicted to reach the target, the table has the
-    floor, which is the plan with the smallest u, and the text names its largest terms.
+    To choose the plans, u is predicted to first order from the budget of the present laboratory.
+    Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u
+    reaches the target. If no plan is predicted to reach the target, the table has the floor. The
+    floor is the plan with the smallest u, and the text names its largest terms.
 
     Parameters
     ----------
@@ -133,20 +133,21 @@ def plan(
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     target_u
-        Largest median of the stated standard uncertainty of the metric, in the metric's unit.
+        Largest allowed median of the stated standard uncertainty of the metric, in the metric's
+        unit.
     bat
         The bat: a name in the catalog or a .toml file.
 
-        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
+        Or a sheet, ``vl.bat("r161")``, with changed values if needed.
     prices
         File of prices, .toml. The plans are then sorted by price. Its keys are ``tests``,
         ``per_minute``, ``per_ball`` and ``instruments``, each with value, unit and source;
         ``virtual-lab template prices FILE`` writes an empty one. Only instruments with a price are
         exchanged.
     history
-        Result folder of an earlier test of the same bat by the same procedure, three or more, or
-        one folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these
-        days, if Bartlett's test finds no difference between them.
+        Result folders of at least three earlier tests of the same bat by the same procedure, or one
+        folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these days. It
+        is an error if the scatter of the days differs (Bartlett's test).
     laboratories
         Number of simulated tests per plan, at least 100.
     seed
@@ -154,7 +155,7 @@ def plan(
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
-        Instruments and rigs of the present laboratory with changed values, in place of those of the
+        Instruments and rigs of the present laboratory with changed values, instead of those of the
         catalog.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.

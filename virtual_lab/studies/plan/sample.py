@@ -74,10 +74,10 @@ class SampledTests(AlignedArrays):
 
 
 def median_of(values: Array) -> Median:
-    """Return the median of `values`, shape (n,), and its standard error, both in their unit.
+    """Return the median of `values`, shape (n,), and its standard error, in the unit of `values`.
 
-    The standard error is half the difference of two quantiles, those of 0.5 + 0.5/√n and 0.5 -
-    0.5/√n. Both results are NaN if n is 0.
+    The standard error is half the distance between the quantiles 0.5 - 0.5/√n and 0.5 + 0.5/√n.
+    Median and error are NaN if n is 0.
     """
     if not values.size:
         return Median(nan, nan)
@@ -87,9 +87,9 @@ def median_of(values: Array) -> Median:
 
 
 def sample_of(tested: BlockTest) -> SampledTests:
-    """Return the results of a block's tests that the forecast of plans uses as input.
+    """Return the simulated tests of a block as the input of `Forecast`, one test per laboratory.
 
-    Each laboratory has one test.
+    The arrays hold u, the lines of the budget, the variance of a hit, and numbers of shots.
     """
     certified, reduced = tested.certified, tested.certified.reduced
     metric, outcome, rules = certified.results["metric"], certified.outcome, certified.procedure

@@ -121,11 +121,11 @@ FARTHEST = 3.0  # largest deviation drawn [half widths]; farther results are arr
 
 
 def reference(*, progress: Progress = quiet) -> ReferenceResult:
-    """Compare published measurements of bats, balls and tests with this laboratory.
+    """Compare published measurements of bats, balls and tests with results of this program.
 
-    Each row states how the laboratory represents the number: as a prediction, as a number of its
-    data files, or as an input of a fit. The CSV file also lists the quantities that the simulation
-    does not model, with the reason.
+    A result is either predicted by the simulation, a number of the data files, or a number to which
+    the data were fitted; each row states which. The CSV file also lists the quantities that the
+    simulation does not model, with the reason.
 
     Parameters
     ----------
@@ -141,10 +141,11 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
 
 
 def compare_number(number: Published) -> ReferenceRow:
-    """Compute our result for a published number, and return both in the published unit.
+    """Return a row with a published number and our result, both in the published unit.
 
-    Result and difference are None for a quantity that the simulation does not model. The difference
-    is our result minus the published number; inside a published range it is 0.
+    The difference is our result minus the published number. For a published range, it is the
+    distance beyond the nearer end, and 0 inside the range. Result and difference are None if the
+    simulation does not model the quantity.
     """
     result = None if number.role == "none" else float(finder_of(number, FINDERS)())
     difference = None if result is None else number.deviation(result)

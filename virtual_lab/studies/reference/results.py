@@ -54,11 +54,12 @@ FOOT = 12 * INCH
 
 
 def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> float:
-    """Return the number with the key `key` in a catalog file, converted to `unit`.
+    """Return a number from a file of the catalog, converted to `unit`.
 
-    The file is the entry `name` of the folder `kind`, such as ``balls``. `index` selects from a
-    list and is ignored for a single number. Raises `InputError` for an unknown file, `ValueError`
-    for an unknown key or a unit of another dimension, and `IndexError` beyond the list.
+    `kind` is a folder of the catalog, such as ``balls``, `name` is the file, and `key` is the key
+    of the number. `index` selects one number of a list, and is ignored for a single number. Raises
+    `InputError` for an unknown file, `ValueError` for an unknown key or a unit of another
+    dimension, and `IndexError` for an index beyond the list.
     """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     value = datum.value[index] if isinstance(datum.value, list) else datum.value
@@ -69,21 +70,21 @@ def entry(kind: str, name: str, key: str, unit: str = "1", index: int = 0) -> fl
 
 
 def entries(kind: str, name: str, key: str) -> float:
-    """Return the number of items of a list in a catalog file.
+    """Return the number of items of a list in a file of the catalog.
 
-    The list has the key `key` in the entry `name` of the folder `kind`, such as ``balls``. Raises
-    `InputError` for an unknown file, `ValueError` for an unknown key, and `TypeError` for a single
-    number.
+    `kind` is a folder of the catalog, such as ``balls``, `name` is the file, and `key` is the key
+    of the list. Raises `InputError` for an unknown file, `ValueError` for an unknown key, and
+    `TypeError` if the key has a single number.
     """
     (datum,) = (each for each in catalog.sheet(kind, name)[1] if each.key == key)
     return len(datum.value)
 
 
 def half_width(name: str, key: str) -> float:
-    """Return the half width [in] of a rectangular distribution: √3 times its standard uncertainty.
+    """Return the half width [in] of a rectangular distribution, from its standard uncertainty u.
 
-    `name` is the instrument in the catalog and `key` the key of the standard uncertainty. Raises
-    `InputError` for an unknown instrument, and `ValueError` for an unknown key.
+    The half width is √3 u. `name` is the instrument in the catalog, and `key` is the key of u.
+    Raises `InputError` for an unknown instrument, and `ValueError` for an unknown key.
     """
     return entry("instruments", name, key, "in") * 3**0.5
 
@@ -102,16 +103,16 @@ def gate_distance(name: str) -> float:
 
 
 def nearest_gate(name: str) -> float:
-    """Return the distance of the second gate of an instrument from the bat or the wall [ft].
+    """Return the distance [ft] of an instrument's second gate from the bat or the wall.
 
-    Of a pair of gates this is the nearer one. Raises `InputError` for an unknown instrument, and
+    The second gate is the nearer gate of a pair. Raises `InputError` for an unknown instrument, and
     `ValueError` for one without gates.
     """
     return _in_feet(entry("instruments", name, "distances", "in", 1))
 
 
 def limit_in_feet_per_second(procedure: str) -> float:
-    """Return the limit of the batted-ball speed of a procedure [ft/s].
+    """Return the limit of the batted-ball speed in a procedure [ft/s].
 
     Raises `InputError` for an unknown procedure, and `ValueError` for one without this limit.
     """
@@ -140,7 +141,7 @@ def weight(bat: str) -> float:
 
 
 def balance_point(bat: str) -> float:
-    """Return the distance of the center of mass of a bat from the knob end [in].
+    """Return the balance point of a bat: the distance of its center of mass from the knob end [in].
 
     Raises `InputError` for an unknown bat.
     """
@@ -156,7 +157,7 @@ def pivot_inertia(bat: str) -> float:
 
 
 def inertia_ratio(bat: str) -> float:
-    """Return the moment of inertia of a bat about the knob end divided by that about its pivot.
+    """Return the moment of inertia about the knob end divided by the one about the pivot.
 
     The pivot is 6 in from the knob end. Raises `InputError` for an unknown bat.
     """
@@ -164,7 +165,7 @@ def inertia_ratio(bat: str) -> float:
 
 
 def diameter(bat: str) -> float:
-    """Return the largest outer diameter in the drawing of a bat [in].
+    """Return the largest outer diameter in the data sheet of a bat [in].
 
     Raises `InputError` for an unknown bat.
     """
@@ -172,7 +173,7 @@ def diameter(bat: str) -> float:
 
 
 def barrel_length(bat: str) -> float:
-    """Return the distance from the tip at which a bat begins to taper toward the handle [in].
+    """Return the distance from the tip to the beginning of the taper toward the handle [in].
 
     Raises `InputError` for an unknown bat.
     """
@@ -184,7 +185,7 @@ def barrel_length(bat: str) -> float:
 
 @lru_cache
 def _shorten(length_in: float) -> BatBody:
-    """Return R161 with its outline compressed along the bat to a length; diameters are the same."""
+    """Return the bat R161, compressed along its axis to a length; its diameters stay the same."""
     whole = body(WOOD)
     share = length_in * INCH / whole.length
     return replace(
@@ -193,34 +194,35 @@ def _shorten(length_in: float) -> BatBody:
 
 
 def _body(bat: str | float) -> BatBody:
-    """Return the body of a bat by name, or that of R161 shortened to a length [in]."""
+    """Return the body of a bat by name, or the body of R161 shortened to a length [in]."""
     return body(bat) if isinstance(bat, str) else _shorten(float(bat))
 
 
 def frequency(bat: str | float, mode: int) -> float:
-    """Return a bending frequency of a free bat [Hz].
+    """Return the frequency of a bending mode of a free bat [Hz].
 
-    `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` counts
-    from 1. Raises `InputError` for an unknown bat, and `IndexError` for a mode beyond those of the
+    `bat` is a name in the catalog, or a length [in] to which R161 is shortened. Mode 1 is the
+    lowest. Raises `InputError` for an unknown bat, and `IndexError` for a mode beyond those of the
     model.
     """
     return float(free_model(_body(bat)).modes.bending_frequencies[mode - 1])
 
 
 def node(bat: str | float, mode: int) -> float:
-    """Return the position of the barrel node of a bending mode of a free bat [in from the tip].
+    """Return the position [in from the tip] of the barrel node of a bending mode of a free bat.
 
-    The barrel node is the node nearest to the tip. `bat` is a name in the catalog, or the length
-    [in] to which R161 is shortened. `mode` is 1 or 2. Raises `InputError` for an unknown bat, and
-    `IndexError` for another mode.
+    The barrel node is the node nearest to the tip. `bat` is a name in the catalog, or a length [in]
+    to which R161 is shortened. `mode` is 1 (the lowest) or 2. Raises `InputError` for an unknown
+    bat, and `IndexError` for another mode.
     """
     return barrel_nodes(free_model(_body(bat)).modes)[mode - 1] / INCH
 
 
 def handle_node(bat: str) -> float:
-    """Return the handle node of the first bending mode of a free bat [in from the knob end].
+    """Return the position [in from the knob end] of the handle node of the first bending mode.
 
-    Raises `InputError` for an unknown bat.
+    The bat is free. The handle node is the node nearest to the knob end. Raises `InputError` for an
+    unknown bat.
     """
     modes = free_model(body(bat)).modes
     z = np.linspace(0.0, modes.length, 3401)
@@ -235,7 +237,11 @@ def handle_node(bat: str) -> float:
 def _collide(
     bat: BatBody, speed: Array | float, ball: BallSpec | None = None
 ) -> tuple[Array, Collisions, Scenes]:
-    """Return r of the pivoted bat, collisions and scenes along the barrel, (position,)."""
+    """Return recoil factors, collisions and scenes at the positions `Z` along the barrel.
+
+    The recoil factor r, (position,), is that of the pivoted bat; the collisions are with a free
+    bat.
+    """
     ball = ball or paper_ball(BALL)
     z, drawn = Z * INCH, beam_of(bat)
     scenes = Scenes.with_ball(
@@ -253,39 +259,38 @@ def _restitution_peak(bat: BatBody, speed: float, ball: BallSpec | None = None) 
 
 
 def peak_restitution(bat: str, speed: float) -> float:
-    """Return the peak BBCOR of a bat over impacts 3 to 9 in from the tip.
+    """Return the peak BBCOR of a bat over impacts 3 to 9 in from the tip, dimensionless.
 
-    `speed` is the relative speed of ball and bat [mph]. The ball is the nominal baseball. e_A is
-    that of the free bat, and r is that of the rigid bat pivoted 6 in from the knob. Raises
-    `InputError` for an unknown bat.
+    BBCOR is computed from e_A of the free bat and the recoil factor r of the rigid bat with a pivot
+    6 in from the knob. `speed` is the relative speed of ball and bat [mph]. The ball is the nominal
+    baseball. Raises `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).value
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the peak BBCOR, 3 to 9 in from the tip [in].
+    """Return the position of the peak BBCOR of `peak_restitution` [in from the tip], 3 to 9 in.
 
-    `speed` is the relative speed of ball and bat [mph], as in `peak_restitution`. Raises
-    `InputError` for an unknown bat.
+    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).place
 
 
 def restitution_change(bat: str, first: str, speed: float) -> float:
-    """Return the peak BBCOR of `bat` minus that of `first`.
+    """Return the peak BBCOR of `bat` minus the peak BBCOR of the bat `first`, dimensionless.
 
-    `speed` is the relative speed of ball and bat [mph], as in `peak_restitution`. Raises
-    `InputError` for an unknown bat.
+    `speed` is the relative speed of ball and bat [mph]. The peak BBCOR is that of
+    `peak_restitution`. Raises `InputError` for an unknown bat.
     """
     return peak_restitution(bat, speed) - peak_restitution(first, speed)
 
 
 def procedure_result(bat: str, procedure: str) -> float:
-    """Return the largest metric of a nominal bat by a procedure, 3 to 9 in from the tip.
+    """Return the exact result of a procedure for a nominal bat, in SI units or dimensionless.
 
-    The result is converted to the standard ball if the procedure has one. It is in SI units; ratios
-    are dimensionless. `procedure` is a name in the catalog. Raises `InputError` for an unknown bat
-    or procedure.
+    It is the largest value of the procedure's metric over impacts 3 to 9 in from the tip. The
+    metric is converted to the standard ball if the procedure has one. Both names are names in the
+    catalog. Raises `InputError` for an unknown bat or procedure.
     """
     rule = rules(procedure)
     recoil, collisions, scenes = _collide(body(bat), rule.ball_speed / MPH)
@@ -303,9 +308,11 @@ def procedure_result(bat: str, procedure: str) -> float:
 
 
 def hit_scatter(bat: str, speed: float) -> float:
-    """Return the standard deviation of BBCOR between hits, each with a new ball.
+    """Return the standard deviation of BBCOR caused by the scatter of the ball's e0, dimensionless.
 
-    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    e0 varies between balls and between hits of one ball. Each hit has another ball, and BBCOR is
+    the peak along the barrel. `speed` is the relative speed of ball and bat [mph]. Raises
+    `InputError` for an unknown bat.
     """
     ball = paper_ball(BALL)
     step = 0.005  # change of e0 for the slope, small beside the curvature of e(e0)
@@ -324,7 +331,7 @@ def hit_scatter(bat: str, speed: float) -> float:
 
 
 def peak_efficiency(bat: str, speed: float) -> float:
-    """Return the largest e_A of a free bat, 3 to 9 in from the tip.
+    """Return the largest collision efficiency of a free bat, 3 to 9 in from the tip.
 
     `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
     """
@@ -332,10 +339,11 @@ def peak_efficiency(bat: str, speed: float) -> float:
 
 
 def peak_contact_time(bat: str, speed: float) -> float:
-    """Return the contact time of a ball and a free bat [s], at the position of the largest e_A.
+    """Return the contact time [s] of a ball and a free bat at the position of the largest e_A.
 
-    The position is the best of 3 to 9 in from the tip in steps of 0.25 in. `speed` is the relative
-    speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    e_A is the collision efficiency. Positions from 3 to 9 in from the tip are compared, in steps of
+    0.25 in. `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown
+    bat.
     """
     collisions = _collide(body(bat), speed)[1]
     return float(collisions.contact_time[np.argmax(collisions.collision_efficiency)])
@@ -344,10 +352,11 @@ def peak_contact_time(bat: str, speed: float) -> float:
 def barrel_travel(bat: str, speed: float) -> float:
     """Return the travel of the barrel during contact [in]: half its final speed times contact time.
 
-    The factor of one half is exact for a force that is symmetric in time. e_A and contact time are
-    those of the free bat, at the position of its largest e_A 3 to 9 in from the tip. The final
-    speed is that of the rigid bat pivoted 6 in from the knob. `speed` is the relative speed of ball
-    and bat [mph]. Raises `InputError` for an unknown bat.
+    e_A is the collision efficiency. The factor of one half is exact if the force is symmetric in
+    time. The impact is at the position of the free bat's largest e_A, 3 to 9 in from the tip. The
+    contact time is that of the free bat. The final speed follows from e_A and the recoil of the
+    rigid bat with a pivot 6 in from the knob. `speed` is the relative speed of ball and bat [mph].
+    Raises `InputError` for an unknown bat.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
     best = int(np.argmax(collisions.collision_efficiency))
@@ -356,10 +365,10 @@ def barrel_travel(bat: str, speed: float) -> float:
 
 
 def soft_ball(bat: str, speed: float) -> float:
-    """Return the change of the peak BBCOR if the ball had a tenth of its stiffness and the same e0.
+    """Return the change of the peak BBCOR if the ball has a tenth of its stiffness, dimensionless.
 
-    A positive result is a higher BBCOR with the soft ball. `speed` is the relative speed of ball
-    and bat [mph]. Raises `InputError` for an unknown bat.
+    The soft ball has the same e0. A positive result is a higher BBCOR with the soft ball. `speed`
+    is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
     """
     ball = paper_ball(BALL)
     soft = replace(ball, stiffness=ball.stiffness / 10)
@@ -367,7 +376,7 @@ def soft_ball(bat: str, speed: float) -> float:
 
 
 def hoop_trend(bat: str, speed: float) -> float:
-    """Return the rank correlation (Spearman) of peak BBCOR and hoop frequency, from -1 to 1.
+    """Return Spearman's rank correlation of peak BBCOR and hoop frequency, from -1 to 1.
 
     The frequency is varied from 1000 to 3000 Hz at constant modal mass. `speed` is the relative
     speed of ball and bat [mph]. The bat must have a hoop mode. Raises `InputError` for an unknown
@@ -385,19 +394,20 @@ def hoop_trend(bat: str, speed: float) -> float:
 
 
 def length_trend(speed: float) -> float:
-    """Return the slope of the peak BBCOR with the length of R161 [1/in].
+    """Return the change of the peak BBCOR per inch of bat length [1/in].
 
-    It is the slope of a line through lengths of 31, 32, 33 and 34 in. `speed` is the relative speed
-    of ball and bat [mph].
+    It is the slope of a straight line, fitted to R161 at lengths of 31, 32, 33 and 34 in. `speed`
+    is the relative speed of ball and bat [mph].
     """
     tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])
 
 
 def restitution_on_wall(ball: str, feet_per_second: float) -> float:
-    """Return e0 of a ball of the catalog on a rigid wall, at an impact speed [ft/s].
+    """Return e0 of a ball of the catalog on a rigid wall, dimensionless.
 
-    The line of the ball's sheet is extrapolated to any speed, but e0 is never below its floor.
+    The impact speed is `feet_per_second` [ft/s]. e0 is linear in the speed by the ball's data
+    sheet, also beyond the measured speeds, but it never falls below the sheet's lowest value.
     Raises `InputError` for an unknown ball.
     """
     return float(paper_ball(ball).restitution.at(feet_per_second * FOOT))
@@ -407,7 +417,10 @@ def restitution_on_wall(ball: str, feet_per_second: float) -> float:
 
 
 def _swing_test(bat: str, procedure: str) -> float:
-    """Return the largest v_f [mph] on the swing machine, with the bat speed of each position."""
+    """Return the largest batted-ball speed of a bat on the swing machine [mph].
+
+    The bat speed is proportional to the distance from the machine's axis.
+    """
     rule = rules(procedure)
     assert rule.bat_speed is not None
     drawn = beam(bat)
@@ -419,19 +432,19 @@ def _swing_test(bat: str, procedure: str) -> float:
 
 
 def best_wood(procedure: str) -> float:
-    """Return the largest v_f of the wood baseball bats in `WOODEN` on a swing machine [mph].
+    """Return the largest batted-ball speed [mph] of the bats `WOODEN` on a swing machine.
 
-    `procedure` is the name of the procedure that sets the speeds of the swing machine. Raises
-    `InputError` for an unknown procedure.
+    They are wood baseball bats of the catalog. `procedure` is the name of the procedure that states
+    the ball and bat speeds. Raises `InputError` for an unknown procedure.
     """
     return max(_swing_test(bat, procedure) for bat in WOODEN)
 
 
 def expanded_speed_u(bat: str, procedure: str) -> float:
-    """Return the half width of the 95 % interval of v_f [mph] in one test on the swing machine.
+    """Return the half width [mph] of the 95 % interval of v_f in one test on the swing machine.
 
-    The test is simulated with seed 1, and it must have a result. Raises `InputError` for an unknown
-    bat or procedure.
+    v_f is the batted-ball speed. The test is simulated with seed 1, and it must have a result.
+    Raises `InputError` for an unknown bat or procedure.
     """
     metric = certify_bat(TestSetup.of(bat, procedure=procedure, seed=1)).certification.metric
     rule = rules(procedure)
@@ -442,10 +455,11 @@ def expanded_speed_u(bat: str, procedure: str) -> float:
 
 
 def batted_lead(first: str, second: str, exponent: float) -> float:
-    """Return the peak v_f of the first bat minus that of the second [mph], in the standard game.
+    """Return the peak v_f of the first bat minus the peak v_f of the second bat [mph].
 
-    `exponent` is the n of the swing law. Raises `InputError` for an exponent outside 0 to 0.5, and
-    for an unknown bat.
+    v_f is the batted-ball speed. Both bats are swung in the paper's standard game. `exponent` is
+    the n of the swing law. Raises `InputError` for an exponent outside 0 to 0.5, and for an unknown
+    bat.
     """
     tops = [
         profiles(bat, swings=(exponent,))[0].peaks["batted_speed_mph"].value
@@ -455,10 +469,11 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
 
 
 def cage_speed(exponent: float) -> float:
-    """Return the cage speed of the metal bat [mph], computed from the cage speed of the wood bat.
+    """Return the bat speed [mph] of the metal bat in a published batting-cage study.
 
-    The angular speed is proportional to I^-n, where n is `exponent`. For both bats the impact
-    position is assumed to be 6 in from the tip.
+    It is computed from the published bat speed of the wood bat, with an angular speed proportional
+    to I^-n, where n is `exponent`. The impact position of both bats is assumed to be 6 in from the
+    tip.
     """
     bats = {name: _cage_bat(name) for name in ("wood", "metal")}
     law = PowerLawSwing(angular_speed_0=1.0, inertia_0=bats["wood"].inertia, exponent=exponent)

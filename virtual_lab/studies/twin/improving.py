@@ -53,10 +53,10 @@ class Change(NamedTuple):
 
 
 def promising_changes(certification: Certification) -> list[Change]:
-    """Return the changes of a laboratory that lower the u of the metric, the most effective first.
+    """Return the changes of a laboratory that reduce the u of the metric, the most effective first.
 
-    The changes are half the u of an instrument, and twice as many hits, balls or wall hits. Changes
-    that lower no term of the budget are left out. The certification must have a metric.
+    A change halves the u of one instrument, or doubles the number of hits, balls or wall hits. A
+    change that reduces no term of the budget is left out. The certification must have a metric.
     """
     assert certification.metric is not None
     square = {part.name: part.contribution**2 for part in certification.metric.components}
@@ -86,9 +86,10 @@ def improvements(
     playing: TwinDays,
     simulate: Callable[[TwinDays], tuple[float, float, float]],
 ) -> list[Improvement]:
-    """Return the changes that lower u most, at most three, with their predicted u [SI].
+    """Return at most three rows: the changes of a laboratory that reduce the u of the metric most.
 
-    A row also has the standard deviation of simulated errors with the change, and its interval.
+    A row has the u predicted from the budget [SI]. It also has the standard deviation of the
+    simulated errors after the change, and the 95 % interval of this standard deviation.
 
     Parameters
     ----------
@@ -97,8 +98,8 @@ def improvements(
     playing
         Days of the twin of the laboratory.
     simulate
-        Function of changed days. It returns the standard deviation of the errors of the metric
-        [SI], and the lower and upper limit of its 95 % interval.
+        Function of the days of the twin after a change. It returns the standard deviation of the
+        errors of the metric [SI], and the lower and upper limit of its 95 % interval.
     """
     assert certification.metric is not None
     rows, u = [], certification.metric.u

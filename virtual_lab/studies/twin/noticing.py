@@ -56,10 +56,10 @@ class NoticedFault:
 def noticed_faults(
     playing: TwinDays, u: float, folder: Path, progress: Progress = quiet, days: int = DAYS
 ) -> list[NoticedFault]:
-    """Return one row per possible fault of the rigs: how often the test would reveal it.
+    """Return one row per fault that the rigs can have: the share of days on which it is noticed.
 
-    A row has the share of the twin's days on which the fault is noticed, for each size of the
-    fault. Faults that the twin cannot simulate are left out.
+    A row has this share for each size of the fault. The days are those of the twin. Faults that the
+    twin cannot simulate are left out.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def noticed_faults(
     u
         Stated u of the metric [SI].
     folder
-        Folder of the faults simulated so far; it is created if there is none. Faults in it are not
-        simulated again.
+        Folder with the faults that are already simulated; it is created if it is missing. Its
+        faults are not simulated again.
     progress
         Function that is called with a message, the number of faults done, and the total.
     days

@@ -61,11 +61,11 @@ class TwinQuantity:
 def compare_quantities(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinQuantity], int]:
-    """Return one row per quantity, and the number of days without a valid result.
+    """Return one row per quantity, the metric first, and the number of days without a valid result.
 
-    A row compares the stated u of the quantity with the errors of its result on the valid days of
-    the twin. The instruments record only summary values on these days. The certification must have
-    a metric. Raises `InputError` if fewer than half of the days give a valid result.
+    A row compares the stated u of the quantity with the errors of its result on the twin's valid
+    days. The instruments record only summary values on these days. The certification must have a
+    metric. Raises `InputError` if fewer than half of the days give a valid result.
     """
     assert certification.metric is not None
     stated = {"metric": certification.metric, **certification.quantities}

@@ -101,11 +101,12 @@ def unlike_readings(
 ) -> tuple[list[TwinReading], int]:
     """Return one row per reading of the test, and the smallest number of days per reading.
 
-    A row compares the reading of the test with the same reading on the days of its twin. A reading
-    that is NaN in the records or on all days has no row. Days without a result, or without a
-    reading, are replaced by further days, up to the same number again. The simulation ends early if
-    no reading could be unlike the days even if all days were compared (Besag and Clifford 1991).
-    The findings are therefore those of all days.
+    A row compares a reading of the test with the same reading on the days of the twin. A reading
+    that is NaN in the records, or NaN on all days, has no row. A day without a result or without
+    the reading is replaced by a further day. At most twice `days` are simulated.
+
+    The simulation ends early if the remaining days could not make any reading significant (Besag
+    and Clifford 1991). The early end therefore does not change the findings.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def unlike_readings(
     playing
         Days of its twin.
     days
-        Largest number of days to compare, each with every edge and count.
+        Largest number of days to compare, each with records of every edge and count.
     progress
         Function that is called with a message, the number of days done, and the total.
     """
@@ -154,9 +155,10 @@ def _compare(
 
 
 def holm(tails: Array) -> Array:
-    """Return tail probabilities adjusted for their number (Holm 1979), at most 1, shape (n,).
+    """Return p-values adjusted for the number of tests (Holm 1979), shape (n,), at most 1.
 
-    `tails` are the probabilities before the adjustment, (n,), in any order.
+    `tails` are the p-values (tail probabilities) before the adjustment, (n,). The result has their
+    order.
     """
     order = np.argsort(tails, kind="stable")
     steps = np.maximum.accumulate((tails.size - np.arange(tails.size)) * tails[order])
@@ -166,12 +168,12 @@ def holm(tails: Array) -> Array:
 
 
 def readings_of(certified: Certifications) -> dict[str, float]:
-    """Return the `TWIN_READINGS` of a block of one test, keyed by name; all are dimensionless.
+    """Return the readings `TWIN_READINGS` of a test, keyed by name, all dimensionless.
 
-    "fit", "chords" and "rebound and recoil" are left out if the records do not hold them. "hits"
-    and "wall hits" are the largest deviation of a hit from the mean of its group, in units of the
-    scatter, as in `largest_deviation`. A group is an impact position, or a ball at one nominal
-    speed.
+    `certified` is a block that contains one test. "hits" and "wall hits" are the largest deviation
+    of a hit from the mean of its group, in units of the scatter (`largest_deviation`); NaN if there
+    is no scatter. A group has the same impact position, or the same ball and nominal speed. "fit",
+    "chords" and "rebound and recoil" are missing if the records do not contain their values.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls
@@ -204,12 +206,12 @@ def readings_of(certified: Certifications) -> dict[str, float]:
 
 
 def largest_deviation(values: Array, groups: NDArray[np.number]) -> float:
-    """Return the largest deviation of values from the means of their groups, over the scatter.
+    """Return the largest absolute deviation of a value from the mean of its group, dimensionless.
 
-    The deviation is absolute. It is divided by √(1 - 1/k), its expected size in a group of k
-    values, and by the pooled standard deviation within the groups. The result is NaN if no group
-    has two values, or if the values of every group are equal. `values` and `groups` have the shape
-    (n,); `groups` has the number of the group of each value.
+    The deviation is divided by the pooled standard deviation within the groups, and by √(1 - 1/k),
+    where k is the size of the group. The result is NaN if no group has two values, or if the values
+    of every group are equal. `values` has the shape (n,). `groups`, (n,), is the number of the
+    group of each value.
     """
     _, group, number = np.unique(groups, return_inverse=True, return_counts=True)
     several = number[group] > 1

@@ -175,10 +175,11 @@ def twin(
     """Simulate a laboratory's test day again from its records, and check its stated uncertainty.
 
     The first table has one row per quantity, the metric first. It compares the stated u with the
-    standard deviation of the errors of many simulated days. The second table has up to three
-    changes of the laboratory, those that lower its u most: half the u of an instrument, or twice as
-    many hits, balls or wall hits. The third table compares readings of the records with those of
-    the simulated days, to find unusual ones. Only records are read, never the sealed true values.
+    standard deviation of the errors of many simulated days. The second table has at most three
+    changes of the laboratory, those with the largest reduction of u. A change halves the u of one
+    instrument, or doubles the number of hits, balls or wall hits. The third table compares readings
+    of the records with those of the simulated days, to find unusual ones. Only records are read,
+    never the sealed true values.
 
     Parameters
     ----------
@@ -186,12 +187,12 @@ def twin(
         Result folder of ``certify``, its folder ``records``, or the folder of another laboratory
         with its ``laboratory.toml``.
     days
-        Number of days whose instruments record only summary values; at least 100.
+        Number of days on which the instruments record only summary values; at least 100.
     full_days
-        Largest number of days whose instruments record every gate edge and encoder count, to
-        compare the readings; 0 or at least 250, so that an unusual reading can be significant.
-        Fewer days are simulated if no reading can become significant. None are simulated for
-        records of summary values.
+        Largest number of days on which the instruments record every gate edge and encoder count, to
+        compare the readings. It must be 0 or at least 250, so that an unusual reading can be
+        significant. Fewer days are simulated if no reading can become significant. None are
+        simulated for records of summary values.
     faults
         Folder for simulated days with each fault of the catalog that the rigs can have, in four
         sizes. Days that are already in the folder are not simulated again. This takes a few
