@@ -46,17 +46,17 @@ def read_word(value: Any) -> str:
 
 
 def read_name(value: Any) -> str:
-    """Return a name or path as a string. Raise `TypeError` for any other value."""
+    """Return a name or a path as a string. Raise `TypeError` for any other value."""
     return read_word(fspath(value))
 
 
 def read_path(value: Any) -> Path:
-    """Return a name or path as a `Path`. Raise `TypeError` for any other value."""
+    """Return a name or a path as a `Path`. Raise `TypeError` for any other value."""
     return Path(read_name(value))
 
 
 def read_number(value: Any) -> float:
-    """Return a number of any type as a float; NaN is allowed.
+    """Return a number of any numeric type as a float. NaN is allowed.
 
     Raises `TypeError` for a string, a boolean, or another value that is not a number.
     """
@@ -88,11 +88,11 @@ def _yes_or_no(value: Any) -> bool:
 def whole(
     least: int = 0, most: int = 2**63 - 1, words: str = "", python: str = ""
 ) -> ParameterRule:
-    """Return the rule for a whole number of any integer type from `least` to `most`, both included.
+    """Return the rule of a parameter that is a whole number from `least` to `most`, both included.
 
-    Booleans are rejected. The sentence on the allowed values is "one whole number from `least`". If
-    `words` is not empty, it replaces `least` in this sentence. `python` is advice that is printed
-    only for users of Python.
+    Any integer type is allowed, but no boolean. The rule describes the allowed values as "one whole
+    number from `least`", or "one whole number from `words`" if `words` is not empty. `python` is
+    advice for users of Python. It is not printed on the command line.
     """
 
     def read(value: Any) -> int:
@@ -108,9 +108,9 @@ def whole(
 
 
 def between(least: float, most: float, words: str) -> ParameterRule:
-    """Return the rule for a number from `least` to `most`, both included; NaN is rejected.
+    """Return the rule of a parameter that is a number from `least` to `most`, both included.
 
-    `words` is the sentence on the allowed values.
+    NaN is not allowed. `words` is the text that describes the allowed values.
     """
 
     def read(value: Any) -> float:
@@ -123,7 +123,7 @@ def between(least: float, most: float, words: str) -> ParameterRule:
 
 
 def choice(*values: str) -> ParameterRule:
-    """Return the rule for a parameter whose value is one of the words `values`.
+    """Return the rule of a parameter that is one of the words `values`.
 
     Raises `ValueError` if there are no `values`.
     """
@@ -141,10 +141,10 @@ def choice(*values: str) -> ParameterRule:
 
 
 def several(one: ParameterRule, words: str = "") -> ParameterRule:
-    """Return the rule for one value, or a list of at least one; both are converted to a tuple.
+    """Return the rule of a parameter that is one value or a list of at least one value.
 
-    Each value is checked and converted by the rule `one`. If `words` is not empty, it replaces the
-    sentence of `one` on the allowed values.
+    The value or list is converted to a tuple. The rule `one` checks and converts each value.
+    `words`, if not empty, describes the allowed values instead of the text in `one`.
     """
 
     def read(value: Any) -> tuple[Any, ...]:
@@ -247,25 +247,26 @@ AnyModel = Annotated[
 
 
 def paths_of(folders: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Return one path, or a list of paths, as a tuple of `Path` objects."""
+    """Return one path, or each path of a list, as a tuple of `Path` objects."""
     return (Path(folders),) if isinstance(folders, str | Path) else tuple(map(Path, folders))
 
 
 def values_of(values: float | Sequence[float]) -> tuple[float, ...]:
-    """Return one number, or a list of numbers, as a tuple of floats."""
+    """Return one number, or each number of a list, as a tuple of floats."""
     return (float(values),) if isinstance(values, int | float) else tuple(map(float, values))
 
 
 def wholes_of(values: int | Sequence[int]) -> tuple[int, ...]:
-    """Return one whole number, or a list of whole numbers, as a tuple."""
+    """Return one whole number, or each whole number of a list, as a tuple."""
     return (values,) if isinstance(values, int) else tuple(values)
 
 
 def rule_of(annotation: Any) -> ParameterRule:
-    """Return the rule by which the values of a type are read.
+    """Return the rule for the values of a parameter with the type `annotation`.
 
-    An `Annotated` type has its own rule. A plain type, such as float, has the rule in `PLAIN`.
-    A `Literal` of strings allows these strings. Any other type has the rule `ANYTHING`.
+    An `Annotated` type contains its rule. A plain type, such as float, has the rule in `PLAIN`. A
+    `Literal` of strings allows only these strings. Any other type has the rule `ANYTHING`, which
+    allows every value.
     """
     for note in getattr(annotation, "__metadata__", ()):
         if isinstance(note, ParameterRule):

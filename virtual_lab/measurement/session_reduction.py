@@ -233,10 +233,10 @@ class Reduction(AlignedArrays):
 
 @contextmanager
 def constants_known() -> Iterator[None]:
-    """Convert a `KeyError` within the context to an `InputError` for a missing constant.
+    """Convert a `KeyError` within the context to an `InputError` about a missing constant.
 
-    The message names the constant, as part of the calibration in ``session.json``. The function
-    also serves as a decorator.
+    The message names the constant and ``session.json``. The function can also be used as a
+    decorator.
     """
     try:
         yield
@@ -246,14 +246,14 @@ def constants_known() -> Iterator[None]:
 
 
 def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
-    """Return the reduction of the records of a block, and the readings of its shots.
+    """Return the reduced shots of a block of laboratories, and the readings of the same shots.
 
     All shots are reduced together, because they share the frequencies of the vibrations.
 
     Raises
     ------
     InputError
-        A record, calibration or procedure that is missing or cannot be used.
+        A record, calibration or procedure is missing or cannot be used.
     """
     preparation = prepare(block)
     readings = observe_hits(block, preparation)
@@ -262,12 +262,14 @@ def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
 
 @constants_known()
 def prepare(block: SessionBlock) -> Preparation:
-    """Return the results of bench and wall rig for each laboratory, which need no hits on the bats.
+    """Return the results of bench and wall for each laboratory: measured bat, balls and constants.
+
+    They are complete before the first shot at the bat.
 
     Raises
     ------
     InputError
-        A record, calibration or procedure that is missing or cannot be used.
+        A record, calibration or procedure is missing or cannot be used.
     """
     procedure = read(block.procedure_text, "procedure.toml", Procedure)
     pivot = procedure.spec.pivot_from_knob
@@ -292,12 +294,10 @@ def prepare(block: SessionBlock) -> Preparation:
 
 @constants_known()
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
-    """Return the readings at the bat, one per shot in the order of firing, (shot,).
+    """Return the readings of the shots at the bat, in the order of firing, (shot,).
 
-    `place` includes the calibrated offset of the cannon along the bat. Speeds are computed with the
-    surveyed distances of the gates. All other corrections are applied later. The encoder readings
-    `recoil` and `swing` are in counts. They are None at a rig without such an encoder. Raises
-    `InputError` for a record that is missing or cannot be used.
+    They are described in `observe_impact`. Raises `InputError` if a record is missing that the
+    procedure needs, or if a record cannot be used.
     """
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)
@@ -307,7 +307,7 @@ def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReading
 def reduce_shots(
     block: SessionBlock, preparation: Preparation, readings: ImpactReadings
 ) -> Reduction:
-    """Return the reduced and judged shots in `readings`, (shot,) [SI].
+    """Return the results of the shots in `readings`, and which shots are valid, (shot,) [SI].
 
     `block` must hold the records of the same shots. Each shot is reduced with the constants of its
     laboratory. Raises `InputError` for a missing constant, and for missing aim marks if the
@@ -350,7 +350,7 @@ def reduce_shots(
 def best_values(constants: Mapping[str, Estimates]) -> dict[str, Array]:
     """Return the values of the constants without their uncertainties, each (laboratory, 1, 1).
 
-    They broadcast with a model's arguments, (laboratory, set of constants, shot).
+    They broadcast with arrays (laboratory, set of constants, shot).
     """
     return {name: estimates.value[:, None, None] for name, estimates in constants.items()}
 

@@ -13,12 +13,14 @@ if TYPE_CHECKING:
 
 
 def chart_page(title: str, words: str, figure: Figure, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return a figure with its table as one self-contained HTML page.
+    """Return a self-contained HTML page with a figure and its table.
 
     Parameters
     ----------
-    title, words
-        Heading, and description of the figure.
+    title
+        Heading of the page.
+    words
+        Description of the figure.
     figure
         Figure, inserted as SVG.
     rows

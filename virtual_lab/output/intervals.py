@@ -36,12 +36,14 @@ def draw_intervals(
     ----------
     intervals
         Values with their limits, all in one unit. Intervals with the same name have separate lines.
-    title, label
-        Title, and label of the horizontal axis.
+    title
+        Title of the figure.
+    label
+        Label of the horizontal axis.
     references
-        Values marked by dashed vertical lines.
+        Values marked by dashed vertical lines; none by default.
     words, hollow
-        Texts of the legend for the dashed lines, and for hollow markers.
+        Legend texts of the dashed lines and of the hollow markers.
     """
     with page_figure(1.2 + 0.19 * max(len(intervals), 2)) as figure:
         axes = figure.subplots()

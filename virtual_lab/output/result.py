@@ -25,9 +25,9 @@ Json = dict[str, Any]  # JSON document
 
 
 def frame(rows: Sequence[Any]) -> pd.DataFrame:
-    """Return rows, dataclasses or mappings, as a table with one column per field or key.
+    """Return rows as a table. A row is a dataclass or a mapping, and each field or key is a column.
 
-    ``attrs["units"]`` has the units of the columns.
+    ``attrs["units"]`` of the table holds the units of the columns, keyed by name.
     """
     import pandas as pd
 
@@ -35,7 +35,7 @@ def frame(rows: Sequence[Any]) -> pd.DataFrame:
 
 
 def preformatted(text: str) -> str:
-    """Return a string as HTML for a notebook, with its line breaks and spaces."""
+    """Return text as HTML for a notebook. Line breaks and spaces are kept."""
     return f"<pre>{escape(text)}</pre>"
 
 

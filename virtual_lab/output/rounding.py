@@ -8,10 +8,11 @@ LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
 
 def decimals(u: float) -> int:
-    """Return the number of decimal places, at least 0, that prints `u` with two significant digits.
+    """Return the number of decimal places with which `u` has two significant digits, at least 0.
 
-    The number is 6 if `u` is NaN or at most `LEAST`. It is 0 if `u` rounds to 10 or more, so a `u`
-    of 100 or more is printed with more than two digits. Raises `OverflowError` if `u` is inf.
+    The number is 0 if `u` rounds to 10 or more. A `u` of 100 or more therefore keeps all its digits
+    before the decimal point. The number is 6 if `u` is NaN or at most `LEAST`. Raises
+    `OverflowError` if `u` is inf.
     """
     if not u > LEAST:
         return 6
@@ -21,32 +22,32 @@ def decimals(u: float) -> int:
 
 
 def digits(u: float) -> str:
-    """Return an uncertainty as text with two significant digits, from 100 on as a whole number.
+    """Return an uncertainty as text with two significant digits.
 
-    The text is ``0`` if `u` is at most 1e-9, whatever its unit, and ``nan`` if it is NaN. Raises
-    `OverflowError` if `u` is inf.
+    An uncertainty of 100 or more is a whole number with all its digits. The text is ``0`` if `u` is
+    at most 1e-9 in any unit, and ``nan`` if it is NaN. Raises `OverflowError` if `u` is inf.
     """
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 
 
 def with_uncertainty(value: float, u: float, word: str = "u") -> str:
-    """Return a value and its uncertainty as text, ``0.9470 (u 0.0048)``.
+    """Return a value and its uncertainty as text, such as ``0.9470 (u 0.0048)``.
 
-    Both have the same number of decimals, chosen so that `u` has two significant digits. `word` is
-    printed instead of ``u``. If `u` is at most 1e-9, the value has six decimals and the text ends
-    in ``(u 0)``. Raises `OverflowError` if `u` is inf.
+    `u` has two significant digits, and the value has as many decimals as `u`. `word` replaces ``u``
+    in the text. If `u` is at most 1e-9, the value has six decimals and the text ends in ``(u 0)``.
+    Raises `OverflowError` if `u` is inf.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
-    """Return a message about a value outside its limits, with enough decimals to tell them apart.
+    """Return a message about a value outside its limits, with enough decimals to show this.
 
     Parameters
     ----------
     text
-        Format string with ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` and ``{2:.{d}f}`` for the
-        lower and upper limit.
+        Format string with ``{0:.{d}f}`` for the value, ``{1:.{d}f}`` for the lower limit and
+        ``{2:.{d}f}`` for the upper limit.
     value, low, high
         Value and limits in the unit of the text. A value that is within the limits or NaN is
         printed with `places` decimals.

@@ -33,9 +33,10 @@ INTERVAL_GREY = "0.85"  # gray of an interval; markers on it stay visible in gre
 
 
 def as_drawn(name: str) -> str:
-    """Return a user's text escaped for Matplotlib, in which $ begins a formula and _ hides a label.
+    """Return a user's text escaped for Matplotlib.
 
-    A dollar sign gets a backslash, and a text that begins with _ gets a space before it.
+    Matplotlib treats a $ as the start of a formula, and hides a label that begins with _. A
+    backslash is therefore added before each $, and a space before a leading _.
     """
     return f"{' ' if name.startswith('_') else ''}{name}".replace("$", r"\$")
 
@@ -44,12 +45,14 @@ def as_drawn(name: str) -> str:
 def page_figure(
     height: float, width: float = PAGE_WIDTH_IN, *, layout: LayoutName | None = "constrained"
 ) -> Iterator[PageFigure]:
-    """Yield an empty figure; all drawing within the context has the program's style.
+    """Yield an empty figure. All drawing within the context has the style of this program.
 
     Parameters
     ----------
-    height, width
-        Size of the figure [in]; by default it is as wide as a page.
+    height
+        Height of the figure [in].
+    width
+        Width of the figure [in]; by default the width of a page.
     layout
         Layout engine of Matplotlib; None selects Matplotlib's default.
     """

@@ -23,10 +23,12 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
 
     Parameters
     ----------
-    panels, height
-        The panels, and the height of the figure [pt].
+    panels
+        Panels of the figure.
+    height
+        Height of the figure [pt].
     name
-        Name of the figure, used in ids.
+        Name of the figure, used in the ids of the element.
     title, description
         Alternative text for readers who cannot see the figure.
     """
@@ -41,14 +43,14 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
 
 
 def description_of(figure: str) -> str:
-    """Return the description in an SVG element made by `figure`; it may be empty."""
+    """Return the description in an SVG element that `figure` made. It may be empty."""
     return unescape(figure.partition('-description">')[2].partition("</desc>")[0])
 
 
 def symbol_markup(text: str) -> str:
-    """Return a string escaped for SVG, with its first symbol, such as ``e_A``, typeset.
+    """Return text as SVG markup, with its first symbol typeset, such as ``e_A``.
 
-    The letter of the symbol is in italics, and its index is a subscript.
+    The letter of the symbol is in italics, and its index is a subscript. All other text is escaped.
     """
     match = re.search(r"\b([A-Za-z])_(\w)\b", text)
     if match is None:

@@ -23,22 +23,24 @@ class Column(NamedTuple):
 
 
 def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g") -> Any:
-    """Return a dataclass field that is printed in tables. Other fields appear only in CSV and JSON.
+    """Return a dataclass field that becomes a column of printed tables.
+
+    A field without this function appears only in CSV and JSON.
 
     Parameters
     ----------
     title, unit
         Head of the column.
     form
-        Format of the numbers, or a function of the row that returns the cell.
+        Format of the numbers, or a function of the row that returns the text of the cell.
     """
     return field(metadata={Column.__name__: Column(title, unit, form)})
 
 
 def inline() -> Any:
-    """Return a dataclass field whose value is itself a dataclass or a mapping.
+    """Return a dataclass field for a value that is a dataclass or a mapping, without a key prefix.
 
-    Its fields or keys become columns of the outer table, without a prefix.
+    The fields or keys of the value become columns under their own names.
     """
     return field(metadata={INLINE: True})
 
@@ -46,8 +48,8 @@ def inline() -> Any:
 def columns_of(row: Any) -> dict[str, Column]:
     """Return the printed columns of a row, which is a dataclass, keyed by field name.
 
-    A field of an inner dataclass has the key ``outer_inner`` and the title "outer: title". Fields
-    that are not printed are left out.
+    If a field ``outer`` holds a dataclass with a field ``inner``, the key is ``outer_inner`` and
+    the title begins with "outer: ". Fields that are not printed are left out.
     """
     columns: dict[str, Column] = {}
     for each in fields(row):
@@ -68,11 +70,11 @@ def _of_part(name: str, column: Column) -> Column:
 
 
 def record(row: Any) -> Mapping[str, Any]:
-    """Return the values of a row, a dataclass or a mapping, keyed by column.
+    """Return the values of a row, keyed by column. The row is a dataclass or a mapping.
 
-    A mapping is returned unchanged. If a field of the dataclass is itself a dataclass or a mapping,
-    it is flattened: its keys get the name of the field as a prefix, ``recoil_rms``, unless the
-    field is `inline`.
+    A mapping is returned unchanged. If a field of a dataclass holds a dataclass or a mapping, each
+    of the inner values becomes a column. Its key is the field's name and the inner key, such as
+    ``recoil_rms``. For an `inline` field it is the inner key only.
     """
     if isinstance(row, Mapping):
         return row
@@ -93,21 +95,21 @@ def table_text(
     *,
     across: str = "",
 ) -> str:
-    """Return rows of one type as a text table with a header and fitted column widths.
+    """Return rows as a text table with a header. The columns are as wide as their longest cell.
 
-    Without rows the text is the word ``nothing``. A value None is an empty cell. A column is not
-    printed if all its cells are empty.
+    Without rows the text is the word ``nothing``. None gives an empty cell. A column is left out if
+    all its cells are empty.
 
     Parameters
     ----------
     rows
-        Dataclasses or mappings.
+        Dataclasses or mappings, all of one type.
     columns
-        Columns to print, in this order, by key. By default the columns of the dataclass, or for
-        mappings one column per key.
+        Columns to print, in this order, keyed by column key. By default the printed columns of the
+        dataclass, or one column per key of a mapping.
     across
-        Key whose values become the column heads of a transposed table, which suits few rows with
-        many columns. By default the table is not transposed.
+        Key of the values that become the column heads of a transposed table. Each row is then a
+        column. By default the table is not transposed.
     """
     if not rows:
         return "nothing"

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 @cache
 def page_template(package: str, name: str) -> Template:
-    """Return the Jinja template `name` of a Python package; it is cached.
+    """Return the Jinja template `name` of a Python package. It is loaded only once.
 
-    The template escapes values. It raises `jinja2.UndefinedError` if a value is missing. Raises
-    `jinja2.TemplateNotFound` if the package has no such template.
+    Values are escaped when the template is rendered, and a missing value raises
+    `jinja2.UndefinedError`. Raises `jinja2.TemplateNotFound` if the package has no such template.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

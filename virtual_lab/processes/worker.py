@@ -18,10 +18,10 @@ from virtual_lab.files.drafts import remove_drafts
 
 
 def work() -> None:
-    """Answer pickled calls from stdin, each with a pickle on stdout; never return.
+    """Read pickled calls from stdin and write a pickled answer to each on stdout. Never return.
 
     An answer is (result, None), or (None, exception) if the call failed. The process ends when
-    the input ends.
+    stdin ends.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the parent, which ends this process
     calls: SimpleQueue[bytes] = SimpleQueue()

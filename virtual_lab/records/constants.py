@@ -212,21 +212,21 @@ CONSTANTS = {  # key: "instrument.constant"
 
 
 def constant_of(key: str) -> Constant | None:
-    """Return the description of a constant ``stage.instrument.constant``, None if it is unknown.
+    """Return the description of a calibration constant, or None if it is unknown.
 
-    A number at the end distinguishes constants of one kind: ``distance_0``, ``distance_1``.
-    Such a number is ignored, and the stage is not checked.
+    `key` has the form ``stage.instrument.constant``. The stage is not checked. A number at the end,
+    as in ``distance_0`` and ``distance_1``, is ignored, because it only distinguishes constants of
+    one kind.
     """
     return CONSTANTS.get(re.sub(r"_\d+$", "", ".".join(key.split(".")[-2:])))
 
 
 def require_plausible(key: str, constant: Estimate, where: str) -> None:
-    """Raise `InputError` for a constant outside its plausible range, or with too large a u.
+    """Raise `InputError` if a constant is outside its plausible range, or if its u is too large.
 
-    The u may be as large as the width of the range, because a budget shifts the constant by its u,
-    and far outside the range the model is meaningless. A constant of an unknown kind may have any
-    value between -1e18 and 1e18. `key` is the name of the constant and `where` the name of its
-    file.
+    u may be at most as large as the width of the range. A budget shifts the constant by its u, and
+    the model is meaningless far outside the range. A constant of an unknown kind may have any value
+    between -1e18 and 1e18. `key` is the name of the constant, and `where` is the name of its file.
     """
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)

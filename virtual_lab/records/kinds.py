@@ -299,10 +299,10 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
 
 @cache
 def record_types() -> Mapping[str, type[Record]]:
-    """Return the classes of all kinds of record, keyed by name: ours and those of other packages.
+    """Return the classes of all kinds of record, keyed by name, including those of other packages.
 
     A package adds a kind by an entry point in the group ``virtual_lab.records``. It cannot replace
-    one of our kinds. If a package cannot be loaded, its error is passed on.
+    a kind of this package. If a package cannot be loaded, its error is raised.
     """
     others = {point.name: point.load() for point in entry_points(group="virtual_lab.records")}
     # our kinds come first, and a package cannot replace them
@@ -310,9 +310,10 @@ def record_types() -> Mapping[str, type[Record]]:
 
 
 def record_type(name: str) -> type[Record] | None:
-    """Return the class of a kind of record by its name, such as "gates"; None for an unknown name.
+    """Return the class of a kind of record, such as "gates", or None if the name is unknown.
 
-    Other packages are loaded only for a kind that is not ours. Raises the errors of `record_types`.
+    Other packages are loaded only if this package has no such kind. Raises the errors of
+    `record_types`.
     """
     return RECORD_TYPES.get(name) or record_types().get(name)
 
@@ -320,7 +321,7 @@ def record_type(name: str) -> type[Record] | None:
 def record_name(record: Record) -> str:
     """Return the name of a record's kind, such as "gates".
 
-    Raises `StopIteration` for a kind that is not among `record_types`.
+    Raises `StopIteration` if the kind is not in `record_types`.
     """
     kinds = RECORD_TYPES if type(record) in RECORD_TYPES.values() else record_types()
     return next(name for name, kind in kinds.items() if kind is type(record))

@@ -39,10 +39,10 @@ LOADING = re.compile(r"url\(\s*['\"]?(?!['\"#\s])|@|\\|expression|script|data:|/
 
 
 def logo_of(name: str, folder: Path, where: str) -> str:
-    """Return a logo as a ``data:`` URL, from a PNG or SVG file in a folder.
+    """Return the logo in a PNG or SVG file as a ``data:`` URL.
 
     Scripts, links and references to other files are removed from an SVG. `name` is the name of the
-    file, and `where` the name of the document that states it, for error messages.
+    file in `folder`. `where` is the document that states this name, for error messages.
 
     Raises
     ------
@@ -65,8 +65,8 @@ def logo_of(name: str, folder: Path, where: str) -> str:
 def picture_in(address: str) -> tuple[str, bytes]:
     """Return the kind (``png`` or ``svg``) and the bytes of the picture in a ``data:`` URL.
 
-    Raises `ValueError` for any other text, and for a picture that is damaged, too large, or
-    contains scripts or references.
+    Raises `ValueError` if the text is not such a URL, or if the picture is damaged, is too large,
+    or contains scripts or references.
     """
     head, _, text = address.partition(";base64,")
     kinds = {f"data:{kind}": suffix[1:] for suffix, kind in KINDS.items()}

@@ -35,9 +35,9 @@ class TableColumn(NamedTuple):
 
 
 def record_tables(session: Session) -> Iterator[tuple[str, list[TableColumn]]]:
-    """Yield the path and the columns of every table among the records of a session.
+    """Yield the path and the columns of the table of each record in a session.
 
-    Paths are those in a result folder, such as ``records/impact/gates.csv``. Nothing is yielded
+    Paths are relative to a result folder, such as ``records/impact/gates.csv``. Nothing is yielded
     without records.
     """
     for stage, records in session.records.items():
@@ -46,9 +46,9 @@ def record_tables(session: Session) -> Iterator[tuple[str, list[TableColumn]]]:
 
 
 def record_columns(kind: type[Record]) -> Iterator[TableColumn]:
-    """Yield the columns of a kind of record in the order of its file: index columns, then values.
+    """Yield the columns of a kind of record as its file has them: index columns first, then values.
 
-    An index column of another package's record that is not in `AXES` has an empty meaning.
+    If another package defines an index column that is not in `AXES`, its meaning is empty.
     """
     for axis in kind.axes():
         yield TableColumn(axis, AXES.get(axis, ""), "integer")
@@ -59,10 +59,10 @@ def record_columns(kind: type[Record]) -> Iterator[TableColumn]:
 def data_package(
     title: str, description: str, tables: Mapping[str, Iterable[TableColumn]]
 ) -> dict[str, Any]:
-    """Return the content of ``datapackage.json`` (Frictionless) for a folder's tables, as JSON.
+    """Return the content of ``datapackage.json`` (Frictionless) as a dictionary.
 
-    `tables` maps the path of each table in the folder to its columns. The unit of a column is read
-    from the ending of its name.
+    The file describes the tables of a folder. `tables` holds the columns of each table, keyed by
+    the path in the folder. The unit of a column is read from the end of its name.
     """
     return {
         "profile": "tabular-data-package",
@@ -98,11 +98,12 @@ def _field(column: TableColumn) -> dict[str, str]:
 def crate(
     title: str, description: str, day: str, version: str, files: Iterable[str]
 ) -> dict[str, Any]:
-    """Return the content of ``ro-crate-metadata.json`` (RO-Crate) for a folder's files, as JSON.
+    """Return the content of ``ro-crate-metadata.json`` (RO-Crate) as a dictionary.
 
-    `files` are paths in the folder. Files below ``records`` are listed as inputs, all others as
-    results. `day` is the date of publication, empty if there is none. `version` is the version of
-    this program. Raises `KeyError` for a file whose ending is not in `MEDIA`.
+    The file describes the files of a folder. `files` are their paths in the folder. Files in the
+    folder ``records`` are listed as inputs, all others as results. `day` is the date of
+    publication, or empty. `version` is the version of this program. Raises `KeyError` for a file
+    with an extension that is not in `MEDIA`.
     """
     parts = [{"@id": name} for name in files]
     results = [part for part in parts if not part["@id"].startswith("records/")]

@@ -252,13 +252,13 @@ def read_particulars(
     changes: Mapping[str, str],
     replaces: ReplacedReport | None = None,
 ) -> Particulars:
-    """Return the particulars in a file, with the values in `changes` instead of the file's values.
+    """Return the particulars of a test from a file, after replacing some of its values.
 
-    `file` is a path, or the keys and values of such a file. The logo is a file in the folder of
-    `file`, or in the current folder if `file` has keys and values. Without a file, the result has
-    only the values in `changes`. The keys of `changes` have the form ``laboratory.name``; empty
-    values are ignored. `replaces` is the earlier report that the new report replaces; if it is
-    None, the file may state one.
+    `file` is the path of the file, or its keys and values. If it is None, only the values in
+    `changes` are stated. The values in `changes` replace those in the file. Their keys have the
+    form ``laboratory.name``, and empty values are ignored. The logo is the name of a file in the
+    folder of `file`. If `file` is not a path, it is in the current folder. `replaces` is the
+    earlier report that the new report replaces. By default it is read from the file.
 
     Raises
     ------
@@ -282,10 +282,11 @@ def read_particulars(
 def particulars_of(
     document: Mapping[str, Any], where: str, *, folder: Path | None = None
 ) -> Particulars:
-    """Return the particulars in a parsed document: laboratory, customer, bat and the like.
+    """Return the particulars of a test from the keys and values of a document.
 
-    `where` is the name of the document for error messages. With `folder`, the logo is the name of a
-    file in it. Otherwise the document contains the picture itself. Raises `InputError` in the same
+    They state laboratory, customer, bat, persons and the like. `where` is the name of the document
+    for error messages. If `folder` is stated, the document names the file of the logo in this
+    folder. Otherwise the document contains the picture itself. Raises `InputError` in the same
     cases as `read_particulars`.
     """
     table = document.get("laboratory")
@@ -304,9 +305,9 @@ def particulars_of(
 
 
 def form() -> Iterator[str]:
-    """Yield the lines of an empty file of particulars with every key, to be filled in.
+    """Yield the lines of a file of particulars with every key, to be filled in by the user.
 
-    It is a TOML file with comments. Lines have no line ends.
+    The file has the TOML format, with comments. The lines have no line ends.
     """
     words = {row.key: row.words for row in PRINTED}
     words["laboratory.logo"] = "Name of a .png or .svg file in the same folder, up to 200 kB"

@@ -79,9 +79,9 @@ class Order:
 
 
 def rising(times: Array, axes: tuple[str, ...]) -> Order:
-    """Return the requirement that times increase strictly along their last axis; NaN is ignored.
+    """Return the requirement that times increase strictly along their last axis. NaN is ignored.
 
-    `axes` are the names of the axes of `times`. The message of a violation names the column
+    `axes` are the names of the axes of `times`. An error message about a violation names the column
     ``time_s``.
     """
     fault = f"must increase from {axes[-1]} to {axes[-1]}"
@@ -258,7 +258,7 @@ def _check_index(values: Array, name: str, first: int, where: str) -> None:
 def require_numbers(table: Table, where: str) -> None:
     """Raise `InputError` for the first cell of a table that is not a number.
 
-    `where` is the name of the table for the message. Empty cells are allowed.
+    Empty cells are allowed. `where` is the name of the table in the error message.
     """
     for name, values in table.items():
         kind = np.asarray(values).dtype.kind
@@ -287,10 +287,10 @@ def _count(name: str, values: NDArray[Any], axes: tuple[str, ...], sizes: dict[s
 
 
 def join(parts: list[Record]) -> Record:
-    """Return one record from the records of several rounds of shots, in their order.
+    """Return one record that holds the shots of several records, in the order of `parts`.
 
-    All records must be of the same kind. Fields whose first axis is the shot are concatenated; all
-    other fields are taken from the first record. Raises `IndexError` for an empty list, and
+    All records must be of the same kind. A field is concatenated if its first axis is the shot. Any
+    other field is taken from the first record. Raises `IndexError` for an empty list, and
     `ValueError` if the lengths of other axes differ.
     """
     first = parts[0]

@@ -89,10 +89,10 @@ class PackedSession:
 def pack(session: Session) -> PackedSession:
     """Return the files of a session as bytes and arrays, keyed by path in its folder.
 
-    One of them, ``session.json``, holds the SHA-256 of every other file. In a simulated session, a
-    channel's hash covers two parts in this order: the entry ``simulation`` of ``session.json``, as
-    JSON text in one line with sorted keys, and the channel's file. For the hash of a text file, CR
-    LF is replaced by LF. Nothing is written.
+    Nothing is written. The file ``session.json`` holds the SHA-256 of every other file. For the
+    hash of a text file, CR LF is replaced by LF. In a simulated session, the hash of a channel
+    covers a JSON text followed by the channel's file. The text is the entry ``simulation`` of
+    ``session.json`` in one line with sorted keys.
     """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)
@@ -138,7 +138,7 @@ def save_session(session: Session, folder: Path) -> None:
 
 
 def entry_of_origin(origin: Origin) -> dict[str, Any]:
-    """Return an origin as a dictionary with the keys and values of ``session.json``."""
+    """Return the keys and values with which ``session.json`` states the origin of the records."""
     if isinstance(origin, Simulated):
         return {"origin": "simulated", "simulation": origin.as_json()}
     customer = {"customer": origin.customer} if origin.customer else {}
@@ -146,9 +146,10 @@ def entry_of_origin(origin: Origin) -> dict[str, Any]:
 
 
 def digest_of_text(data: bytes, start: bytes = b"") -> str:
-    """Return the SHA-256 of `start` and text data, 64 hexadecimal digits.
+    """Return the SHA-256 of text, as 64 hexadecimal digits.
 
-    Line ends CR LF of the text are replaced by LF, because a copy may have changed them.
+    `start` is hashed before `data`. In `data`, line ends CR LF are replaced by LF, because a copy
+    of the text may have changed them.
     """
     return hashlib.sha256(start + data.replace(b"\r\n", b"\n")).hexdigest()
 

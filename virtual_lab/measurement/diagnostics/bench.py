@@ -36,10 +36,10 @@ DECAY_U = 0.4
 
 
 def sports(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag if bat, ball and procedure are not all of the same sport.
+    """Yield one flag if bat, ball and procedure are not all for the same sport.
 
-    The flag is raised in all laboratories of the block. Nothing is yielded if the stated sports
-    agree. An unknown sport and a check standard are not compared.
+    The flag is raised in all laboratories of the block. Nothing is yielded if the sports agree. An
+    item without a stated sport is ignored, and so is a check standard.
     """
     entries = {
         "the bat": evidence.block.bat_sport,
@@ -76,11 +76,11 @@ def check_standard(evidence: Evidence) -> Iterator[Raised]:
 
 
 def bat_shape(evidence: Evidence) -> Iterator[Raised]:
-    """Yield four flags, each raised in the laboratories whose bat is outside limits for any bat.
+    """Yield four flags for bats with impossible density, balance point, radius of gyration or mass.
 
-    The flags are for mean density, balance point, radius of gyration and mass, in this order. All
-    four are yielded, even those that are raised in no laboratory. Only the flag for the density
-    rules out a verdict. A value of NaN raises the flag.
+    Each flag is raised in the laboratories where the measured property is NaN or outside wide
+    limits that hold for any bat. The flags have the order given above. All four are yielded, even
+    if they are raised in no laboratory. Only the flag for the density rules out a verdict.
     """
     bat = evidence.reduced.preparation.bat.select((slice(None), 0, 0))
     length, mass = bat.length, bat.mass
@@ -121,12 +121,13 @@ def _band(words: str, value: Array, low: float, high: float, unit: str) -> Raise
 
 
 def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the change of the pendulum's period with the expected change.
+    """Yield one comparison of the observed with the predicted change of the pendulum's period.
 
-    The period shortens as the swing decays. The expected change follows from the read amplitudes.
-    The difference, observed over expected change minus 1, is given in standard uncertainties,
-    without sign. Nothing is yielded if the record has fewer than four swings per release. A
-    laboratory whose amplitude does not decay is not compared.
+    The period shortens as the swing decays. The prediction is computed from the recorded
+    amplitudes. The difference is the ratio of observed to predicted change, minus 1.
+    `Pairs.sigmas`, (laboratory,), is its absolute value in standard uncertainties. Nothing is
+    yielded if the record has fewer than four swings per release. A laboratory is not compared if
+    its amplitude does not decay.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -156,19 +157,21 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
-    """Yield comparisons of the mean with the median swing, and flags for odd swings.
+    """Yield comparisons of mean and median swing time, and flags for releases with odd swings.
 
-    The pendulum is timed at each passage of its lowest point. If a passage is not recorded, two
-    swings appear as a single long one, which changes the mean but not the median. A swing is odd if
-    it is much longer or shorter than the median.
+    A swing is the time between two passages of the pendulum through its lowest point. If a passage
+    is not recorded, two swings appear as one long swing, which changes the mean but not the median.
+    A swing is odd if it is much longer or shorter than the median. Releases without an odd swing
+    are counted, see `counted_releases`.
 
     Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases.
-    The first is for the mean of all counted releases. The second compares the worst release with
-    the others, because an outlier inflates the scatter.
+    The first is for the mean over all counted releases. The second compares the release that
+    deviates most with the other releases. It is needed because an outlier increases the uncertainty
+    in the first comparison.
 
     Two flags are always yielded, even if they are raised in no laboratory. The first is for
     releases that are left out because of an odd swing. The second is for releases with an odd swing
-    that are used because too few others remain; it rules out a verdict.
+    that are used because too few others remain. It rules out a verdict.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -202,10 +205,11 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
 
 
 def _worst_release(excess: Array, moves: Array) -> Pairs:
-    """Return the pair of the release that differs most from the mean of the others.
+    """Return the comparison of the release that differs most with the mean of the other releases.
 
-    `excess` is (laboratory, release), NaN for a release that is not counted. The scatter is that of
-    the other releases. A laboratory with too few releases is not compared.
+    `excess` is (laboratory, release), NaN for a release that is not counted. The uncertainty is
+    computed from the scatter of the other releases. A laboratory with too few releases is not
+    compared.
     """
     number = np.isfinite(excess).sum(axis=1)
     compared = number > FEWEST_RELEASES
@@ -271,15 +275,16 @@ class Slowing(NamedTuple):
 
 
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
-    """Return the ratio of observed to predicted change of the pendulum's period, with its u.
+    """Return the observed change of the pendulum's period, divided by the predicted change.
 
-    The result also has the number of counted releases and the degrees of freedom. All arrays are
-    (laboratory,).
+    `Slowing.times` is this ratio. The result also holds its standard uncertainty and degrees of
+    freedom, and the number of counted releases. All arrays are (laboratory,).
 
-    The period grows with the square of the amplitude, so it shortens as the swing decays. The size
-    of this change is predicted from the measured amplitudes. The ratio is 1 for correct readings of
-    the amplitude. It is NaN if the amplitude is constant, or if no release is counted. Return None
-    if the releases have fewer than four swings.
+    The period of a pendulum grows with the square of the amplitude, so it shortens as the swing
+    decays. The change is predicted from the recorded amplitudes. The ratio is 1 if they are
+    correct. It is NaN if the amplitude does not decay, or if no release is counted. Return None if
+    the releases have fewer than four swings. `laboratories` is the number of laboratories in the
+    record.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
     counted = counted_releases(odd_swings(times))
@@ -316,12 +321,12 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
 
 
 def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the scale's readings of the reference mass, after minus before use.
+    """Yield one comparison of the scale's readings of the reference mass, before and after use.
 
-    Bat and balls are weighed in between. The difference is given in standard uncertainties, without
-    sign, (laboratory,). Nothing is yielded without a record of the reference mass. Raises
-    `InputError` unless the record has two items, before and after, with at least two readings of
-    each.
+    Bat and balls are weighed in between. The difference is the mean reading after use minus the
+    mean reading before. `Pairs.sigmas`, (laboratory,), is its absolute value in standard
+    uncertainties. Nothing is yielded without a record of the reference mass. Raises `InputError`
+    unless the record has two items, before and after, with at least two readings of each.
     """
     record = evidence.block.records["bench"].get(REFERENCE_MASS)
     if record is None:
@@ -347,9 +352,9 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the air density in the climate record with that in the calibration.
+    """Yield one comparison of two air densities, from the climate record and from the calibration.
 
-    The difference is given in standard uncertainties, without sign, (laboratory,). Nothing is
+    `Pairs.sigmas`, (laboratory,), is the absolute difference in standard uncertainties. Nothing is
     yielded without a climate record, or if the calibration states no density.
     """
     calibration = evidence.block.calibration.get(DENSITY)
@@ -373,12 +378,12 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def store(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised in laboratories in which the ball store is too dry or too humid.
+    """Yield one flag, raised in the laboratories whose ball store is too dry or too humid.
 
     The mean relative humidity of each laboratory is compared with the limits of the procedure. A
     mean of NaN raises the flag. Nothing is yielded if the procedure states no conditioning, or if
-    the store has no record. The flag never rules out a verdict, because the result either refers to
-    these balls or is normalized by their e0.
+    the store has no record. The flag never rules out a verdict, because the result is either stated
+    for these balls or normalized by their e0.
     """
     conditioning, readings = (
         evidence.procedure.conditioning,
@@ -407,9 +412,9 @@ def store(evidence: Evidence) -> Iterator[Raised]:
 def lot_rules(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag, raised in the laboratories that have a wrong ball in their lot.
 
-    A ball is wrong if its mass or e0 is outside the window of the procedure, and if it was fired or
-    its e0 is more than 0.02 from the median of the lot. The flag is yielded even if it is raised in
-    no laboratory.
+    A ball is wrong if two conditions are met. First, its mass or e0 is outside the window of the
+    procedure. Second, it was fired, or its e0 differs by more than 0.02 from the median of the lot.
+    The flag is yielded even if it is raised in no laboratory.
     """
     windows, balls = evidence.procedure.windows, evidence.measured_balls.select((slice(None), 0))
     at = balls.restitution + balls.slope * (windows.ball_restitution_speed - balls.speed)
@@ -437,11 +442,12 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison: the trend of e0 with the order in which the balls were measured.
+    """Yield one comparison of e0 at the beginning and at the end of the hits at the wall.
 
-    A straight line is fitted to e0 over this order. The difference, which should be 0, is the
-    change of the line from the first to the last ball. It is given in standard uncertainties,
-    without sign, (laboratory,). Nothing is yielded for fewer than four balls.
+    A straight line is fitted to the mean e0 of the balls against the order in which they hit the
+    wall. The difference is the value of the line for the last ball minus its value for the first
+    ball. `Pairs.sigmas`, (laboratory,), is its absolute value in standard uncertainties. Nothing is
+    yielded for fewer than four balls.
     """
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:

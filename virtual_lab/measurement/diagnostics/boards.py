@@ -26,14 +26,15 @@ SCALE_U = 0.01  # uncertainty for a harmless relative difference of two boards' 
 
 
 def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison per inner gate and flight direction: surveyed minus timed position.
+    """Yield one comparison of surveyed and timed position per inner gate and flight direction.
 
-    An inner gate is neither the first nor the last. Its timed position is computed from the time of
-    passage, for a flight with drag that passes the first and the last gate at their measured times.
-    The difference is averaged over the shots of each laboratory and given in standard
-    uncertainties, without sign. Nothing is yielded with fewer than three gates, or for an
-    instrument that is neither gates nor boards. A laboratory with fewer than `FEWEST_SHOTS` shots
-    is not compared.
+    Inner gates are all gates except the first and the last. The timed position of an inner gate
+    follows from the times at which a ball passed the gates. It is computed for a flight with drag
+    that passes the first and the last gate at their measured times. The difference is the surveyed
+    position minus the mean timed position. `Pairs.sigmas`, (laboratory,), is its absolute value in
+    standard uncertainties. Nothing is yielded with fewer than three gates, or for an instrument
+    that is neither gates nor boards. A laboratory with fewer than `FEWEST_SHOTS` shots is not
+    compared.
     """
     constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
@@ -76,7 +77,7 @@ def _board_said(
 
 
 def _between(constants: Mapping[str, Estimates], board: int, last: int, part: Array) -> Components:
-    """Return the components of the uncertainty that the survey causes in a board's deviation."""
+    """Return the uncertainty of a board's deviation that the survey of three boards causes."""
     variants = Variants.of({_distance(k): constants[_distance(k)] for k in (0, board, last)})
     first, here, end = (column[..., 0] for column in variants.columns.values())
     return variants.components(here - first - part[:, None] * (end - first))
@@ -86,8 +87,8 @@ def _between(constants: Mapping[str, Estimates], board: int, last: int, part: Ar
 class Heights:
     """Heights at which balls pass the boards on the way in.
 
-    Each height is corrected by g t²/2, where t is the time left until contact, so that the heights
-    of one ball are on a straight line.
+    Each height is corrected by g t²/2, where t is the time from the board to contact. The corrected
+    heights of one ball are on a straight line.
     """
 
     evidence: Evidence
@@ -177,14 +178,15 @@ class Heights:
 
 
 def heights(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield comparisons of the heights of incoming balls: between boards, and with the aim paper.
+    """Yield comparisons of the heights at which incoming balls pass the boards and reach the bat.
 
-    Two comparisons are yielded per inner board, which is neither the first nor the last. The first
-    is the mean height above the line through the first and last boards, the second is the relative
-    error of the height scale. One more comparison is the mean height at the bat minus the mean of
-    the marks on the aim paper; it is left out if the marks are missing or too few. All differences
-    are given in standard uncertainties, without sign. Nothing is yielded if the instrument does not
-    measure heights. A laboratory with too few shots is not compared.
+    Two comparisons are yielded for each board except the first and the last. The first compares the
+    mean height at the board with the line through the first and last boards. The second is for the
+    height scale of the board, relative to the first and last boards. One more comparison is the
+    mean height at the bat minus the mean height of the marks on the aim paper. It is left out if
+    there are too few marks or none. `Pairs.sigmas`, (laboratory,), is the absolute difference in
+    standard uncertainties. Nothing is yielded if the instrument does not measure heights. A
+    laboratory with too few shots is not compared.
     """
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:

@@ -136,31 +136,33 @@ def pairs(
     among: NDArray[Any] | int = 1,
     compared: Mask | None = None,
 ) -> Pairs:
-    """Return a comparison of two measurements in each laboratory; their difference should be 0.
+    """Return a comparison of two measurements in each laboratory. Their difference should be 0.
 
     Parameters
     ----------
     name
         Name of the check.
     statement
-        Function that takes the index of a laboratory and returns its sentence. The sentence must
-        not state the number of standard uncertainties, because the flag adds this number.
+        Function that takes the index of a laboratory and returns the sentence of its flag. The
+        sentence must not state the number of standard uncertainties, because the flag adds this
+        number.
     value
         Difference of the two measurements, (laboratory,), in any unit.
     components
         Components of the uncertainty of `value`.
     of
-        Name of the comparison within the check.
+        Name of the comparison, if the check makes several.
     least
         Lower bound of the standard uncertainty of `value`, in the same unit. The bound is added in
         quadrature.
     moves
         Largest shift of the test result per unit of `value`, divided by the standard uncertainty of
-        the test result.
+        the test result. By default the shift is not limited.
     among
-        Number of similar differences from which this one, the least likely, was selected.
+        Number of similar differences, if `value` is the least likely of them. By default it is the
+        only one.
     compared
-        Mask of the laboratories with both measurements; None: all.
+        Mask of the laboratories with both measurements, (laboratory,). By default all have both.
     """
     budget = combine_components(value, components)
     u, likely = chances(budget, least)
@@ -184,11 +186,11 @@ def pairs(
 
 
 def chances(budget: Budgets, least: Array | float) -> tuple[Array, Array]:
-    """Return the u of the values in a budget, and the probability of an equal or larger |value|.
+    """Return the standard uncertainties and the two-sided p-values of values that should be 0.
 
-    The values should be 0. All arrays are (laboratory,). The probability is two-sided, for a t
-    distribution. `least`, in the unit of the values, is added in quadrature to their uncertainty,
-    with infinite degrees of freedom. It is therefore a lower bound of u.
+    All arrays are (laboratory,). A p-value is the probability of an equal or larger absolute value
+    by chance, for a t distribution. `least`, in the unit of the values, is added in quadrature to
+    the uncertainties in `budget`, with infinite degrees of freedom.
     """
     u = np.hypot(budget.u, least)
     with np.errstate(divide="ignore"):  # a value without uncertainty of its own
@@ -197,6 +199,6 @@ def chances(budget: Budgets, least: Array | float) -> tuple[Array, Array]:
 
 
 def _of_any(likely: Array, among: NDArray[Any] | int) -> Array:
-    """Return the probability that the least likely of `among` differences is this unlikely."""
+    """Return the probability that the smallest of `among` p-values is at most `likely`."""
     with np.errstate(divide="ignore"):  # logarithm of 0 for a probability of 1
         return np.asarray(-np.expm1(among * np.log1p(-np.minimum(likely, 1.0))))

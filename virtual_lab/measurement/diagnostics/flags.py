@@ -112,9 +112,9 @@ class Checked:
 def check(evidence: Evidence) -> Checked:
     """Return the results of all checks for a block of sessions.
 
-    `Checked.answers` has one entry per check, in the order of the test day. An entry may be empty,
-    and its flags may be raised in no laboratory. `Checked.left_out` names the checks for which the
-    records lack the readings.
+    `Checked.answers` has one entry per check, in the order of the test day. An entry is empty if
+    the check yields nothing. A flag in an entry may be raised in no laboratory. `Checked.left_out`
+    names the checks that cannot be done because the records lack the readings.
     """
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     unweighed = REFERENCE_MASS not in evidence.block.records["bench"]
@@ -130,11 +130,11 @@ def check(evidence: Evidence) -> Checked:
 
 
 def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
-    """Yield a flag for each instrument whose next calibration was due before the day of the test.
+    """Yield a flag for each instrument whose calibration was due before the day of the test.
 
-    The day of the test is stated in the particulars, otherwise it is `date`; both are in ISO form,
-    such as 2026-05-31. Nothing is yielded for an instrument without a due date, or if the day of
-    the test is not known.
+    The day of the test is read from the particulars. If they do not state it, it is `date`. Both
+    have the ISO form, such as 2026-05-31. Nothing is yielded for an instrument without a due date.
+    Nothing at all is yielded if the day of the test is not known.
     """
     day = particulars.test.begun or date
     for name, each in particulars.instruments.items():

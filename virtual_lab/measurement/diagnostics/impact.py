@@ -24,11 +24,12 @@ RATE_ROUNDING = 1e-5  # relative accuracy of the extrapolation of a rate to cont
 
 
 def ball_seen(evidence: Evidence) -> Iterator[Raised]:
-    """Yield two flags, raised where gates missed a ball: first at the wall, then at the bat.
+    """Yield two flags for balls that the gates missed: one at the wall, then one at the bat.
 
-    At the wall a hit is missed if the gates did not detect the incoming or the returning ball. At
-    the bat it is missed if a gate did not detect the incoming ball. Both flags are yielded, even if
-    they are raised in no laboratory.
+    Each flag is raised in the laboratories with at least one missed ball. At the wall, a ball is
+    missed if the gates did not detect it on the way in or on the way back. At the bat, it is missed
+    if a gate did not detect it on the way in. Both flags are yielded, even if they are raised in no
+    laboratory.
     """
     hits = evidence.reduced.preparation.balls.ball[:, 0]
     wall_misses = np.sum(hits < 0, axis=1)
@@ -52,7 +53,7 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 
 
 def edges(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised where over 10 % of a laboratory's shots do not fit a single flight.
+    """Yield one flag, raised in laboratories where over 10 % of the shots do not fit one flight.
 
     In such a shot, the beam edges at the light boards deviate from one straight flight by more than
     the procedure allows. The flag is yielded even if it is raised in no laboratory.
@@ -72,9 +73,9 @@ def edges(evidence: Evidence) -> Iterator[Raised]:
 def aim(evidence: Evidence) -> Iterator[Pairs]:
     """Yield two comparisons of the mean mark on the aim paper with the known aim.
 
-    The first comparison is along the bat, the second across it. The difference, mark minus aim, is
-    given in standard uncertainties, without sign, (laboratory,). Nothing is yielded without an aim
-    paper, or with fewer than `FEWEST_SHOTS` marks per laboratory.
+    The first comparison is along the bat, the second across it. The difference is the mark minus
+    the aim. `Pairs.sigmas`, (laboratory,), is its absolute value in standard uncertainties. Nothing
+    is yielded without an aim paper, or with fewer than `FEWEST_SHOTS` marks per laboratory.
     """
     marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks):
@@ -114,15 +115,15 @@ def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag per encoder, raised where the fitted rotation does not agree with the record.
+    """Yield one flag per encoder, raised if the fitted rotation does not agree with the record.
 
     The misfit of a shot is a ratio. The numerator is the rms deviation of the record from the
-    fitted rotation. The denominator is the rms noise of resolution and of the encoder at rest. The
-    flag is raised in a laboratory if the misfit of at least one shot is above `MOST_MISFIT`. It is
-    yielded even if it is raised in no laboratory.
+    fitted rotation. The denominator is the rms noise caused by the resolution and measured with the
+    bat at rest. The flag is raised in the laboratories with a misfit above `MOST_MISFIT` in at
+    least one shot. It is yielded even if it is raised in no laboratory.
 
-    There may be an encoder for the recoil and one for the swing. Nothing is yielded for an encoder
-    that the rig does not have.
+    The rig may have an encoder for the recoil and one for the swing. Nothing is yielded for an
+    encoder that the rig does not have.
     """
     for fit in (evidence.readings.recoil, evidence.readings.swing):
         if fit is None:
@@ -144,13 +145,13 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons per encoder of the rate from half a record with that from all of it.
+    """Yield two comparisons per encoder: the rate from half of a record, and from the whole record.
 
-    The half is the one nearest contact. The first comparison is for the mean over the shots, the
-    second for the worst shot of each laboratory. Each difference of the rates is multiplied by the
-    sensitivity of the result to the rate, and given in standard uncertainties, without sign.
-    Nothing is yielded for an encoder that the rig does not have, that keeps no record, or that does
-    not affect the result.
+    The half is the part nearest contact. The difference of the two rates is multiplied by the
+    sensitivity of the result to the rate. In the first comparison, the products of all shots are
+    added. The second is for the least likely shot of each laboratory. `Pairs.sigmas`,
+    (laboratory,), is the absolute value in standard uncertainties. Nothing is yielded for an
+    encoder that the rig does not have, that keeps no record, or that does not affect the result.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)
@@ -202,7 +203,7 @@ def _worst_shot(
     rounding: Array,
     moves: Array,
 ) -> Pairs:
-    """Return the pair of each laboratory's least likely shot."""
+    """Return the comparison for the least likely shot of each laboratory."""
     shots = np.flatnonzero(mask)
     owner = evidence.owner[shots]
     among = np.bincount(owner, minlength=evidence.laboratories)
@@ -257,13 +258,13 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 
 
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison: mean e_A from the bat's recoil minus that from the ball's rebound.
+    """Yield one comparison of the mean e_A from the bat's recoil with that from the ball's rebound.
 
-    The difference is given in standard uncertainties, without sign, (laboratory,). The mean is over
-    the valid shots with both values. A laboratory needs at least `FEWEST_SHOTS` such shots, because
-    their scatter gives the uncertainty of the mean. One shot is enough if there are at least
-    `FEWEST_SHOTS` aim marks, which give the scatter of the impact position. Nothing is yielded if
-    no laboratory has enough shots.
+    The difference is recoil minus rebound. `Pairs.sigmas`, (laboratory,), is its absolute value in
+    standard uncertainties. The mean is over the valid shots with both values. A laboratory needs at
+    least `FEWEST_SHOTS` such shots, because their scatter gives the uncertainty of the mean. One
+    shot is enough if there are at least `FEWEST_SHOTS` marks on the aim paper, which give the
+    scatter of the impact position. Nothing is yielded if no laboratory has enough shots.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     has_both = evidence.reduced.valid & np.isfinite(difference)
@@ -291,7 +292,11 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def _variant_differences(evidence: Evidence, both: Mask) -> tuple[NDArray[np.intp], Array]:
-    """Return shot numbers, including all shots in `both`, and e_A differences of the variants."""
+    """Return the shot numbers, (laboratory, hit), and e_A from recoil minus e_A from rebound.
+
+    The shots include all shots in `both`. The differences are computed with each variant of the
+    constants.
+    """
     hits = number_shots(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
         return evidence.hits, evidence.apart

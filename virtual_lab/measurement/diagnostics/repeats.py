@@ -22,11 +22,11 @@ from virtual_lab.units import Array, Mask
 def records_repeated(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag for each channel that holds the same record for two shots.
 
-    If the records of two shots by one instrument are identical to the last digit, but those by
-    another instrument differ, a record was stored twice. The flag is raised in all laboratories and
-    rules out a verdict. Nothing is yielded without such a repeat. If the swings of the pendulum
-    repeat to the last digit, the instruments have no noise and equal records are possible, so
-    nothing is yielded.
+    If two shots have identical records of one instrument but different records of another
+    instrument, a record was stored twice. The flag is raised in all laboratories and rules out a
+    verdict. Nothing is yielded without such a repeat. Nothing is yielded either if all swings of
+    the pendulum are identical to the last digit. The instruments then have no noise, and equal
+    records are possible.
     """
     pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():

@@ -41,15 +41,16 @@ def shortfalls(
     valid: Mask,
     metric: Array,
 ) -> Shortfalls:
-    """Return the expected shortfall of the position that each scan chose: mean and rms.
+    """Return the expected shortfall of the position that each scan chose, as mean and rms value.
 
-    The arrays are (laboratory,), in the unit of the metric. The shortfall is the amount by which a
-    position next to the chosen one is truly better. The true difference is assumed to be normally
-    distributed. Its mean is the difference of the mean hits, and its standard deviation follows
-    from the scatter of the hits at each position. A negative difference is replaced by 0, and the
-    shortfalls of the two adjacent positions are added. The shortfall is 0 if no position was
-    chosen, if the hits do not scatter, or if the result is not a mean at one position. The
-    parameters are described in `outcomes_of`.
+    The arrays are (laboratory,), in the unit of the metric. A shortfall is the amount by which an
+    adjacent position is truly better than the chosen one. If the adjacent position is not better,
+    the shortfall is 0. The true difference is assumed to be normally distributed. Its mean is the
+    measured difference, and its standard deviation follows from the scatter of the hits at each
+    position. The shortfalls of the two adjacent positions are added.
+
+    The result is 0 if no position was chosen, if the hits do not scatter, or if the procedure does
+    not average final hits at one position. The parameters are described in `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:
@@ -62,10 +63,10 @@ def shortfalls(
 
 
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
-    """Return the budgets of a block with the mean shortfalls `lost` added to their values.
+    """Return the budgets of a block, with the mean shortfall of each laboratory added to its value.
 
-    The u of the shortfalls becomes the component `CHOICE` of each budget. If no laboratory has a
-    shortfall, the budgets are returned unchanged.
+    `lost` are the shortfalls of `shortfalls`. Their standard uncertainty becomes the component
+    `CHOICE` of each budget. If all shortfalls are 0, the budgets are returned unchanged.
     """
     if not (lost.rms > 0).any():
         return metric
@@ -76,11 +77,12 @@ def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
 def variances_within(
     owner: NDArray[np.intp], place: Array, metric: Array, laboratories: int
 ) -> Array:
-    """Return the pooled variance of the hits about the mean of their position, (laboratory,).
+    """Return the pooled variance of the hits within each impact position, (laboratory,).
 
-    Its unit is the square of the metric's. `owner` is the laboratory of each hit, `place` its
-    position [m] and `metric` its value, all (hit,). The variance is NaN if no position of a
-    laboratory has two hits.
+    The deviation of a hit is taken from the mean of the hits at its position. The variance has the
+    unit of `metric`, squared. `owner`, `place` and `metric` are the laboratory, the position [m]
+    and the value of each hit, (hit,). The variance is NaN if no position of a laboratory has two
+    hits.
     """
     of, inverse = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
     counts = np.bincount(inverse)

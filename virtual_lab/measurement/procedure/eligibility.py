@@ -32,7 +32,7 @@ class BatRule(NamedTuple):
 
 
 def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
-    """Return one finding per eligibility rule of the procedure, met or not, for one measured bat.
+    """Return one finding per eligibility rule of a procedure: whether a measured bat meets it.
 
     The tuple is empty if the procedure states no such rules.
     """
@@ -40,9 +40,10 @@ def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
 
 
 def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
-    """Yield each eligibility rule of the procedure with the bats that meet it, (laboratory,).
+    """Yield each eligibility rule of a procedure, with a mask of the bats that meet it.
 
-    Rules that all bats meet are yielded too. Nothing is yielded if the procedure states no rules.
+    The mask is (laboratory,). A rule that all bats meet is yielded too. Nothing is yielded if the
+    procedure states no rules.
     """
     rules = procedure.eligibility
     if rules is None:

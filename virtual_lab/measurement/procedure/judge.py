@@ -54,13 +54,13 @@ def judge(
     percussion: float,
     turn_rate: float,
 ) -> Judgement:
-    """Return the reason for which each shot was rejected, (shot,), empty for a valid hit.
+    """Return the reason of rejection of each shot, (shot,). The reason of a valid hit is empty.
 
-    Only the first violated window is named. `percussion` is the distance of the center of
-    percussion from the barrel tip [m], and `turn_rate` is the angular speed [rad/s] that the
-    procedure requires for the measured bat. A missed ball is rejected, because its speed is NaN.
-    NaN in the mass or e0 of the ball is rejected too. The windows for edge misfit, rebound angle,
-    rate before contact, agreement of e_A, and encoder misfit ignore NaN.
+    A reason names only the first violated window. `percussion` is the distance of the center of
+    percussion from the barrel tip [m]. `turn_rate` is the angular speed [rad/s] that the procedure
+    requires for the measured bat. A missed ball is rejected, because its speed is NaN. A ball with
+    an unknown mass or e0 (NaN) is rejected too. NaN does not violate the windows for edge misfit,
+    rebound angle, rate before contact, agreement of e_A, and encoder misfit.
     """
     criteria = _criteria(procedure, results, readings, percussion, turn_rate)
     violations = np.array([~met for met, _, _ in criteria])
@@ -78,13 +78,13 @@ def accept_hits(
     percussion: Array,
     turn_rate: Array,
 ) -> Mask:
-    """Return a mask of the shots that meet all windows of the procedure, (…, shot).
+    """Return a mask of the shots that meet all windows of the procedure, (..., shot).
 
-    `percussion` is the distance of the center of percussion from the barrel tip [m], and
-    `turn_rate` is the angular speed that the procedure requires of a swung bat [rad/s]. Both
-    broadcast over the shots. A missed ball is rejected, because its speed is NaN. NaN in the mass
-    or e0 of the ball is rejected too. The windows for edge misfit, rebound angle, rate before
-    contact, agreement of e_A, and encoder misfit ignore NaN.
+    `percussion` is the distance of the center of percussion from the barrel tip [m]. `turn_rate` is
+    the angular speed [rad/s] that the procedure requires for the measured bat. Both broadcast over
+    the shots. A missed ball is rejected, because its speed is NaN. A ball with an unknown mass or
+    e0 (NaN) is rejected too. NaN does not violate the windows for edge misfit, rebound angle, rate
+    before contact, agreement of e_A, and encoder misfit.
     """
     valid = np.ones(np.shape(results.speed), dtype=bool)
     for met, _, _ in _criteria(procedure, results, readings, percussion, turn_rate):
@@ -182,8 +182,8 @@ def _place(
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
     """Return the rms distance of the beam edges from a straight flight [m], (..., shot).
 
-    It is the larger of the distances for the incoming and the rebounding ball. A distance that is
-    not known counts as 0.
+    It is computed for the incoming and for the rebounding ball, and the larger distance is
+    returned. An unknown distance (NaN) counts as 0.
     """
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds

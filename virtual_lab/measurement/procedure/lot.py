@@ -21,11 +21,11 @@ class SetAside:
 
 
 def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
-    """Return a mask of the balls that define the lot, (..., ball): those within all windows.
+    """Return a mask of the balls that define the mean of the lot, (..., ball).
 
-    The windows are those of mass and e0. A value of NaN is outside its window. If no ball of a lot
-    is within the windows, the mask is True for all its balls, so that the lot still has mean
-    values. All shots with these balls are rejected later.
+    These are the balls with mass and e0 within the windows of the procedure. NaN is outside a
+    window. If no ball of a lot is within the windows, the mask is True for all its balls, because
+    the mean must exist. All shots with these balls are rejected later.
     """
     light, e0 = _misfits(procedure, balls)
     fit = ~(light | e0)
@@ -33,11 +33,11 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
 
 
 def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
-    """Return the balls of one lot that are outside the windows of mass or e0, each with its reason.
+    """Return the balls of one lot whose mass or e0 is outside the window, each with the reason.
 
-    The tuple is empty if all balls are within the windows. `balls` has arrays (ball,). The e0 is
-    that at the speed to which the procedure's window refers. The reason for a ball outside both
-    windows is its mass.
+    `balls` has arrays (ball,). e0 is computed for the speed that the procedure states for its
+    window. If both mass and e0 are outside, the reason is the mass. The tuple is empty if all balls
+    are within the windows.
     """
     windows = procedure.windows
     of_mass, of_e0 = _misfits(procedure, balls)
@@ -63,7 +63,7 @@ def _restitution(procedure: Procedure, balls: MeasuredBalls) -> Array:
 
 
 def _misfits(procedure: Procedure, balls: MeasuredBalls) -> tuple[Mask, Mask]:
-    """Return masks of the balls outside the window of the mass, and that of e0, (..., ball)."""
+    """Return two masks, (..., ball): balls with a wrong mass, and balls with a wrong e0."""
     windows, e0 = procedure.windows, _restitution(procedure, balls)
     of_mass = (windows.ball_mass_low <= balls.mass) & (balls.mass <= windows.ball_mass_high)
     of_e0 = (windows.ball_restitution_low <= e0) & (e0 <= windows.ball_restitution_high)

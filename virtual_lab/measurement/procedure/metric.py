@@ -47,10 +47,10 @@ class Curve:
 def metric_of(
     procedure: Procedure, *, control: Array | float = 1.0
 ) -> Callable[[Curve, BatProperties], Array]:
-    """Return a function that computes the procedure's metric along a curve, given the bat.
+    """Return a function that computes the procedure's metric along the barrel of a bat [SI].
 
-    The function returns an array with the shape of the curve's arrays, in SI units: dimensionless,
-    or m/s for v_f.
+    The function takes a `Curve` and the bat's properties. It returns an array with the shape of the
+    curve's arrays. The metric is dimensionless, except v_f [m/s].
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def metric_of(
         Test procedure. Only its metric, its ball correction, and its speeds of pitch and bat are
         used.
     control
-        Ratio of the measured e of a control bat with this lot to its known e. It is used only by
-        the correction ``control-bat``.
+        Measured e of the control bat with this lot, divided by its known e. Only the correction
+        ``control-bat`` uses it.
     """
 
     def metric(curve: Curve, bat: BatProperties) -> Array:
@@ -90,11 +90,12 @@ class Objective(AlignedArrays):
 def objective_of(
     procedure: Procedure, metric: Array, place: Array, bat: BatProperties
 ) -> Objective:
-    """Return the quantity that the scan maximizes, with its derivative with respect to the metric.
+    """Return the quantity that a scan maximizes, and its derivative with respect to the metric.
 
-    The arrays are (..., shot). If the scan seeks the batted-ball speed, the quantity is v_f [m/s]
-    at the speeds of the procedure, and `metric` must be BESR. Otherwise, or without a scan, it is
-    the metric itself. `place` is the impact position from the barrel tip [m].
+    Both arrays are (..., shot). If the scan seeks the batted-ball speed, the quantity is v_f [m/s]
+    at the speeds of the procedure, and `metric` must be BESR. Otherwise, and without a scan, the
+    quantity is the metric and its derivative is 1. `place` is the impact position from the barrel
+    tip [m].
     """
     if procedure.scan is None or procedure.scan.seeks == "metric":
         return Objective(metric, np.ones_like(metric))
@@ -104,10 +105,11 @@ def objective_of(
 
 
 def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
-    """Return the speeds of pitch and bat in Eq. (3) [m/s]: a number, and an array like `place`.
+    """Return the speeds of pitch and bat for Eq. (3) [m/s]: a number, and an array like `place`.
 
-    `place` is the impact position from the barrel tip [m]. The speeds are those of the procedure's
-    game. If it states none, they are those of the test.
+    `place` is the impact position from the barrel tip [m]. The bat speed is computed for this
+    position. Both speeds are the game speeds that the procedure states. If it states no game, both
+    are the speeds of the test.
     """
     game = procedure.game
     if game is None:

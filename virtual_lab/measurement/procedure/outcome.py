@@ -80,10 +80,10 @@ def outcomes_of(
 ) -> HitWeights:
     """Return the weights of the hits, (shot,), and the impact position of each laboratory's result.
 
-    The position is the distance from the barrel tip, (laboratory,) [m]. For a laboratory without a
-    result, weights and position are NaN and a reason is stated. Without a scan, this is a
-    laboratory with fewer than two valid hits. An incomplete test can have a result and still have a
-    reason, which makes it INVALID.
+    The position is the distance from the barrel tip, (laboratory,) [m]. In a laboratory without a
+    result, weights and position are NaN, and a reason is stated. Without a scan, a result needs at
+    least two valid hits. A test with too few hits for the procedure can still have a result. It
+    then has a reason too, which makes the verdict INVALID.
 
     Parameters
     ----------
@@ -188,9 +188,9 @@ def _tops_of_curves(
 ) -> tuple[Array, Array, Array]:
     """Return weights and effects of hits, (shot,), and positions of the maxima, (laboratory,).
 
-    One polynomial f is fitted to the maximized quantity, another to the metric, which is evaluated
-    at the maximum z of f. A hit shifts z by ``-b'(z) / f''(z)``, where b is its contribution to the
-    fit. The results of a laboratory without used hits are NaN.
+    One polynomial f is fitted to the maximized quantity and has its maximum at z. Another
+    polynomial is fitted to the metric and evaluated at z. A hit shifts z by ``-b'(z) / f''(z)``,
+    where b is its contribution to the fit. The results of a laboratory without used hits are NaN.
     """
     hits = number_shots(shots.owner, mask, laboratories)
     is_hit = hits >= 0
@@ -257,13 +257,12 @@ def _turns(cubics: Array) -> Array:
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
     """Return the polynomial of the metric over the impact position that gives a scan's result.
 
-    The scan's result is the value of this polynomial at the best position. The best position is
-    where the scan's objective has its maximum. Positions are distances from the barrel tip [m]. The
-    polynomial is in the unit of `metric`.
+    Positions are distances from the barrel tip [m]. The polynomial is in the unit of `metric`. The
+    result of the scan is its value at the position where the objective has its maximum.
 
     `place` and `metric` are the values of one laboratory's shots, and `used` is the mask of the
     shots in the result, all (shot,). Return None if the procedure does not scan, if its result is
-    the mean of final hits at the best position, or with fewer than two used shots.
+    the mean of final hits at one position, or if fewer than two shots are used.
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None
@@ -280,12 +279,12 @@ class Reason(NamedTuple):
 
 
 def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Iterator[Reason]:
-    """Yield a reason for FAIL for each rule of the procedure, with the laboratories that break it.
+    """Yield one reason for FAIL per rule of the procedure, with a mask of the laboratories.
 
-    The rules are the eligibility rules for bats and the limit of the metric. A rule that no
-    laboratory breaks is yielded too, with a mask that is False everywhere. `bat` holds the measured
-    bats. `value` is the metric, (laboratory,), NaN if unknown. NaN and a value equal to the limit
-    do not break the limit.
+    The mask, (laboratory,), is True where the bat violates the rule. The rules are the eligibility
+    rules for bats and the limit of the metric. A rule that all bats meet is yielded too. `bat`
+    holds the measured bats. `value` is the metric, (laboratory,), NaN if unknown. NaN and a value
+    equal to the limit do not violate the limit.
     """
     for rule in bat_rules(procedure, bat):
         yield Reason(Verdict.FAIL, ~rule.met, rule.sentence)
@@ -304,7 +303,7 @@ def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Itera
 def verdicts_of(
     procedure: Procedure, reasons: Iterable[Reason], laboratories: int
 ) -> tuple[Verdict, ...]:
-    """Return the verdict of each laboratory from the reasons against it.
+    """Return the verdict of each laboratory, given the reasons against it.
 
     INVALID takes precedence over FAIL. Without a reason the verdict is PASS, or MEASURED if the
     procedure states no limit.
@@ -317,10 +316,10 @@ def verdicts_of(
 
 
 def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -> tuple[str, ...]:
-    """Return the sentences of the reasons for one laboratory's `verdict`.
+    """Return the sentences of all reasons for the verdict of one laboratory.
 
-    Reasons for another verdict, or for other laboratories only, are left out. The tuple is empty
-    for PASS and MEASURED.
+    `verdict` is its verdict. Reasons for another verdict, or in other laboratories, are left out.
+    The tuple is empty for PASS and MEASURED.
     """
     return tuple(
         each.sentence(laboratory)

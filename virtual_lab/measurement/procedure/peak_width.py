@@ -58,9 +58,10 @@ class Width:
 def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
     """Return the length of barrel on which the metric of one bat stays near its maximum [m].
 
-    The allowed drop is the procedure's `width_drop`. Return None if the procedure states none, or
-    if the valid hits have fewer than seven different positions. If the curve does not drop so far
-    within the data, the width is a lower limit without u.
+    On this length the fitted curve is at most `width_drop` of the procedure's scan below its
+    maximum. Return None if the procedure states no `width_drop`, or if the valid hits have fewer
+    than seven different positions. If the curve does not drop so far within the data, the width is
+    a lower limit without u.
 
     Parameters
     ----------

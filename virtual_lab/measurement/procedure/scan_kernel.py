@@ -38,7 +38,7 @@ class ScanRules(NamedTuple):
 
 @njit(cache=True)
 def most_asked(rules: ScanRules) -> int:
-    """Return an upper limit for the number of shots that a scan requests in one round."""
+    """Return an upper limit for the number of shots that a scan can need in one round."""
     places = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
     return places * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
 
@@ -47,17 +47,17 @@ def most_asked(rules: ScanRules) -> int:
 def is_at(place: float, at: float, reach: float) -> bool:
     """Return whether a shot at `place` is at most `reach` away from the position `at` [m].
 
-    A distance of exactly `reach` gives True, also if rounding makes it a little larger.
+    The comparison allows for rounding errors. A distance of exactly `reach` gives True.
     """
     return bool(abs(place - at) < reach + LEAST)
 
 
 @njit(cache=True)
 def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
-    """Fill `counted` with a mask of the hits of a scan: the first valid hits at each position.
+    """Fill `counted` with a mask of the hits that count for a scan.
 
-    At each position at most `rules.valid_hits` hits are marked. All arrays are (shot,), for the
-    shots of one laboratory in the order fired. Every value of `counted` is overwritten.
+    These are the first `rules.valid_hits` valid hits at each position. All arrays are (shot,), for
+    the shots of one laboratory in the order fired. Every value of `counted` is overwritten.
     """
     for shot in range(place.size):
         counted[shot] = False
@@ -73,10 +73,10 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
 def mean_at(
     at: float, most: int, place: Array, valid: Mask, objective: Array, reach: float
 ) -> tuple[int, float]:
-    """Return the number of valid hits at a position, and the mean objective of these hits.
+    """Return the number of hits used at a position, and the mean of their `objective`.
 
-    Only the first `most` valid hits within `reach` [m] of `at` [m] are used. The mean is 0 if there
-    are none. The arrays are (shot,).
+    The first `most` valid hits within `reach` [m] of `at` [m] are used. The mean is 0 if there are
+    none. The arrays are (shot,).
     """
     count, total = 0, 0.0
     for shot in range(place.size):
@@ -90,10 +90,10 @@ def mean_at(
 def best_of(
     among: Array, most: int, place: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
-    """Return the index of the position in `among` [m] with the largest mean objective of its hits.
+    """Return the index of the position in `among` [m] with the largest mean objective.
 
-    Only the first `most` valid hits per position are used. A position without hits has the mean 0.
-    The index is 0 if `among` is empty.
+    The mean is over the first `most` valid hits at the position. A position without hits has the
+    mean 0. The index is 0 if `among` is empty.
     """
     best, top = 0, -np.inf
     for k in range(among.size):
@@ -109,9 +109,9 @@ def fresh_hits(
 ) -> int:
     """Fill `fresh` with the indices of the valid final hits at `best` [m]. Return their number.
 
-    Final hits are the hits after the first `rules.valid_hits` hits of the scan at this position. If
-    the procedure requires consecutive final hits, an invalid shot at the position restarts their
-    count. `fresh` must have room for all shots.
+    The first `rules.valid_hits` valid hits at this position belong to the scan. All later valid
+    hits are final hits. If the procedure requires consecutive final hits, an invalid shot at the
+    position restarts their count. `fresh` must have at least as many elements as there are shots.
     """
     count, of_scan = 0, 0
     for shot in range(place.size):
@@ -131,9 +131,9 @@ def fresh_hits(
 def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
     """Fill `out` with the positions of the next shots of one laboratory [m]. Return their number.
 
-    The number is 0 if the scan is complete, or if at every position most balls did not rebound. The
-    remaining attempts are not considered. `out` must have at least `most_asked` elements; those
-    beyond the number are not overwritten.
+    The number is 0 if the scan is complete. It is also 0 if at every position most balls did not
+    rebound. The number is not limited by the attempts left. `out` must have at least as many
+    elements as `most_asked` returns. Elements beyond the number are not overwritten.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
@@ -182,10 +182,10 @@ def next_hits_of_block(
 ) -> None:
     """Fill `number` and `out` with the number and positions of each laboratory's next shots [m].
 
-    `number` is (laboratory,); 0 means that the scan is complete, has no attempts left, or cannot
-    continue because most balls did not rebound at any position. `out` is (laboratory, attempts);
-    elements beyond the number are not overwritten. Laboratory i has the shots from `starts[i]` up
-    to, but not including, `starts[i + 1]` in `place`, `valid` and `objective`.
+    `number` is (laboratory,). It is 0 if the scan is complete, if it has no attempts left, or if at
+    every position most balls did not rebound. `out` is (laboratory, attempts). Elements beyond the
+    number are not overwritten. In `place`, `valid` and `objective`, laboratory i has the shots from
+    `starts[i]` up to, but not including, `starts[i + 1]`.
     """
     positions = np.empty(most_asked(rules))
     for laboratory in range(number.size):
@@ -221,8 +221,9 @@ def scans_of_block(
 
     The mask is (shot,). The hits of a result are the last final hits at the best position. If the
     procedure has no final hits, they are the hits of the scan within `rules.fit_half_width` of the
-    best position. Laboratory i has the shots from `starts[i]` up to, but not including, `starts[i +
-    1]`. A laboratory without a complete position has NaN as its best position and no hits.
+    best position. If a laboratory has no complete position, its best position is NaN and its mask
+    is False. In `place`, `valid` and `objective`, laboratory i has the shots from `starts[i]` up
+    to, but not including, `starts[i + 1]`.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
@@ -265,12 +266,12 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill `mean` and `square` with the mean and mean square of the shortfall of each scan.
+    """Fill `mean` and `square` with the mean and the mean square of the shortfall of each scan.
 
-    The shortfall is the amount by which a position next to the chosen one is truly better, see
-    `choice.shortfalls`. `mean` [unit of the metric] and `square` [its square] are (laboratory,).
-    Both are 0 without a complete position or without scatter. Laboratory i has the shots from
-    `starts[i]` up to, but not including, `starts[i + 1]`.
+    A shortfall is the amount by which an adjacent position is truly better than the chosen one, see
+    `choice.shortfalls`. `mean`, (laboratory,), has the unit of the metric, and `square` its square.
+    Both are 0 without a complete position or without scatter. In `place`, `valid` and `metric`,
+    laboratory i has the shots from `starts[i]` up to, but not including, `starts[i + 1]`.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
@@ -343,10 +344,10 @@ def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
 
 @njit(cache=True)
 def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: float) -> Array:
-    """Return the positions at which the maximum can be, those at which most balls rebound.
+    """Return the positions at which the maximum can be.
 
-    A position is left out if at least `hits` balls did not rebound there and no more balls did. The
-    bat returns almost no speed at such a position.
+    A position is left out if at least `hits` balls did not rebound there and at most as many did.
+    The bat returns almost no speed at such a position.
     """
     hopeful = np.ones(places.size, np.bool_)
     for k in range(places.size):
@@ -370,7 +371,7 @@ def _hits(at: float, place: Array, valid: Mask, reach: float) -> int:
 
 @njit(cache=True)
 def _lacking(places: Array, hits: int, place: Array, valid: Mask, reach: float, out: Array) -> int:
-    """Fill `out` with each position, repeated for each missing hit. Return the total number."""
+    """Fill `out` with each position that lacks hits, once per missing hit. Return their number."""
     count = 0
     for at in places:
         for _ in range(hits - _hits(at, place, valid, reach)):

@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
     """Return the distance of the center of percussion from the barrel tip [m]. Eq. (11).
 
-    `bat` holds the measured `mass`, `length`, `z_cm` and `inertia_cm` [SI], and `pivot_from_knob`
-    is the distance of the pivot from the knob [m].
+    `bat` holds the measured `mass`, `length`, `z_cm` and `inertia_cm` [SI]. `pivot_from_knob` is
+    the distance of the pivot from the knob [m].
     """
     axis = bat["length"] - pivot_from_knob
     return float(centre_of_percussion(bat["z_cm"], bat["inertia_cm"], bat["mass"], axis))
 
 
 def to_set(places: Array, *, exact: bool) -> Array:
-    """Return positions [m] rounded to whole half millimeters, as an operator can set them.
+    """Return positions [m] rounded to multiples of 0.5 mm, the resolution of the rig's setting.
 
     With `exact` they are returned unchanged. The result has the shape of `places`.
     """
@@ -53,20 +53,19 @@ def next_shots(
     valid: Mask,
     objective: Array,
 ) -> NextShots:
-    """Return laboratory and impact position of all shots of the next round of a block, (shot,).
+    """Return laboratory and impact position of each shot in the next round of a block, (shot,).
 
-    A laboratory may have several shots in a round. Without a scan, the round has one shot at the
-    center of percussion for each missing valid hit, limited to the attempts left. With a scan, it
-    has the missing hits at the positions that the scan needs next. Positions are distances from the
-    barrel tip [m]. There are no shots for a laboratory whose test is complete or has no attempts
-    left.
+    Positions are distances from the barrel tip [m]. A round may have several shots per laboratory.
+    Without a scan, the round has one shot at the center of percussion for each missing valid hit.
+    With a scan, it has the missing hits at the positions that the scan needs next. The number of
+    shots is limited to the attempts left. It is 0 if a test is complete.
 
     Parameters
     ----------
     procedure
         Test procedure. Only its numbers of hits and attempts and its scan are used.
     percussion
-        Center of percussion of each bat as measured, from the tip, (laboratory,) [m].
+        Distance of the measured center of percussion from the tip, (laboratory,) [m].
     owner, place, valid, objective
         For each shot so far, in the order fired, (shot,): index of the laboratory, impact position
         from the tip [m], whether the hit is valid, and the quantity that the scan maximizes.
@@ -91,18 +90,18 @@ def next_shots(
 def in_turn_of(
     owner: NDArray[np.intp], laboratories: int
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """Return the indices of the shots sorted by laboratory, and the limits of each laboratory.
+    """Return the indices that sort shots by laboratory, and the start of each laboratory.
 
-    The indices are (shot,), and the shots of one laboratory keep their order. Laboratory i has the
-    sorted shots from limit i up to, but not including, limit i + 1. The limits are (laboratory +
-    1,).
+    The indices are (shot,), and the shots of one laboratory keep their order. The starts are
+    (laboratory + 1,). Laboratory i has the sorted shots from start i up to, but not including,
+    start i + 1.
     """
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))
 
 
 def scan_rules(procedure: Procedure, scan: Scan) -> ScanRules:
-    """Return the rules of a scan [SI] as the named tuple that the compiled functions take."""
+    """Return the rules of a scan [SI] as the named tuple that the compiled functions need."""
     from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
     return ScanRules(

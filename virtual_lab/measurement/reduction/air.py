@@ -23,11 +23,11 @@ ALLOWED = {  # ranges of the readings in which the formula is accurate enough [S
 
 
 def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateReadings | None:
-    """Return the climate readings of the hall; with `channel` "store" those of the ball store.
+    """Return the climate readings in the hall, or with `channel` "store" in the ball store.
 
-    The result has the readings of all laboratories one after another, (reading,). Return None
-    without such a record. Raises `InputError` for another kind of record, and for a reading outside
-    the ranges `ALLOWED`, in which the formula of the air density is valid.
+    The readings of all laboratories follow one another, (reading,). Return None if there is no such
+    record. Raises `InputError` for another kind of record, and for a reading outside the ranges
+    `ALLOWED`, in which the formula of the air density is valid.
     """
     record = block.records.get("bench", {}).get(channel)
     if record is None:
@@ -44,11 +44,12 @@ def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateRe
 
 
 def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Array, Array]]:
-    """Return corrected climate readings, keyed by name: pairs of values and standard uncertainties.
+    """Return the corrected climate readings with their standard uncertainties, keyed by name.
 
-    The keys are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. The
-    values are (laboratory, reading). The u is (laboratory, 1), because all readings of a laboratory
-    share it. Raises `KeyError` if a calibration constant of the climate logger is missing.
+    The keys are ``temperature`` [K], ``humidity`` (relative, 0 to 1) and ``pressure`` [Pa]. Each
+    value is a pair: the readings, (laboratory, reading), and their u, (laboratory, 1). All readings
+    of a laboratory have the same u. Raises `KeyError` if a calibration constant of the climate
+    logger is missing.
     """
     values = {}
     for name in ALLOWED:
@@ -65,9 +66,9 @@ def climate(block: SessionBlock, record: ClimateReadings) -> dict[str, tuple[Arr
 def measured_density(block: SessionBlock) -> Estimates | None:
     """Return the mean density of the air during each test [kg/m³], with u, (laboratory,).
 
-    Return None without readings of the climate. The u includes the u of the instruments, the u of
-    the formula, and the change between the readings as a uniform distribution (GUM 4.3.7). Errors
-    are raised as by `climate_readings` and `climate`.
+    Return None if there are no climate readings. u includes the u of the instruments and of the
+    formula. The range of the densities during the test adds a uniform distribution (GUM 4.3.7).
+    Raises the errors of `climate_readings` and `climate`.
     """
     record = climate_readings(block)
     if record is None:

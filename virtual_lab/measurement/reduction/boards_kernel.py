@@ -18,11 +18,11 @@ FAST = {"reassoc", "contract", "nsz"}
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
     """Fill `times`, `heights`, `heights_u` and `misfit` from the beam edges of light boards.
 
-    A line is fitted to the middle times of the broken beams and a parabola to their squared
-    durations, both against the position of the beam. The results of a board are NaN if the ball
-    broke fewer than four of its beams. They are also NaN if the fitted height is too far from the
-    mean of the broken beams: at least the number of the board's beams times their spacing. The
-    misfit is NaN if no board has a result.
+    Two curves are fitted over the positions of the broken beams: a line to the middle times of the
+    interruptions, and a parabola to their squared durations. The results of a board are NaN if the
+    ball broke fewer than four of its beams. They are also NaN if the distance of the fitted height
+    from the mean height of the broken beams is at least the number of beams times their spacing.
+    The misfit is NaN if no board has a result.
 
     Parameters
     ----------

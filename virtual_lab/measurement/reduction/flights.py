@@ -116,9 +116,9 @@ class FlightReadings(Protocol):
 def number_shots(owner: NDArray[np.intp], used: Mask, laboratories: int) -> NDArray[np.intp]:
     """Return the indices of the used shots of each laboratory in order, (laboratory, hit).
 
-    The length of the second axis is the largest number of used shots in a laboratory, at least 1.
-    Shorter rows are filled with -1. `owner`, the laboratory of each shot, and the mask `used` are
-    (shot,).
+    The second axis is as long as the largest number of used shots in a laboratory, but at least 1.
+    Shorter rows are filled with -1. `owner`, the index of the laboratory of each shot, and the mask
+    `used` are (shot,).
     """
     shots = np.flatnonzero(used)
     shots = shots[np.argsort(owner[shots], kind="stable")]

@@ -24,10 +24,10 @@ def fit_speeds(
     drag: Array,
     out: Array,
 ) -> None:
-    """Fill `out` with the speeds at the target, in and out, (direction, row, shot) [m/s].
+    """Fill `out` with the speeds at the target [m/s], (direction, row, shot).
 
-    Speeds are positive in both directions, and NaN if fewer than two gates detected the ball in
-    that direction. A row is one set of constants.
+    Direction 0 is in, direction 1 is out. Speeds are positive in both directions. A speed is NaN if
+    fewer than two gates detected the ball in its direction. A row is one set of constants.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ def fit_speeds(
         Times at which the balls passed the gates, (batch, direction, gate, shot) [s], NaN if not
         detected.
     batch
-        Index of each row's batch on the first axis of `times`, (row,).
+        Index on the first axis of `times` for each row, (row,).
     distances
         Distances of the gates from the target, (row, gate) [m].
     clock
-        Rate of the clock, recorded over true time, (row,).
+        Rate of the gates' clock: recorded time divided by true time, (row,).
     drag
         Drag rate κ, (row, shot) [1/m].
     """
@@ -65,18 +65,19 @@ def fit_heights(
     drag: Array,
     out: Array,
 ) -> None:
-    """Fill `out` with the height at the target [m] and the slopes in and out, (3, row, shot).
+    """Fill `out` with the height at the target [m], slope in and slope out, (3, row, shot).
 
-    The height is that of the incoming ball. The slopes are heights per meter of distance from the
-    target, without the effect of gravity. A slope is NaN if fewer than two gates detected the ball
-    in its direction; the height is NaN if the incoming slope is NaN. A row is one set of constants.
+    The height is measured on the incoming ball. A slope is the change of height per meter of
+    distance from the target, without the effect of gravity. It is NaN if fewer than two gates
+    detected the ball in its direction. The height is NaN if the slope in is NaN. A row is one set
+    of constants.
 
     Parameters
     ----------
     heights
         Heights at which the balls passed the gates, (batch, direction, gate, shot) [m].
     batch
-        Index of each row's batch on the first axis of `heights`, (row,).
+        Index on the first axis of `heights` for each row, (row,).
     speeds
         Result of `fit_speeds`.
     distances

@@ -61,10 +61,10 @@ def passages(
 ) -> Passages:
     """Return times [s] and heights [m] at which the balls of a record passed the gates or boards.
 
-    The arrays are (shot, direction, gate), with NaN for a passage that was not detected. A board
-    needs at least four broken beams. Heights are NaN for gates, which do not measure them. A
-    `BoardRecord` also gives the standard uncertainty of the heights and a misfit, (shot, direction)
-    [s]. For other records the uncertainty is 0 and the misfit NaN.
+    The arrays are (shot, direction, gate). A passage that was not detected is NaN; a board detects
+    a ball that breaks at least four beams. Gates do not measure heights, so all their heights are
+    NaN. For a `BoardRecord`, the result also holds the standard uncertainty of the heights and the
+    misfit, (shot, direction) [s]. For other records the uncertainty is 0 and the misfit NaN.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def _distance(stage: str, gate: int) -> str:
 
 
 def gate_count(x: Mapping[str, object], stage: str) -> int:
-    """Return the number of gates in a stage's calibration, 0 if it has none.
+    """Return the number of gates with a calibrated distance in a stage, 0 if there are none.
 
     `x` are the constants keyed by name, and `stage` is "balls" or "impact".
     """
@@ -227,23 +227,23 @@ def gate_count(x: Mapping[str, object], stage: str) -> int:
 
 
 def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flights:
-    """Return the flights of a stage's balls: speeds [m/s], height [m] and slopes at the target.
+    """Return the flights of the balls in a stage: speeds [m/s], height [m], slopes at the target.
 
     The arrays are (..., shot). The results of a direction are NaN if fewer than two gates detected
-    the ball in this direction. The height is that of the incoming ball. Height and slopes are NaN
-    for all shots if the gates do not measure heights.
+    the ball in this direction. The height is measured on the incoming ball. Height and slopes are
+    NaN for all shots if the gates do not measure heights.
 
     Parameters
     ----------
     x
-        Constants, numbers or columns (..., 1): distances of the gates, the rate of their clock, and
-        the heights of boards with the acceleration of gravity.
+        Constants keyed by name, numbers or columns (..., 1): distances of the gates and rate of
+        their clock; for boards also their heights and the acceleration of gravity.
     stage
         First part of the constants' names, "balls" or "impact".
     passages
         Passages, (..., shot, direction, gate).
     drag
-        κ of each ball, (..., shot) [1/m].
+        Drag rate κ of each ball, (..., shot) [1/m].
     """
     from virtual_lab.measurement.reduction.flights_kernel import fit_heights, fit_speeds
 
@@ -284,11 +284,12 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
 
 
 def heights_moved(readings: GateReadings) -> FlightModel:
-    """Return a function that computes flights with heights shifted by one standard uncertainty.
+    """Return a function that computes the flights three times, each with one shifted quantity.
 
-    The function takes one set of constants and the drag rate of the balls [1/m], and returns arrays
-    (3, shot). Each row shifts one of three quantities with independent errors: the height midway
-    between the gates on the way in, the slope in, the slope out. The speeds are not shifted.
+    The three quantities have independent errors: the height midway between the gates on the way in,
+    the slope in, and the slope out. Each is shifted by one standard uncertainty. The speeds are not
+    shifted. The function takes one set of constants and the drag rate κ of the balls [1/m]. Its
+    heights and slopes are (3, shot), with one row per shifted quantity.
     """
     stage, passages = readings.stage, readings.passages
 

@@ -50,8 +50,9 @@ class EnergyFractions(NamedTuple):
 def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
     """Return e_A = (v_f - v_bat) / (v_ball + v_bat), dimensionless. Eq. (2).
 
-    The speeds [m/s] are those at the impact: the ball toward the bat, the bat toward the ball, and
-    the batted ball away from the bat, each positive. The arguments broadcast, and NaN gives NaN.
+    The arguments are the speeds at impact [m/s], each positive. `v_ball` is the speed of the ball
+    toward the bat, `v_bat` the speed of the bat toward the ball, and `v_f` the speed of the batted
+    ball away from the bat. The arguments broadcast, and NaN gives NaN.
     """
     return (v_f - v_bat) / (v_ball + v_bat)
 
@@ -59,8 +60,8 @@ def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
 def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
     """Return the batted-ball speed e_A v_ball + (1 + e_A) v_bat [m/s]. Eq. (3).
 
-    `v_ball` is the speed of the ball toward the bat, and `v_bat` that of the bat toward the ball
-    [m/s].
+    `v_ball` is the speed of the ball toward the bat [m/s], and `v_bat` is the speed of the bat
+    toward the ball [m/s].
     """
     return e_A * v_ball + (1 + e_A) * v_bat
 
@@ -86,15 +87,18 @@ def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
 
 
 def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
-    """Return r, dimensionless: mass of the ball [kg] times 1/M_eff of the bat [1/kg]. Eq. (7)."""
+    """Return the recoil factor r = m / M_eff, dimensionless. Eq. (7).
+
+    `m` is the mass of the ball [kg], and `inverse_M_eff` is 1/M_eff of the bat [1/kg].
+    """
     return m * inverse_M_eff
 
 
 def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
     """Return 1/M_eff = 1/M + d²/I_cm [1/kg] of a free bat. Eq. (8).
 
-    `d` is the distance of the impact from the center of mass [m], `M` the mass of the bat [kg], and
-    `I_cm` its moment of inertia about the center of mass [kg m²].
+    `M` is the mass of the bat [kg] and `I_cm` its moment of inertia about the center of mass [kg
+    m²]. `d` is the distance of the impact from the center of mass [m].
     """
     return 1 / M + d**2 / I_cm
 
@@ -102,8 +106,8 @@ def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
 def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
     """Return 1/M_eff = b²/I_p [1/kg] of a pivoted bat. Eq. (9).
 
-    `b` is the distance of the impact from the pivot [m], and `I_p` the moment of inertia about the
-    pivot [kg m²].
+    `I_p` is the moment of inertia about the pivot [kg m²], and `b` is the distance of the impact
+    from the pivot [m].
     """
     return b**2 / I_p
 
@@ -111,8 +115,9 @@ def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
 def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
     """Return the recoil factor r of a free bat, dimensionless. Eqs. (7), (8).
 
-    `m` and `M` are the masses of ball and bat [kg], `I_cm` is the bat's moment of inertia about its
-    center of mass [kg m²], and `d` the distance of the impact from there [m].
+    `m` is the mass of the ball [kg], `M` the mass of the bat [kg], and `I_cm` the bat's moment of
+    inertia about its center of mass [kg m²]. `d` is the distance of the impact from the center of
+    mass [m].
     """
     return recoil_factor(m, inverse_mass_free(M, I_cm, d))
 
@@ -120,21 +125,26 @@ def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
 def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
     """Return the recoil factor r of a pivoted bat, dimensionless. Eqs. (7), (9).
 
-    `m` is the mass of the ball [kg], `I_p` the bat's moment of inertia about the pivot [kg m²], and
-    `b` the distance of the impact from the pivot [m].
+    `m` is the mass of the ball [kg], and `I_p` the bat's moment of inertia about the pivot [kg m²].
+    `b` is the distance of the impact from the pivot [m].
     """
     return recoil_factor(m, inverse_mass_pivoted(I_p, b))
 
 
 def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
-    """Return the inertia I_cm + M d² [kg m²] about an axis `d` [m] from the center of mass."""
+    """Return the moment of inertia I_cm + M d² [kg m²] about an axis beside the center of mass.
+
+    `I_cm` is the moment of inertia about the center of mass [kg m²], `M` is the mass [kg], and `d`
+    is the distance of the axis from the center of mass [m].
+    """
     return I_cm + M * d**2
 
 
 def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
-    """Return the position at which an impact exerts no force on a pivot at `z_pivot` [m]. Eq. (11).
+    """Return the distance of the center of percussion from the barrel tip [m]. Eq. (11).
 
-    All positions are distances from the barrel tip. `I_cm` is the bat's moment of inertia about its
+    An impact there exerts no force on the pivot. `z_cm` and `z_pivot` are the distances of center
+    of mass and pivot from the barrel tip [m], `I_cm` is the bat's moment of inertia about its
     center of mass [kg m²], and `M` is its mass [kg]. The position tends to infinity as the pivot
     approaches the center of mass.
     """
@@ -142,10 +152,10 @@ def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats)
 
 
 def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
-    """Return the shares of ball, rigid bat and losses in the energy after a collision. Eqs. (10).
+    """Return the energies of ball and rigid bat after a collision, and the lost energy. Eqs. (10).
 
-    The energy is the kinetic energy of the ball before the collision, with the bat at rest. The
-    shares have no unit, and their sum is 1.
+    Each is a share of the ball's kinetic energy before the collision, with the bat at rest. The sum
+    of the three shares is 1.
     """
     return EnergyFractions(
         ball=((e - r) / (1 + r)) ** 2,
@@ -155,9 +165,10 @@ def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
 
 
 def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
-    """Return the change of the batted-ball speed [m/s] for a change `gain_e` of e. Eq. (12).
+    """Return the change of the batted-ball speed [m/s] caused by a change of e. Eq. (12).
 
-    `v_rel` is the relative speed of ball and bat [m/s], and `r` the recoil factor.
+    `v_rel` is the relative speed of ball and bat [m/s], `gain_e` is the change of e, and `r` is the
+    recoil factor.
     """
     return v_rel * gain_e / (1 + r)
 
@@ -165,12 +176,12 @@ def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
 def rebound_speed_from_recoil(
     I_p: Floats, omega: Floats, m: Floats, b: Floats, v_ball: Floats
 ) -> Floats:
-    """Return the rebound speed [m/s] of a ball from the recoil rate of a pivoted bat at rest.
+    """Return the rebound speed of a ball [m/s], from the recoil of a pivoted bat.
 
-    Angular momentum about the pivot: ``I_p omega = m b (v_ball + v_f)``. `I_p` is the bat's moment
-    of inertia about the pivot [kg m²], `omega` its angular rate after contact [rad/s], `m` the mass
-    of the ball [kg], `b` the distance of the impact from the pivot [m], and `v_ball` the incoming
-    speed [m/s].
+    The bat was at rest. The angular momentum about the pivot is conserved: ``I_p omega = m b
+    (v_ball + v_f)``. `I_p` is the bat's moment of inertia about the pivot [kg m²] and `omega` its
+    angular rate after contact [rad/s]. `m` is the mass of the ball [kg] and `v_ball` its incoming
+    speed [m/s]. `b` is the distance of the impact from the pivot [m].
     """
     return I_p * omega / (m * b) - v_ball
 
@@ -178,9 +189,9 @@ def rebound_speed_from_recoil(
 def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    It is `aimed` + `aim` - `along`, all in meters. `aimed` is the planned impact position. `aim` is
-    the offset of the line of fire from its nominal line, positive toward the knob. `along` is an
-    estimate of this offset that `aimed` already includes, so it is subtracted.
+    It is `aimed` + `aim` - `along`, all in meters. `aim` is the offset of the line of fire from its
+    nominal line, positive toward the knob. `aimed` is the planned impact position, which already
+    includes the estimate `along` of this offset.
     """
     return aimed + aim - along
 
@@ -188,37 +199,38 @@ def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
 def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
     """Return the component of a ball's rebound velocity at right angles to the bat [m/s].
 
-    The bat may be tilted, so that it is not at right angles to the line of fire. A smooth ball
-    keeps its velocity component along the bat; only the component at right angles to the bat
-    changes. `v_in` and `v_out` are the speeds along the line of fire, in and back [m/s]. `cosine`
-    is the cosine of the tilt.
+    The bat may be tilted from the position at right angles to the line of fire. `cosine` is the
+    cosine of the tilt. A smooth ball keeps its velocity component along the bat, and only the
+    component at right angles to the bat changes. `v_in` and `v_out` are the speeds along the line
+    of fire, in and back [m/s].
     """
     return (v_out + v_in * (1 - cosine**2)) / cosine
 
 
 def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
-    """Return e_A of a head-on hit from `e_A` of a hit off the bat's axis.
+    """Return e_A of a head-on hit, given `e_A` of a hit off the bat's axis.
 
-    The value off the axis is the lower one. `sine_square` is sin² of the contact angle. All numbers
-    are dimensionless, and the arguments broadcast.
+    e_A is lower off the axis. `sine_square` is sin² of the contact angle, which is 0 on the axis.
+    All numbers are dimensionless, and the arguments broadcast.
     """
     return (e_A + sine_square) / (1 - sine_square)
 
 
 def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) -> Floats:
-    """Return e_A at the aimed position from `e_A` at the actual impact position.
+    """Return e_A at the aimed position, given `e_A` at the actual impact position.
 
-    `off` is the distance of the impact from the aimed position, positive toward the knob [m].
-    `slope` is the slope of e_A over the distance from the tip [1/m]. `error` is a further error of
-    e_A, which is subtracted.
+    `off` is the distance of the actual from the aimed position, positive toward the knob [m].
+    `slope` is the slope of e_A over the distance from the tip [1/m]. `error` is the error of this
+    correction, which is subtracted too.
     """
     return e_A - (slope * off + error)
 
 
 def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
-    """Return e0 of a ball at a speed that is higher by `faster` [m/s] than the speed of `e0`.
+    """Return e0 of a ball at another speed.
 
-    `slope` is the slope of e0 over speed [s/m].
+    `faster` is this speed minus the speed of `e0` [m/s]. `slope` is the slope of e0 over speed
+    [s/m].
     """
     return e0 + slope * faster
 
@@ -226,10 +238,10 @@ def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
 def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floats:
     """Return e with a ball of restitution `standard`, from `e` measured with a ball of `e0`.
 
-    All are dimensionless, and NaN gives NaN. The energy is shared between an elastic shell
-    and a lossy ball, with the ratio R = shell/ball of their stiffnesses: ``e^2 = (e0^2 R + 1)/(R +
-    1)``. R therefore follows from e and e0. If e is not above e0, the shell has no measurable
-    elasticity, and e is proportional to e0 as for a rigid shell.
+    All are dimensionless, and NaN gives NaN. In the model, an elastic shell and a lossy ball share
+    the energy by the ratio R of their stiffnesses (shell/ball): ``e^2 = (e0^2 R + 1)/(R + 1)``. R
+    therefore follows from e and e0. If e is not above e0, the shell has no measurable elasticity. e
+    is then proportional to e0, as for a rigid shell.
     """
     e, e0 = np.asarray(e), np.asarray(e0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -241,11 +253,11 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
 def inverse_effective_mass(
     free: bool, M: Floats, I_cm: Floats, z_cm: Floats, axis: Floats, z: Floats
 ) -> Floats:
-    """Return 1/M_eff [1/kg] of a bat, free or pivoted at `axis`. Eqs. (8), (9).
+    """Return 1/M_eff [1/kg] of a bat that is free or pivoted at `axis`. Eqs. (8), (9).
 
-    `z_cm`, `axis` and `z` are the distances of center of mass, pivot and impact from the barrel tip
-    [m], `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the center of mass
-    [kg m²]. For a free bat `axis` has no effect.
+    `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the center of mass [kg
+    m²]. `z_cm`, `axis` and `z` are the distances of center of mass, pivot and impact from the
+    barrel tip [m]. If `free` is true, `axis` has no effect.
     """
     if free:
         return inverse_mass_free(M, I_cm, z - z_cm)
@@ -255,30 +267,30 @@ def inverse_effective_mass(
 def reduce_shot(
     settings: Any, constants: Any, ball: Any, shot: Any
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    """Return the values of the `RESULTS` and of the `DETAILS` of a shot, as two tuples [SI].
+    """Return two tuples for a shot: the values named in `RESULTS`, and those in `DETAILS` [SI].
 
-    The arguments are tuples of numbers, or of arrays that broadcast.
+    Each argument is a tuple of numbers, or of arrays that broadcast.
 
     Parameters
     ----------
     settings
         Three bools: whether e_A is corrected to the aimed position, whether it is computed from the
-        recoil, and whether r is that of a free bat. Three numbers: the distance of the axis from
-        the knob that the procedure requires [m], the nominal speed of the ball, and the speed at
-        which balls are judged [m/s].
+        recoil, and whether r is computed for a free bat. Three numbers: the distance of the axis
+        from the knob that the procedure requires [m], the nominal speed of the ball [m/s], and the
+        speed for which the procedure states its window of e0 [m/s].
     constants
         The values named in `CONSTANTS`, in this order: mass [kg], length [m], balance [m] and
-        inertia [kg m²] of the bat; its nominal angular rate [rad/s]; the distances of the rig's
-        axis from the knob and of the line of fire from its nominal line [m]; the angle of a count
-        times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean ball; the speed to
-        which the e0 of balls refers [m/s]; the slopes of e0 over speed [s/m] and of e_A along the
-        barrel [1/m], and the error of e_A that the latter slope causes.
+        inertia [kg m²] of the bat; its nominal angular rate [rad/s]; the distance of the rig's axis
+        from the knob [m]; the offset of the line of fire from its nominal line [m]; the angle of a
+        count times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean ball; the speed
+        at which e0 is measured [m/s]; the slope of e0 over speed [s/m]; the slope of e_A along the
+        barrel [1/m]; and the error of e_A that this slope causes.
     ball
         Mass [kg] and e0 of the ball.
     shot
         Speeds of the ball before and after [m/s], sin² of the contact angle, aimed position [m],
-        deviation of the ball along the bat [m], cosine of the bat's angle, angular rate of the
-        swing [rad/s], rate of the recoil [counts/s].
+        known offset of the line of fire along the bat [m], cosine of the bat's angle, angular rate
+        of the swing [rad/s], rate of the recoil [counts/s].
     """
     at_aim, by_recoil, free, pivot_from_knob, ball_speed, window_speed = settings
     M, length, z_cm, I_cm, turn_rate, rig_pivot, aim, encoder = constants[:8]
@@ -326,7 +338,7 @@ def reduce_shot(
 
 
 def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, results: Any) -> None:
-    """Fill in the results of `reduce_shot` for each set of constants, arrays (block, set, shot).
+    """Fill `results` with the results of `reduce_shot` for each shot and each set of constants.
 
     Parameters
     ----------
@@ -341,8 +353,8 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     shots
         Readings of the shots in the order of `reduce_shot`, each (block, set, shot).
     results
-        Array for the `RESULTS`, (result, block, set, shot), and array for the `DETAILS`, empty if
-        not needed.
+        Two arrays to fill, (result, block, set, shot), for the `RESULTS` and for the `DETAILS`. The
+        second is not filled if it is empty.
     """
     (masses, restitutions), (results, details) = balls, results
     for n in range(ball.shape[0]):
@@ -370,9 +382,9 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
 
 @cache
 def compiled_reduction() -> Any:
-    """Return `reduce_sets`, compiled with all functions of this module by numba.
+    """Return `reduce_sets`, compiled by numba together with all functions of this module.
 
-    It is compiled at the first call, or read from numba's cache.
+    The first call compiles it, or reads it from numba's cache.
     """
     from numba import njit, typeof
     from numba.extending import register_jitable

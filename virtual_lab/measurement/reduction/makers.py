@@ -29,22 +29,22 @@ OURS: Mapping[type[Record], Maker] = dict.fromkeys(
 
 @cache
 def makers() -> Mapping[type[Record], Maker]:
-    """Return the function that makes flight readings from a record, keyed by the record's type.
+    """Return functions that make flight readings from a record, keyed by the type of the record.
 
-    The function takes the record, the calibration constants keyed by name, and the stage of the
-    test (``balls`` or ``impact``). Another package adds a function by an entry point in the group
-    ``virtual_lab.flights``. The name of the entry point is that of the record in the group
-    ``virtual_lab.records``. The functions of this package cannot be replaced. Raises `KeyError` for
-    an entry point whose name is that of no record.
+    A function takes the record, the calibration constants keyed by name, and the stage of the test
+    (``balls`` or ``impact``). Another package can add a function for its own kind of record, by an
+    entry point in the group ``virtual_lab.flights``. The entry point must have the same name as the
+    record's entry point in the group ``virtual_lab.records``; otherwise `KeyError` is raised. The
+    functions of this package cannot be replaced.
     """
     others = entry_points(group="virtual_lab.flights")
     return {**{record_types()[point.name]: point.load() for point in others}, **OURS}
 
 
 def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
-    """Return the flight readings of all balls of a stage, in the order of its record, (shot,).
+    """Return the flight readings of all balls in a stage, (shot,), in the order of its record.
 
-    The stage is "balls" (at the wall) or "impact". The surveyed positions of the gates are taken
+    The stage is "balls" (at the wall) or "impact". The surveyed positions of the gates are read
     from the first laboratory, because they are the same in all laboratories of a block.
 
     Raises

@@ -91,13 +91,14 @@ class ImpactReadings(AlignedArrays):
 
 
 def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
-    """Return the bat's readings as constants ``bat.…`` with type A u, (laboratory,) [SI].
+    """Return the mean bench readings of each bat with type A u, keyed by name, (laboratory,) [SI].
 
-    The constants are mass, length, barrel radius, balance (distance of the center of mass from the
-    tip), period, first and last amplitude, and number of swings. The period is that of small
-    swings: each release is corrected for its amplitudes. Releases with an odd swing are left out,
-    see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,
-    or has a reading that is not positive. Raises `KeyError` if the calibration lacks a resolution.
+    The names are ``bat.mass``, ``bat.length``, ``bat.barrel_radius``, ``bat.balance`` (distance of
+    the center of mass from the tip), ``bat.period``, ``bat.first_amplitude``,
+    ``bat.last_amplitude`` and ``bat.swings``. The period is corrected to small swings by the
+    amplitudes of each release. Releases with an odd swing are left out, see `counted_releases`.
+    Raises `InputError` for a record that is missing, has too few readings, or has a reading that is
+    not positive. Raises `KeyError` if the calibration lacks a resolution.
     """
     pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
     times = _by_laboratory(block, pendulum.times)
@@ -135,10 +136,10 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
 def odd_swings(times: Array) -> Mask:
     """Return a mask of the swings that are too long or too short, (laboratory, release, swing).
 
-    Such a swing differs by more than 25 % from the median of all swings of its laboratory. `times`
-    are the times at which the pendulum passed its lowest point, (laboratory, release, passage) [s].
-    A swing is the time between two passages. If a passage is not recorded, one swing is twice as
-    long. If it is recorded twice, one swing is very short.
+    A swing is the time between two passages of the pendulum through its lowest point. `times` are
+    the times of these passages, (laboratory, release, passage) [s]. A swing is odd if it differs by
+    more than 25 % from the median of all swings of its laboratory. If a passage is not recorded,
+    one swing is twice as long. If a passage is recorded twice, one swing is very short.
     """
     swings = np.diff(times, axis=2)
     usual = np.median(swings, axis=(1, 2), keepdims=True)
@@ -146,12 +147,12 @@ def odd_swings(times: Array) -> Mask:
 
 
 def counted_releases(odd: Mask) -> Mask:
-    """Return a mask of the releases without an odd swing, (laboratory, release).
+    """Return a mask of the releases of the pendulum to use, (laboratory, release).
 
-    An odd swing is too long or too short, see `odd_swings`. `odd` is the mask of these swings,
-    (laboratory, release, swing). If fewer than two releases of a laboratory, or fewer than half,
-    have no odd swing, the mask is True for all its releases, because the records do not show which
-    are right.
+    These are the releases without an odd swing. `odd` is the mask of the odd swings, (laboratory,
+    release, swing), see `odd_swings`. If fewer than two releases of a laboratory, or fewer than
+    half, have no odd swing, all its releases are used, because the records do not show which are
+    right.
     """
     even = ~odd.any(axis=2)
     too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
@@ -165,8 +166,8 @@ def _exactly(value: Array) -> Estimates:
 def reference_readings(block: SessionBlock) -> Array:
     """Return the readings of the reference mass, (laboratory, 2, repeat) [kg].
 
-    Item 0 was read before bat and balls were weighed, item 1 after. Raises `InputError` if the
-    record is missing, does not have two items, or has only one reading of each.
+    On the second axis, item 0 was read before bat and balls were weighed, and item 1 after. Raises
+    `InputError` if the record is missing, does not have two items, or has only one reading of each.
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
@@ -179,9 +180,9 @@ def reference_readings(block: SessionBlock) -> Array:
 def observe_balls(block: SessionBlock) -> BallReadings:
     """Return the readings of the balls from scale and wall, arrays (laboratory, 1, ...) [SI].
 
-    A hit that the gates did not detect in both directions is ignored; its ball index is -1. Raises
-    `InputError` for a record that is missing or unusable, and for a ball with fewer than two
-    detected hits.
+    If the gates did not detect a ball in both directions, the hit is ignored and its ball index is
+    -1. Raises `InputError` for a record that is missing or cannot be used, and for a ball with
+    fewer than two detected hits.
     """
     log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)
@@ -204,12 +205,12 @@ def observe_balls(block: SessionBlock) -> BallReadings:
 
 
 def observe_impact(block: SessionBlock) -> ImpactReadings:
-    """Return the readings of ball and encoders, one per shot in the order of firing, (shot,).
+    """Return the readings of the shots at the bat, in the order of firing, (shot,).
 
-    `place` includes the calibrated offset of the cannon along the bat. Speeds are computed with the
-    surveyed distances of the gates. All other corrections are applied later. The encoder readings
-    `recoil` and `swing` are in counts. They are None at a rig without such an encoder. Raises
-    `InputError` for a record that is missing or unusable.
+    `place` is the impact position as aimed, including the calibrated offset of the cannon along the
+    bat [m]. Speeds are computed with the surveyed distances of the gates. All other corrections are
+    applied later. The encoder readings `recoil` and `swing` are in counts. They are None if the rig
+    has no such encoder. Raises `InputError` for a record that is missing or cannot be used.
     """
     log, flights = _log_and_flights(block, "impact")
     raw, along = flights.raw, _along(block)
@@ -246,22 +247,22 @@ def _along(block: SessionBlock) -> Array:
 
 
 def along_of(session: Session) -> float:
-    """Return the distance of the line of fire from the set position along the bat [m].
+    """Return the calibrated offset of the line of fire from the set position along the bat [m].
 
-    It is positive if the line of fire is nearer to the knob, and 0 if the calibration does not
-    state it.
+    It is positive toward the knob. It is 0 if the calibration does not state it.
     """
     estimate = session.calibration.get("impact.cannon.along")
     return estimate.value if estimate else 0.0
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
-    """Return the type A uncertainties of each ball's mean e0 and of the slope of e0, keyed by name.
+    """Return the errors of each ball's mean e0 and of the slope of e0 as constants, keyed by name.
 
-    Each is a constant with the value 0, (laboratory,), to be added to a mean or to the slope. Its u
-    follows from the scatter within each ball and speed, pooled over all wall hits of a laboratory.
-    Differences between balls are not an uncertainty, because the whole lot is measured. There is a
-    constant for the slope [s/m] only if the wall was hit at two or more speeds.
+    Each constant, (laboratory,), has the value 0 and a type A uncertainty. It is added to a mean e0
+    or to the slope of e0 over speed [s/m]. u is computed from the scatter within each ball and
+    speed, pooled over all wall hits of a laboratory. Differences between balls do not contribute,
+    because the whole lot is measured. The constant for the slope exists only if the wall was hit at
+    two or more speeds.
     """
     raw, share = readings.flights.raw, readings.share
     share = share.reshape(-1, *share.shape[-2:])  # (laboratory, hit, ball)
@@ -311,11 +312,11 @@ def restitution_names(balls: int) -> list[str]:
 
 
 def across_constant(block: SessionBlock) -> Estimates:
-    """Return the mean square of the ball offsets across the bat [m²], (laboratory,).
+    """Return the mean square of the marks' offsets across the bat [m²], with u, (laboratory,).
 
-    It is computed from the aim marks. Its standard uncertainty is that of a mean square of n normal
-    offsets, √(2/n) times the value. Raises `InputError` if the marks are missing or of another
-    kind.
+    The marks are on the aim paper. The relative u is √(2/n) for n marks, because their offsets are
+    assumed to be normally distributed. Raises `InputError` if the record of the marks is missing or
+    of another kind.
     """
     marks = block.impact.get("aim")
     if marks is None:

@@ -51,12 +51,13 @@ class RateFit(AlignedArrays):
 
 
 def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
-    """Return the record with the overflows of its counter removed.
+    """Return an encoder record without the overflows of its counter.
 
-    The range of a counter is n bits, with or without a sign, or one turn (`counts_per_turn`); after
-    its end the counter continues at the other end. A step of more than half the range is such an
-    overflow. Each shot is then shifted by whole ranges so that its count at `contact`, (shot,) [s],
-    is within half a range of 0. A record without overflows is returned unchanged.
+    At the end of its range, a counter continues at the other end. The range is one turn
+    (`counts_per_turn`) or all numbers of n bits, with or without a sign. A step of more than half
+    the range is an overflow. After they are removed, each shot is shifted by whole ranges until its
+    count at `contact`, (shot,) [s], is within half a range of 0. A record without overflows is
+    returned unchanged.
     """
     counts = record.counts
     steps = np.diff(counts)
@@ -78,8 +79,8 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
 def counting_noise(counts: Array) -> float:
     """Return the rms error caused by the resolution of an encoder's counts [counts].
 
-    It is s/√12, where s is the largest number, at least 1, of which all changes of the count are
-    multiples. If a change is not a whole number, s is 1.
+    It is s/√12, where s is the resolution. s is the greatest common divisor of all changes of the
+    count, at least 1. If a change is not a whole number, s is 1.
     """
     steps = np.diff(counts)
     if not np.array_equal(steps, np.rint(steps)):
@@ -88,10 +89,10 @@ def counting_noise(counts: Array) -> float:
 
 
 def empty_rates(shots: int) -> RateFit:
-    """Return results for `shots` shots without a known contact: arrays (shot,) of NaN.
+    """Return encoder results for shots without a known contact: arrays (shot,) of NaN.
 
-    Ring frequencies and decays are empty arrays (0,), and `counting` is the rms quantization error
-    of a counter, 1/√12 counts.
+    `shots` is the number of shots. `ring_frequency` and `ring_decay` are empty arrays (0,).
+    `counting`, the rms error of whole counts, is 1/√12 counts.
     """
     none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(
@@ -111,11 +112,12 @@ def empty_rates(shots: int) -> RateFit:
 
 
 def summed_up(record: RateRecord) -> RateFit:
-    """Return the rates that the encoder's own recorder computed, arrays (shot,).
+    """Return the encoder results that the encoder's own recorder computed, arrays (shot,).
 
     `rate`, `rate_u` and `before` [counts/s] and `angle` [counts] are copied from the record. The
-    other fields (shot,) are NaN, because the recorder does not store them. Vibration frequencies
-    and decays are empty arrays (0,). `counting` is 1/√12 counts.
+    recorder stores no other results. The other fields (shot,) are therefore NaN, and the vibration
+    frequencies and decays are empty arrays (0,). `counting`, the rms error of whole counts, is
+    1/√12 counts.
     """
     return replace(
         empty_rates(len(record.rate)),

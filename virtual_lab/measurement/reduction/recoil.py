@@ -50,7 +50,7 @@ RECOIL = RecoilFit()
 
 
 def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
-    """Return the rates of recoil of the shots at one bat, by a joint fit of rotation and vibration.
+    """Return the recoil rates of one bat in all shots, by a joint fit of rotation and vibration.
 
     Parameters
     ----------
@@ -141,8 +141,8 @@ def _rates(
 ) -> tuple[Array, Array, Array, Array]:
     """Return rates, their variances per squared count of noise, and sums of squared residuals.
 
-    All results are (shot,). The third is the sum over all samples, the last is the sum from sample
-    `until` on.
+    The four results are (shot,). The third is the sum over all samples. The fourth is the sum over
+    the samples from `until` to the end.
     """
     orthogonal, triangle = np.linalg.qr(basis)
     weight = np.linalg.solve(triangle.T, row.T)
@@ -249,11 +249,12 @@ def _shares(coefficients: Array) -> Array:
 
 
 def turn_and_rings(clock: Array, rings: Array) -> Array:
-    """Return the basis of the fit, (sample, column): powers of time, two columns per vibration.
+    """Return the basis functions of the fit at each time, (sample, column).
 
-    The powers are 0 to `RECOIL.polynomial_order`. The columns of a vibration are a decaying cosine
-    and sine. `clock` is the time, (sample,), and `rings` has frequency and decay of each vibration,
-    (ring, 2), all in units of the length of the record.
+    The first columns are the powers of time from 0 to `RECOIL.polynomial_order`. They are followed
+    by two columns per vibration, a decaying cosine and a decaying sine. `clock` is the time,
+    (sample,). `rings` holds the frequency and the decay of each vibration, (ring, 2). The unit of
+    time is the length of the record.
     """
     columns = [clock**power for power in range(RECOIL.polynomial_order + 1)]
     for frequency, decay in rings:
@@ -264,9 +265,10 @@ def turn_and_rings(clock: Array, rings: Array) -> Array:
 
 
 def project(basis: Array, data: Array) -> tuple[Array, Array]:
-    """Return the least-squares coefficients, (column, shot), and the residual, (sample, shot).
+    """Return the coefficients, (column, shot), and the residuals, (sample, shot), of a linear fit.
 
-    `basis` is (sample, column) with independent columns, and `data` (sample, shot).
+    The fit minimizes the squared residuals of `data`, (sample, shot). `basis`, (sample, column),
+    must have independent columns.
     """
     orthogonal, triangle = np.linalg.qr(basis)
     projection = orthogonal.T @ data

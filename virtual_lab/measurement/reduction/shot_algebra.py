@@ -125,10 +125,12 @@ class ReductionSettings:
 
 
 def bat_properties(x: Constants) -> BatProperties:
-    """Return mass, length, balance, inertia and barrel radius from readings and calibrations [SI].
+    """Return mass, length, balance, inertia and barrel radius of bats [SI].
 
-    `z_cm` is the distance of the center of mass from the tip, and `inertia_cm` refers to the center
-    of mass. The values have the shape of the constants: numbers, or columns (..., k, 1).
+    The readings are corrected by the calibration. `x` holds the bench readings and calibration
+    constants, keyed by name. `z_cm` is the distance of the center of mass from the tip, and
+    `inertia_cm` is the moment of inertia about the center of mass. The values have the shape of the
+    constants: numbers, or columns (..., k, 1).
     """
     mass = (x["bat.mass"] - x["bench.scale.zero"]) / x["bench.scale.span"]
     length = x["bat.length"] - x["bench.rule.offset"]
@@ -167,8 +169,8 @@ def ball_masses(x: Constants, readings: BallReadings) -> Array:
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     """Return mass [kg] and mean e0 of each ball, (..., ball), with the slope of e0 over speed.
 
-    The e0 refers to the mean nominal speed of the hits at the wall [m/s]. This speed and the slope
-    [s/m] are (..., 1).
+    `restitution` is e0 at `speed`, the mean nominal speed of the hits at the wall [m/s]. `speed`
+    and `slope` [s/m] are (..., 1).
     """
     from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets
 
@@ -220,16 +222,19 @@ class Sets(NamedTuple):
 
 
 def is_broadcast(values: Array) -> bool:
-    """Return whether all k sets of constants share their elements of `values` (..., k, 1).
+    """Return whether `values`, (..., k, 1), are broadcast along the k sets of constants.
 
-    This is so if the array is broadcast along the axis k. Equal elements that are stored separately
-    give False. Elements may differ along the leading axes.
+    All sets then share the same elements in memory. Equal elements that are stored separately give
+    False. Elements may differ along the leading axes.
     """
     return values.strides[-2] == 0
 
 
 def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> Sets:
-    """Return the sets that differ in a constant whose name begins with `names`, not `others`."""
+    """Return the sets of constants that differ in at least one relevant constant.
+
+    A constant is relevant if its name begins with one of `names` but with none of `others`.
+    """
     every = np.zeros(0, dtype=np.intp)
     arrays = [
         value
@@ -254,9 +259,10 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
 
 
 def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
-    """Return the value of the ball of each shot, (..., shot), from values per ball, (..., ball).
+    """Return for each shot the value of its ball, (..., shot).
 
-    `ball` holds the number of each shot's ball, (shot,) or (..., shot).
+    `values` are the values of the balls, (..., ball), and `ball` is the index of each shot's ball,
+    (shot,) or (..., shot).
     """
     if ball.ndim == 1:
         return values[..., ball]
@@ -274,24 +280,22 @@ def shot_results(
     flown: FlightModel | None = None,
     used: Mask | None = None,
 ) -> R:
-    """Return the results of the shots by the equations of `kinematics.reduce_shot`, (..., shot).
-
-    All values are in SI.
+    """Return the results of the shots by `kinematics.reduce_shot`, (..., shot) [SI].
 
     Parameters
     ----------
     kind
-        Type of the results: `ShotResults`, or `SetResults` for those needed for many sets of
-        constants.
+        Type of the results: `ShotResults` for all results, or `SetResults` for the results that are
+        needed for many sets of constants.
     x, bat, balls
         Constants, and the bat and the balls measured with them.
     readings, settings
         Readings of the shots, and the settings of the procedure.
     flown
-        Function that returns the flights as measured by another instrument. None: the flights of
-        `readings`.
+        Function that returns the flights measured by another instrument. By default the flights of
+        `readings` are used.
     used
-        Mask of the balls that define the mean of the lot, (..., ball); None: all.
+        Mask of the balls that define the mean of the lot, (..., ball). By default all balls do.
     """
     if flown:
         flights = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))
@@ -380,10 +384,10 @@ def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Fl
 
 
 def drag_of(x: Constants, mass: Array) -> Array:
-    """Return the drag rate κ [1/m] of balls of `mass` [kg] in the air of the hall.
+    """Return the drag rate κ of balls in the air of the hall [1/m].
 
-    `x` are the constants keyed by name. The result has the common shape of `mass` and the
-    constants.
+    κ is the relative loss of speed per meter of flight. `x` are the constants keyed by name, and
+    `mass` is the mass of the balls [kg]. The result has the broadcast shape of both.
     """
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 

@@ -17,20 +17,21 @@ DEGREE = 3
 
 
 def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
-    """Return rate [counts/s] and angle [counts] of a swung bat at contact for each shot, (shot,).
+    """Return rate [counts/s] and angle [counts] of a swung bat at contact in each shot, (shot,).
 
-    A shot that the gates did not detect, or that came too early for a fit, has NaN.
+    The results of a shot are NaN if the gates did not detect the ball, or if it came too early for
+    a fit.
 
     Parameters
     ----------
     record
         Counts (shot, sample) at common times; 0 where the bat is square to the ball.
     contact
-        Uncorrected time at which the ball reaches the plane of a square bat, from the gates, shape
-        (shot,) [s].
+        Time at which the ball would reach a bat that is square to it, from the gates and before
+        corrections, shape (shot,) [s].
     reach
-        Time that the ball takes to travel as far as the struck point of the bat moves per encoder
-        count, shape (shot,) [s].
+        Time in which the ball travels as far as the bat moves per encoder count at the impact
+        position, shape (shot,) [s].
 
     Raises
     ------

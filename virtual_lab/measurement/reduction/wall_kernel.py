@@ -33,16 +33,18 @@ def balls_of_sets(
 ) -> None:
     """Return mean e0 and excess speed of each ball, the mean nominal speed, and the slope of e0.
 
-    As a generalized ufunc it takes the first five arguments and returns the others. `masses` is
-    (..., ball) and only gives the number of balls. The other arguments are (..., hit): the ball of
-    each hit, and speeds in m/s. A hit with a negative ball index is ignored.
+    This is a generalized ufunc: it takes the first five arguments and returns the other four.
+    `masses` is (..., ball) and only gives the number of balls. `ball`, `nominal`, `speed_in` and
+    `speed_out` are (..., hit): the index of the ball, and three speeds [m/s]. A hit with a negative
+    ball index is ignored.
 
-    The first two results are (..., ball), the others (...). The excess speed is the mean measured
-    speed of a ball's hits minus the mean nominal speed of all hits [m/s]. The slope of e0 over
-    speed [s/m] is computed within balls. It is the rise of e0 with nominal speed divided by the
-    rise of measured speed with nominal speed, because the error of a measured speed also affects
-    e0. The results of a ball without hits are NaN. The slope is NaN if all hits have the same
-    nominal speed.
+    `restitution` and `faster` are (..., ball), `speed` and `slope` are (...). The excess speed
+    `faster` is the mean measured speed of a ball's hits minus the mean nominal speed of all hits
+    [m/s]. The slope of e0 over speed [s/m] is computed from differences within each ball. It is the
+    slope of e0 over the nominal speed, divided by the slope of the measured speed over the nominal
+    speed. A direct fit over the measured speed would be biased, because an error of this speed also
+    affects e0. The results of a ball without hits are NaN. The slope is NaN if all hits have the
+    same nominal speed.
     """
     counts, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0

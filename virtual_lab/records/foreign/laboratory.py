@@ -43,7 +43,7 @@ class LaboratoryForm(Spec):
 
 
 def load_laboratory(folder: Path) -> Session:
-    """Return the session that another laboratory's form and tables in `folder` describe, in SI.
+    """Return the session in the form and the tables of another laboratory, in SI.
 
     Raises
     ------
@@ -90,10 +90,10 @@ def _read_form(path: Path) -> LaboratoryForm:
 
 
 def procedure_name(folder: Path) -> str:
-    """Return the procedure that the form in `folder` names: a catalog name, or the path of a file.
+    """Return the procedure in another laboratory's form: a catalog name, or the path of a file.
 
-    The path begins with `folder`. Raises `InputError` for a missing or incomplete form, and for a
-    file outside the folder.
+    The form is in `folder`, and the path begins with `folder`. Raises `InputError` if the form is
+    missing or incomplete, or if the file is outside the folder.
     """
     return _procedure(_read_form(folder / FORM).procedure, folder)
 

@@ -54,11 +54,11 @@ class _Meaning:
 
 
 def column_names(column: str) -> dict[str, float]:
-    """Return the allowed names of a column, one per unit, and the factor of each to SI.
+    """Return the allowed names of a column, one per unit, with the factor from each unit to SI.
 
-    For ``mass_kg`` the result is ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. For a name that does
-    not end in an SI unit, such as a count or an index, it contains only the column itself, with the
-    factor 1.
+    For ``mass_kg`` the result is ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. If `column` does not
+    end in an SI unit, such as a count or an index, the result holds only `column` with the factor
+    1.
     """
     fitting = [
         (dimension, ending)
@@ -77,16 +77,16 @@ def column_names(column: str) -> dict[str, float]:
 
 
 def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where: str) -> Record:
-    """Return the record in the file of one channel, with values in SI and indices from 0.
+    """Return the record in a laboratory's file of one channel, in SI and with indices from 0.
 
     Parameters
     ----------
     form
         Description of the file by the laboratory.
     folder
-        Folder to which the file's name is relative.
+        Folder of the file. The name of the file in `form` is relative to it.
     index_from
-        First index, 0 or 1, if not given in `form`.
+        First index in the file, 0 or 1. It is used if `form` does not state one.
     where
         Name of the form, for error messages.
 
