@@ -247,17 +247,17 @@ AnyModel = Annotated[
 
 
 def paths_of(folders: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Return one path, or each path of a list, as a tuple of `Path` objects."""
+    """Return a path, or the paths of a list, as a tuple of `Path` objects."""
     return (Path(folders),) if isinstance(folders, str | Path) else tuple(map(Path, folders))
 
 
 def values_of(values: float | Sequence[float]) -> tuple[float, ...]:
-    """Return one number, or each number of a list, as a tuple of floats."""
+    """Return a number, or the numbers of a list, as a tuple of floats."""
     return (float(values),) if isinstance(values, int | float) else tuple(map(float, values))
 
 
 def wholes_of(values: int | Sequence[int]) -> tuple[int, ...]:
-    """Return one whole number, or each whole number of a list, as a tuple."""
+    """Return a whole number, or the whole numbers of a list, as a tuple."""
     return (values,) if isinstance(values, int) else tuple(values)
 
 

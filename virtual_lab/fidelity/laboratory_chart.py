@@ -29,7 +29,7 @@ SIZES = ("effect", "se", "rms", "ms")
 
 
 def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return a chart of the effect of each model on the metric of a whole test, against its time.
+    """Return a chart of the effect of each model on the metric of a whole test, against run time.
 
     The test has several parts, such as the camera, and each part has several models. There is one
     row per model of a part. A row states the effect of the model on the metric, relative to the

@@ -172,9 +172,9 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
 def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
     """Return the exact state of ball and bat after contact in one shot, without air drag.
 
-    The result is the e_A, the velocity of the ball, (3,) [m/s], and the angular rate of the bat
-    [rad/s], computed by vector algebra. `shot` is the index of the shot in the scene, from 0.
-    Raises `ValueError` if the ball does not reach the bat.
+    The state is e_A, the velocity of the ball, (3,) [m/s], and the angular rate of the bat [rad/s].
+    It is computed by vector algebra. `shot` is the index of the shot in the scene, from 0. Raises
+    `ValueError` if the ball does not reach the bat.
     """
     bat, start = rod(), scene.start.part(shot)
     velocity, turning = np.array(start[3:6]), np.array([0.0, -float(start.rate), 0.0])

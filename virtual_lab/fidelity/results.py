@@ -109,7 +109,7 @@ def _in_words(value: Any) -> Any:
 def least_time(work: Callable[[], T]) -> tuple[T, float]:
     """Return the result of `work`, and the shortest processor time of its runs [s].
 
-    `work` is run once to five times. It is not run again after the runs have taken half a second in
+    `work` is run one to five times. It is not run again after the runs have taken half a second in
     total.
     """
     times: list[float] = []

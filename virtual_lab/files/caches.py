@@ -19,9 +19,9 @@ CACHE = "NUMBA_CACHE_DIR"
 def provide_cache(package: Path) -> None:
     """Set numba's cache to a temporary folder if none of the usual folders is writable.
 
-    The usual folders are the one in the variable ``NUMBA_CACHE_DIR``, ``__pycache__`` in the folder
-    `package`, and the cache in the user's home. When the temporary folder is created, a line on
-    stderr names it. On Windows nothing is done.
+    The usual folders are the folder named by the variable ``NUMBA_CACHE_DIR``, ``__pycache__`` in
+    the folder `package`, and the cache in the user's home. When the temporary folder is created, a
+    line on stderr names it. On Windows nothing is done.
     """
     named, home = os.environ.get(CACHE), Path("~/.cache").expanduser()
     usual = [package / "__pycache__", Path(os.environ.get("XDG_CACHE_HOME") or home, "numba")]

@@ -337,8 +337,8 @@ ENDINGS = {  # meaning of a name with this ending, from that of the name without
 def column_meaning(name: str) -> ColumnMeaning | None:
     """Return the meaning and unit of a column, or None if its name is not in the dictionary.
 
-    The dictionary also covers a name with an additional part of `ENDINGS`, such as ``u``, before
-    the unit. For example, the meaning of ``speed_u_mph`` is derived from ``speed_mph``.
+    The dictionary also covers derived names, which have one of the `ENDINGS` before the unit. For
+    example, the meaning of ``speed_u_mph`` is derived from the meaning of ``speed_mph``.
     """
     unit = unit_of(name)
     if name in COLUMNS:
@@ -369,9 +369,9 @@ def with_units(table: pd.DataFrame) -> pd.DataFrame:
     """Store the units of a table's columns in its ``attrs["units"]``, and return the same table.
 
     ``attrs["units"]`` is a dictionary keyed by column name. A unit is "" for strings and counts,
-    and "1" for pure numbers. Columns that are not in the dictionary of columns are left out. Some
-    tables state the unit of each row in a column ``unit``. If all rows have the same unit, this
-    unit is stored for the columns that it applies to. Otherwise ``of the row`` is stored for them.
+    and "1" for pure numbers. Columns that are not in the dictionary of columns are left out. If the
+    unit of some columns varies from row to row, the table states it in a column ``unit``. If all
+    rows state the same unit, it is stored for these columns. Otherwise ``of the row`` is stored.
     """
     units = units_of(map(str, table.columns))
     stated = set(table["unit"]) if "unit" in table else set()

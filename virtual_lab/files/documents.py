@@ -196,8 +196,8 @@ def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.Da
 
     `delimiter` is a comma, a semicolon or a tab, and `decimal` is the decimal mark. An empty cell
     is a missing value. Raises `InputError` if the file cannot be read, is not UTF-8 text, has no
-    rows, has another delimiter, has a column name twice, or has rows whose length differs from the
-    header. Rows that are too short are not detected in a file that contains quotes.
+    rows, uses another delimiter, or has a column name twice. Also raises it if a row is longer or
+    shorter than the header, but shorter rows are not detected in a file that contains quotes.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -240,10 +240,10 @@ def parse_table(
 
 
 def parse_numbers(data: bytes, where: str) -> dict[str, NDArray[Any]]:
-    """Return the columns of a CSV file of numbers, keyed by name; an empty cell is NaN.
+    """Return the columns of a CSV file of numbers, keyed by name. An empty cell is NaN.
 
-    `data` is the content of the file, and `where` names the file in errors. A column with other
-    text is returned as an array of Python objects. Raises `InputError` in the cases of
+    `data` is the content of the file, and `where` names the file in errors. A column that contains
+    other text is returned as an array of Python objects. Raises `InputError` in the same cases as
     `read_table`.
     """
     import numpy as np
@@ -298,10 +298,10 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
 
 
 def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
-    """Raise `InputError` unless `target` can become a new folder: absent or empty, and writable.
+    """Raise `InputError` unless `target` can become a new folder.
 
-    With `overwrite` it may also be a result folder, which contains a ``settings.toml``. The current
-    folder is never allowed.
+    It must be writable, and it must not exist or be an empty folder. With `overwrite` it may also
+    be a result folder, which contains a ``settings.toml``. The current folder is never allowed.
     """
     try:
         linked = stat.S_ISLNK(target.lstat().st_mode)
@@ -348,7 +348,7 @@ def check_writable(target: Path, key: str) -> None:
 
 
 def first_free(target: Path) -> Path:
-    """Return the first of `target`, target-2, target-3 … that is absent or an empty folder."""
+    """Return the first of `target`, target-2, target-3 … that is missing or an empty folder."""
     candidate, number = target, 1
     while candidate.exists() and (not candidate.is_dir() or any(candidate.iterdir())):
         number += 1
@@ -403,11 +403,11 @@ def _exchange(draft: Path, target: Path) -> None:
 
 @contextmanager
 def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """Yield a temporary folder to fill, whose files are moved into `folder` if no error occurs.
+    """Yield a temporary folder to fill. Its files are moved into `folder` if no error occurs.
 
-    With `overwrite` the files in `folder` are replaced. Otherwise, if `folder` already contains one
-    of the files, `InputError` is raised and no file is moved. `InputError` is also raised if
-    `folder` cannot be written, or for an `OSError` within the context.
+    With `overwrite`, the files replace files of the same name in `folder`. Otherwise, if `folder`
+    already contains one of them, `InputError` is raised and no file is moved. `InputError` is also
+    raised if `folder` cannot be written, or for an `OSError` within the context.
     """
     try:
         with draft_in(folder) as draft:

@@ -20,10 +20,10 @@ open_drafts: set[Path] = set()  # drafts of this process, removed if it must end
 
 @contextmanager
 def draft_in(folder: Path) -> Iterator[Path]:
-    """Yield a new temporary folder within `folder`; `folder` is created if it is missing.
+    """Yield a new temporary folder within `folder`, which is created if it is missing.
 
     When the context ends, the temporary folder is deleted with all files that were not moved out of
-    it. Temporary folders left by ended processes are deleted at the start. Raises `OSError` if
+    it. Temporary folders of processes that have ended are deleted at the start. Raises `OSError` if
     `folder` cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -43,7 +43,10 @@ def draft_in(folder: Path) -> Iterator[Path]:
 
 
 def remove_drafts() -> None:
-    """Remove all temporary folders (drafts) of this process, before it ends; errors are ignored."""
+    """Remove all temporary folders of this process. Errors are ignored.
+
+    It is called before the process ends.
+    """
     for draft in tuple(open_drafts):
         shutil.rmtree(draft, ignore_errors=True)
 

@@ -58,7 +58,10 @@ def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
 
 
 def require_motion(rig: Rig, motion: MotionRung) -> None:
-    """Raise `InputError` for a motion model that the rig does not have."""
+    """Raise `InputError` if a rig does not have a motion model.
+
+    Every rig has the closed form.
+    """
     if motion is MotionRung.CLOSED_FORM:  # every rig has it
         return
     able = rig.motions if isinstance(rig, MotionRig) else {MotionRung.CLOSED_FORM}
@@ -68,7 +71,7 @@ def require_motion(rig: Rig, motion: MotionRung) -> None:
 
 
 def require_camera(rig: Rig) -> None:
-    """Raise `InputError` for a rig without a camera, which cannot film."""
+    """Raise `InputError` if a rig has no camera to film a shot."""
     if "camera" not in rig.channels:
         able = [
             name for name, candidate in installed_rigs().items() if "camera" in candidate.channels
@@ -99,7 +102,7 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
     """Raise `InputError` if mass or e0 of a nominal ball is outside the limits of a procedure.
 
-    With such limits most balls of the lot would be rejected.
+    Most balls of such a lot would be rejected.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)

@@ -198,11 +198,11 @@ class TestDay:
 
 
 def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
-    """Return the finished tests of a block of laboratories, or of one, by their procedure.
+    """Return the finished tests of a block of laboratories, carried out as the procedure requires.
 
-    Bats and balls are measured first. Then balls are fired and judged in rounds until the procedure
-    requires no more shots. `laboratory` is not changed. `progress` is called with a sentence before
-    each stage and round.
+    The block may be a single laboratory. Bats and balls are measured first. Then balls are fired
+    and judged in rounds until the procedure requires no more shots. `laboratory` is not changed.
+    `progress` is called with a sentence before each stage and round.
     """
     day = prepare_day(laboratory, progress)
     while (shots := day.next_shots()).owner.size:

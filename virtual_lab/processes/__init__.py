@@ -90,11 +90,10 @@ class Worker:
 def workers(count: int, words: str = "") -> Iterator[Submit]:
     """Yield a function that submits calls to `count` worker processes.
 
-    The submitted function must be defined in a module. The yielded function takes it and its
-    arguments, and returns a `Future`. The future returns the result of the call or raises its
-    exception. It raises `WorkerLostError` if the process ended during the call. At the end of the
-    context all processes end, even during a call. `words` are printed in their command lines, to
-    identify them. Raises `ValueError` if `count` is below 1.
+    The yielded function takes a module-level function and its arguments, and returns a `Future` of
+    the result. The future raises the exception of the call, or `WorkerLostError` if the process
+    ended during the call. At the end of the context all processes end, even during a call. `words`
+    are printed in their command lines, to identify them. Raises `ValueError` if `count` is below 1.
     """
     processes = [Worker(words) for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()

@@ -29,11 +29,11 @@ class OtherSupport:
 def other_support(
     procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
 ) -> OtherSupport:
-    """Return the mean r, e and BPF of one bat, computed for the support that is not in the rules.
+    """Return the mean r, e and BPF of one bat for the other support, free or pivoted.
 
     If the procedure computes with a pivoted bat, the results are for a free bat, and vice versa.
-    `OtherSupport.which` is "free" or "pivoted". e_A is the measured value. Each result is
-    dimensionless. It is the weighted mean over the hits of `outcome`, and 0 if there are none.
+    `OtherSupport.which` names the support. e_A is the measured value. Each result is dimensionless.
+    It is the weighted mean over the hits of `outcome`, and 0 if there are none.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # mass of the lot's mean ball, computed back from the recoil factor of the rules' support

@@ -54,8 +54,8 @@ def reduce_film(
     drag
         Drag rate κ of each ball, (..., shot) [1/m].
     timed
-        Flights measured by the gates. The height of the ball comes from their heights and slopes,
-        and from its fall, computed with their speeds.
+        Flights measured by the gates. The height of the ball in each frame is computed from their
+        heights, slopes and speeds.
     """
     # The height changes slowly along the flight, so the distance of the ball from the target is
     # computed with the first set of constants only.

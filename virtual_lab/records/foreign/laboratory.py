@@ -45,6 +45,8 @@ class LaboratoryForm(Spec):
 def load_laboratory(folder: Path) -> Session:
     """Return the session in the form and the tables of another laboratory, in SI.
 
+    Form and tables are files in `folder`.
+
     Raises
     ------
     InputError
