@@ -377,7 +377,7 @@ def certify(
         Ball of the test, instead of the ball of the procedure: a name in the catalog or a .toml
         file.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     rig
@@ -667,7 +667,7 @@ def sweep(
     truth
         Store the sealed truth with each certificate, for ``score``. It takes 90 kB per folder.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

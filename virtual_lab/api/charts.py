@@ -24,7 +24,7 @@ def chart(
         Part of the laboratory: ``collision``, ``motion``, ``camera``, ``uncertainty`` (methods to
         propagate uncertainty) or ``laboratory`` (all parts of a test).
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
@@ -53,7 +53,7 @@ def stability(
     part
         Part whose numerical methods are mapped.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -56,7 +56,7 @@ def campaign(
         Address of a Dask scheduler, ``tcp://HOST:8786``, whose workers can access the same folder
         (extra ``dask``). The workers replace the processes on this machine.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

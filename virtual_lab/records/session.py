@@ -74,7 +74,7 @@ class PackedSession:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of ``session.json``, which states those of all other files."""
+        """SHA-256 of ``session.json``, which states the digests of all other files."""
         return digest_of_text(self.texts[SESSION])
 
     def write(self, folder: Path) -> None:

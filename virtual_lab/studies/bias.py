@@ -70,7 +70,7 @@ def bias(
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

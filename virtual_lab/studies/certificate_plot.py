@@ -17,12 +17,13 @@ if TYPE_CHECKING:
 
 
 def plot_hits(certification: Certification, statement: str) -> PageFigure:
-    """Return a figure of the metric of each shot, in its printed unit, against its number from 1.
+    """Return a figure of the metric of each shot, in its printed unit.
 
-    For a scan the horizontal axis is the impact position [in from the tip], and the fitted curve is
-    drawn. Hits of the result are filled circles, other valid hits are open circles, and rejected
-    shots are crosses. Value and limit are lines, and the 95 % interval is a band; without a result
-    only the limit is drawn. The `statement` of the certificate is printed below the figure.
+    The horizontal axis is the number of the shot, counted from 1. For a scan it is the impact
+    position [in from the tip], and the fitted curve is drawn. Filled circles are the hits that are
+    used in the result, open circles are other valid hits, and crosses are rejected shots. The
+    result and the limit are lines, and the 95 % interval is a band. Without a result only the limit
+    is drawn. The `statement` of the certificate is printed below the figure.
     """
     from matplotlib.ticker import MaxNLocator
 

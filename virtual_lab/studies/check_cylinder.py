@@ -44,8 +44,9 @@ def check_cylinder(
     seed
         Seed of the laboratory. The hits of different days have different random errors.
     faults, since
-        Names of faults of the impact rig, and their first day, counted from 1. With a fault the
-        instruments record every gate edge and encoder count, which takes thirty times as long.
+        Names of faults of the impact rig, and the first day on which they occur, counted from 1.
+        With a fault the instruments record every gate edge and encoder count, which takes thirty
+        times as long.
 
     Raises
     ------

@@ -88,7 +88,7 @@ def clip_coverage(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> ClipTable:
-    """Film one shot in each of many laboratories, and return the coverage of the intervals.
+    """Film one shot in each of many laboratories, and show the coverage of the 95 % intervals.
 
     The table has one row per quantity: v_in, v_out and e_A.
 
@@ -109,7 +109,7 @@ def clip_coverage(
     summed
         The camera writes positions with the least possible scatter instead of pictures.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
@@ -119,7 +119,7 @@ def clip_coverage(
     Raises
     ------
     InputError
-        A name is unknown, or fewer than 2 clips are requested or have a result.
+        A name is unknown, `clips` is below 2, or fewer than 2 clips have a result.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     if clips < 2:

@@ -116,11 +116,11 @@ def ewma(x: Array) -> Array:
 
 
 def cusum(x: Array) -> tuple[Array, Array]:
-    """Return the cumulative sums of the deviations above and below the center, both ≥ 0.
+    """Return two cumulative sums of deviations: above the center and below it, both ≥ 0.
 
-    `x` are deviations in standard deviations, (…, day), and each sum has their shape and unit. The
-    sums are S = max(0, S + x - 0.5) and S = max(0, S - x - 0.5). On the right, S is the sum of the
-    day before, which is 0 before the first day.
+    `x` are deviations in standard deviations, (…, day). Both sums have the shape and unit of `x`.
+    The sum above the center is S = max(0, S₋ + x - 0.5), and the sum below it is S = max(0, S₋ - x
+    - 0.5). S₋ is the sum of the previous day. It is 0 on the first day.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down

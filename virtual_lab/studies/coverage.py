@@ -140,7 +140,8 @@ def plot_tenths(axes: Axes, shares: Mapping[str, Sequence[float | None]]) -> Non
     axes
         Panel to plot into.
     shares
-        Coverage of each tenth, 0 to 1, by label of the line; None for a tenth without laboratories.
+        Coverage of each group, 0 to 1, keyed by the label of the line. None means a group without
+        laboratories.
     """
     axes.axhline(95, color="0.5", linewidth=0.6)
     for (label, tenths), dash in zip(shares.items(), TENTH_DASHES, strict=False):
@@ -194,7 +195,7 @@ def coverage(
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
@@ -229,8 +230,8 @@ def each_laboratory(
     round_robin
         Design of the study: bat, procedure and rigs.
     take
-        Function of the tests of a block. It must be defined at module level, because processes
-        pickle it.
+        Function that receives the tests of a block and returns what the study needs of them. It
+        must be defined at module level, because processes pickle it.
     laboratories
         Number of laboratories, at least 2.
     seed
@@ -355,7 +356,7 @@ class Sample:
 
 
 def sample(tested: BlockTest) -> Sample:
-    """Return the results of the tests of a block for the study of coverage, in SI units.
+    """Return the results of a block of laboratories for the coverage study, in SI units.
 
     The arrays have the shape (laboratory,). They are numbers of shots, impact position [m from the
     tip], scatter, and for each quantity (keyed by name) its value, standard uncertainty, degrees of

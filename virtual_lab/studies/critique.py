@@ -260,7 +260,7 @@ def critique(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -226,7 +226,7 @@ def daily(
     seed
         Seed of the laboratory. The hits of different days have different random errors.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

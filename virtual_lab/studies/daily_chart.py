@@ -29,14 +29,15 @@ FIRST = "#d55e00"
 def draw_control_chart(values: Array, charted: DayCharts, label: str) -> PageFigure:
     """Draw four panels: daily values, moving range, moving average, and cumulative sums.
 
-    Days with an alarm are marked.
+    Days with an alarm are marked. The first panel shows all days. The others show only the days
+    after the baseline, in standard deviations.
 
     Parameters
     ----------
     values
         Values of all days in any unit, the baseline first, (day,).
     charted
-        The charts of the days after the baseline, in standard deviations.
+        The charts of the days after the baseline.
     label
         Axis label of the values.
     """

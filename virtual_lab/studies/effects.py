@@ -146,7 +146,7 @@ def effects(
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

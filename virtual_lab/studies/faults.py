@@ -98,7 +98,7 @@ class Bias:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultOutcome:
-    """Outcome of a fault in tests by a procedure. The fault ``none`` stands for a day without one.
+    """Outcome of a fault in tests by a procedure. The fault ``none`` is a day without a fault.
 
     A laboratory detects a fault by a flag or by the verdict INVALID. `detected_low` and
     `detected_high` are the limits of the share of such laboratories (95 %, Clopper-Pearson). The
@@ -183,7 +183,7 @@ def faults(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -17,7 +17,7 @@ from virtual_lab.records.session import SESSION, Session, load_session
 
 
 def our_session(procedure: str) -> Session:
-    """Return the session of a simulated test by a procedure, from which empty forms are made.
+    """Return the session of a simulated test by a procedure, the pattern for its empty forms.
 
     To save time the test has no noise, and the bat is rigid. Raises `InputError` for an unknown
     procedure.
@@ -37,7 +37,9 @@ def our_session(procedure: str) -> Session:
 
 
 def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:
-    """Return the certification of a folder of raw records: ours, or the form of another laboratory.
+    """Return the certification of a folder of raw records.
+
+    The folder is either a session of this program or the form of another laboratory.
 
     Parameters
     ----------
@@ -49,8 +51,7 @@ def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) ->
     Raises
     ------
     InputError
-        A folder without records (also if they are one level deeper), or records that cannot be
-        reduced.
+        The folder has no records, the records are in a subfolder, or they cannot be reduced.
     """
     if (folder / FORM).exists():
         return certify_laboratory(folder, apply_options)

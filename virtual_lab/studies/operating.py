@@ -30,7 +30,7 @@ from virtual_lab.units import Array, Mask
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
-TESTS = (1, 3)  # numbers of tests per laboratory, of which the best decides
+TESTS = (1, 3)  # numbers of tests per laboratory; the best test decides
 # half the range of true metrics about the limit [standard deviations of the error], and number of
 # true metrics in the range
 HALF_RANGE, POINTS = 3.0, 20
@@ -126,7 +126,7 @@ def operating(
     seed
         Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -1,4 +1,4 @@
-"""Choice of the collision model for a test: the fastest one whose error is small enough.
+"""Choice of the collision model for a test: the fastest one with a small enough error.
 
 The models from fast to accurate are the rungs of a ladder. The error of a rung is measured on probe
 scenes with a bat and its support. In a test both are nominal, because a model chosen for the
@@ -73,7 +73,7 @@ class Choice:
 
     @property
     def rung(self) -> str:
-        """Name of the rung: that of the surrogate if there is one."""
+        """Name of the rung, or of the surrogate if there is one."""
         return self.surrogate.rung if self.surrogate else self.model.rung
 
     def of(self, body: BatBody, support: Support) -> Choice:
@@ -311,7 +311,7 @@ class Ladder:
     ) -> NDArray[np.float64]:
         """Return the true e_A of the scenes, (n,).
 
-        The model is that of the shots, or its surrogate. If the shots use the rigid model, the
+        The model is the model of the shots, or its surrogate. If the shots use the rigid model, the
         modal model is used instead.
         """
         if self.box is not None and self.rung is None:

@@ -199,7 +199,7 @@ def _contact(
 
 @njit(cache=True, fastmath=FAST)
 def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
-    """Set the state to that of `old` after a time t [s] of free motion. Return the approach [m]."""
+    """Set the state to `old` after a time t [s] of free motion. Return the approach [m]."""
     g, w2 = bat[1], bat[2]
     p, v, r = state
     _copy(old, y)

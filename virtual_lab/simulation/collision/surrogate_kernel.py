@@ -7,7 +7,7 @@ from numba import njit
 
 from virtual_lab.units import Array
 
-BLOCK = 256  # number of points per block, whose polynomials fit in the first-level cache
+BLOCK = 256  # points per block, so that its polynomials fit in the first-level cache
 
 
 @njit(cache=True)

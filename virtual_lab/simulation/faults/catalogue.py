@@ -122,11 +122,10 @@ def crack(specimen: Specimen) -> Specimen:
 def out_of_round(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times of balls that are out of round by up to 1.5 mm.
 
-    A ball breaks a beam early or late, because its front radius differs from that of a round ball,
-    and its back radius does so for the time at which the beam is clear again. Both radii change
-    from gate to gate. If a round ball barely breaks a beam, the other ball can miss it; both times
-    are then NaN. The result is a mapping with the key ``times`` [s], an array of the shape of the
-    times in the record.
+    The front and the back radius of a ball differ, and both change from gate to gate. Therefore the
+    ball breaks and clears a beam early or late. A ball that barely breaks a beam if it is round can
+    miss the beam; both times are then NaN. The result is a mapping with the key ``times`` [s], an
+    array of the shape of the times in the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -223,10 +222,10 @@ def too_slow(plan: ShotPlan) -> ShotPlan:
 
 
 def slipping(record: Any, written: FaultContext) -> Arrays:
-    """Return the counts of an encoder whose coupling slips in about 60 % of the shots.
+    """Return the counts of an encoder with a coupling that slips in about 60 % of the shots.
 
-    Such a shot loses 20 counts at a random time. The result is a mapping with the key ``counts``,
-    an array (shot, sample).
+    In such a shot the encoder loses 20 counts at a random time. The result is a mapping with the
+    key ``counts``, an array (shot, sample).
     """
     samples = record.counts.shape[1]
     when = 0.3 + 0.6 * written.chance(".when")

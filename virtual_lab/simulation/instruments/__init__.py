@@ -92,10 +92,10 @@ def true_constants_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedStation:
-    """A station whose fields are its instruments, with their known and their true constants.
+    """A station with one field per instrument, with calibrated and true constants.
 
-    In a block of laboratories the known constants are `Estimates`, and the true ones are arrays
-    (laboratory,).
+    In a block of laboratories the calibrated constants are `Estimates`, and the true constants are
+    arrays (laboratory,).
     """
 
     # channels of the records of an instrument; without an entry the channel has its name

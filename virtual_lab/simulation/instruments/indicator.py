@@ -43,7 +43,7 @@ class IndicatorSpec(CalibratedSpec):
     def numbers_in(
         self, records: Sequence[Record], known: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the repeatability, the scatter of the readings without that of the rounding."""
+        """Return the repeatability, the scatter of the readings without rounding."""
         squares = [
             float(each.readings.var(axis=1, ddof=1).mean()) - known["resolution"] ** 2 / 12
             for each in records

@@ -143,7 +143,7 @@ class CannonStation(FittedStation):
         """Return the result of an error-free test with the pivot at its nominal position.
 
         In an ideal laboratory the pivot is at its surveyed position instead. The difference changes
-        e_A by 1e-5, but an ideal test must have no error except that of the algebra.
+        e_A by 1e-5, but an ideal test must have no error except rounding errors.
         """
         nominal = self.holder.spec.nominal_from_knob
         hung = self.holder.spec.from_knob if self.ideal else nominal

@@ -97,12 +97,12 @@ class LawTable(Rows[LawRow]):
 
 
 def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
-    """Show how the results of a bat depend on the force law of the ball.
+    """Show the effect of the ball's force law on the results of a bat.
 
     The table has one row per force law. It has the contact time [ms] and the largest force [kN] of
-    the ball on a wall. It also has the largest e, BPF, e_A and v_f [mph] of the free bat in the
-    standard game, each with its position [in from the tip]. The speed at the wall is the relative
-    speed of ball and bat 6 in from the tip.
+    the ball on a wall. It also has the largest e, BPF, e_A and v_f [mph] of the free bat under
+    standard game conditions, each with its position [in from the tip]. The ball hits the wall at
+    the relative speed of ball and bat 6 in from the tip.
 
     Parameters
     ----------

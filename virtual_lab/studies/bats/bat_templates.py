@@ -39,7 +39,7 @@ from virtual_lab.simulation.physics.shell import shell_mode
 from virtual_lab.units import INCH, OUNCE, Array
 
 HOOP_POSITION = 6 * INCH  # position at which the modal mass is stated, near the largest e [m]
-PLAUSIBLE_SHARES = (0.5, 2.0)  # limits of a measured modal mass, relative to that of a shell
+PLAUSIBLE_SHARES = (0.5, 2.0)  # limits of a measured modal mass [modal mass of a shell]
 COARSE = {"order": 6, "element_size": 0.1}  # relative error of the first two frequencies: 1e-6
 
 
@@ -193,12 +193,14 @@ class BodyFit:
 def fit(
     measured: BatMeasurements, target: Array | None = None, start: Array | None = None
 ) -> BodyFit:
-    """Return the bat of the template that fits the data with parameters close to `target`.
+    """Return the bat of a template that fits the measurements, with parameters close to `target`.
+
+    The result holds the bat, its parameters, and the misfit of each measurement.
 
     Parameters
     ----------
     measured
-        The measurements.
+        The measurements. They also name the template.
     target
         Preferred parameters of the template in SI, (parameter,). Values beyond the template's
         limits are moved to the limits. By default the typical parameters of the template.

@@ -128,7 +128,7 @@ class BatComparison(StudyResult):
 
     @property
     def sports(self) -> set[Sport | None]:
-        """Sports of these balls; None stands for an unknown sport."""
+        """Sports of these balls; None means an unknown sport."""
         return {each.ball.sport for each in self.profiles}
 
     @property
@@ -180,7 +180,7 @@ def profile(
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
 
@@ -215,21 +215,21 @@ def compare(
     reference_inertia: str | None = None,
     ball: str | None = None,
 ) -> BatComparison:
-    """Return the comparison of free bats in the standard game.
+    """Return the comparison of several free bats under standard game conditions.
 
     Parameters
     ----------
     bats
         At least two: names in the catalog or paths of .toml files.
     swings
-        Exponents n of the swing law, Eq. (14); None for the law of constant energy.
+        Exponents n of the swing law, Eq. (14). None means the law of constant energy.
     reference_inertia
         Moment of inertia I0 in the law: the name of a bat, or a number with its unit. By default
         that of the standard game, ``17000 oz in^2``. For its two loaded bats the paper uses the
         moment of inertia of the barrel-loaded bat instead.
     ball
-        Name in the catalog or path of a .toml file; by default the standard ball of
-        each bat's sport.
+        Name in the catalog or path of a .toml file; by default the standard ball of each bat's
+        sport.
 
     Raises
     ------

@@ -73,8 +73,8 @@ def draw_comparison(curves: pd.DataFrame) -> PageFigure:
     """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
     The positions are 1 to 12 in from the tip, and v_f is in mph. BPF and e_A are drawn for the
-    first exponent n only. They do not depend on n if the restitution of the ball does not depend on
-    speed, as for the standard ball.
+    first swing exponent n only. With the standard ball they do not depend on n, because the e0 of
+    this ball does not depend on speed.
 
     Parameters
     ----------

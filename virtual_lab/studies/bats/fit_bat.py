@@ -189,7 +189,7 @@ def fit_bat(
     path
         File of the measurements, .toml; the page "A bat of your own" explains its keys.
     members
-        Number of fitted bats that show the spread. Bats whose fit fails are omitted.
+        Number of fitted bats that show the spread. A bat is omitted if its fit fails.
     seed
         Seed of the random parameters and of the variation of the measurements.
     progress
@@ -275,11 +275,11 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 
 
 def remark_on(quantity: str, *values: float) -> str:
-    """Return a remark if a peak position is at an end of the range, otherwise an empty string.
+    """Return a remark if the peak position of e_A is at an end of the searched range.
 
-    `quantity` is the name of a quantity, and `values` are its values for several bats. Only the
-    position of the peak e_A can have a remark. It is in inches from the tip, and the range is 2 to
-    10 in.
+    Otherwise the result is an empty string. `quantity` is the name of a quantity, and `values` are
+    its values for several bats. Only the peak position of e_A can have a remark. It is in inches
+    from the tip, and the range is 2 to 10 in.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):

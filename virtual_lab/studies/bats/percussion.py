@@ -141,7 +141,7 @@ class _Stand:
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
-        """Return the laboratory with an encoder whose counts are not rounded to integers."""
+        """Return the laboratory with an encoder that does not round its counts to integers."""
         stations: Any = self.laboratory.stations
         impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
@@ -182,7 +182,7 @@ def percussion(
 ) -> PercussionStudy:
     """Show the errors of e_A for hits away from the center of percussion of a pivoted bat.
 
-    The table has one row per impact position, 2 to 12 in from the tip.
+    The table has one row per impact position.
 
     Parameters
     ----------
@@ -195,9 +195,9 @@ def percussion(
     seed
         Seed of the first laboratory; the others follow.
     shots
-        Number of shots per laboratory and impact position; a reading is their mean.
+        Number of shots per laboratory and impact position. A reading is the mean of these shots.
     instruments
-        Instruments and rigs with changed values, instead of those of the catalog.
+        Instruments and rigs with changed values, used instead of the catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress

@@ -1,4 +1,4 @@
-"""Curves along a bat in the standard game: e, r, e_A, BPF, bat speed and batted-ball speed.
+"""Curves along a bat under standard game conditions: e, r, e_A, BPF, v_bat and v_f.
 
 All numbers are model results for the nominal bat, not measurements.
 """
@@ -176,11 +176,12 @@ def profiles(
     bat
         Name in the catalog or path of a .toml file.
     swings
-        Exponents n of Eq. (14), from 0 (same speed for all bats) to 0.5 (same energy). None stands
-        for the law of constant energy of bat and batter.
+        Exponents n of the swing law, Eq. (14), from 0 (same speed for all bats) to 0.5 (same
+        energy). None means that the total kinetic energy of bat and batter is the same for all
+        bats.
     reference_inertia
-        Moment of inertia I0 in the law: the name of a bat, or a number with its unit such as
-        ``17000 oz in^2``. By default that of the game conditions.
+        Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit such as
+        ``17000 oz in^2``. By default the I0 of the game conditions.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball for the sport of
         the bat.
@@ -271,11 +272,11 @@ def curves_of(
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
     """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position.
 
-    `curves` are those of `curves_of`. The keys of the result are ``restitution``,
+    `curves` is the result of `curves_of`. The keys of the result are ``restitution``,
     ``bat_performance_factor``, ``collision_efficiency`` and ``batted_speed_mph``. A position is in
-    inches from the tip. Positions beyond 12 in are not searched, because there a heavy ball may
-    touch the bat twice, and e_A may be larger than on the barrel. The peaks are those of cubic
-    splines through the curves.
+    inches from the tip. The peaks are the maxima of cubic splines through the curves. Positions
+    beyond 12 in are not searched: there a heavy ball may touch the bat twice, and e_A may then be
+    larger than on the barrel.
     """
     barrel = curves["impact_position_in"] <= BARREL_END
     return {
@@ -292,11 +293,11 @@ def free_model(body: BatBody) -> ModalModel:
 def swing_exponents(
     law: str, swings: Sequence[float], usual: Sequence[float]
 ) -> tuple[float | None, ...]:
-    """Return the exponents n of the swing law without repetitions, or (None,) for constant energy.
+    """Return the exponents n of a swing law: several numbers, or (None,) for the law ``energy``.
 
-    For the law ``power`` these are the `swings`, or `usual` if `swings` is empty. The values are
-    not checked. Raises `InputError` for another law than ``power`` and ``energy``, and for an
-    exponent with ``energy``.
+    For the law ``power`` these are the `swings`, or `usual` if `swings` is empty. Repetitions are
+    removed; the values are not checked. Raises `InputError` for a law other than ``power`` and
+    ``energy``, and if `swings` is not empty for ``energy``.
     """
     if law == "power":
         return tuple(dict.fromkeys(swings or usual))
@@ -308,10 +309,10 @@ def swing_exponents(
 
 
 def read_inertia(text: str, axis_beyond_knob: float) -> float:
-    """Return a moment of inertia [kg m^2], stated as the name of a bat or as a number with a unit.
+    """Return a moment of inertia [kg m^2], from the name of a bat or from a number with its unit.
 
-    For a bat, the moment of inertia is that about an axis at the distance `axis_beyond_knob` [m]
-    beyond the knob end; a negative distance is on the bat. For a number, this axis is not used.
+    For a bat, the axis is at the distance `axis_beyond_knob` [m] beyond the knob end; a negative
+    distance is on the bat. For a number, `axis_beyond_knob` is not used.
 
     Raises
     ------

@@ -45,7 +45,7 @@ class Peaks:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """Differences of the peaks of a bat from those of another bat [%], for v_f in mph."""
+    """Differences of the peaks of `bat` from the peaks of `against` [%], for v_f in mph."""
 
     bat: str
     against: str
@@ -70,10 +70,10 @@ class LawRow:
 
 
 def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
-    """Return the largest values of several curves and their positions, keyed by name.
+    """Return the largest value of each curve and its position in one mapping.
 
-    For a curve ``restitution`` the keys are ``peak_restitution`` and
-    ``peak_restitution_position_in``. The units are those of `peaks`: positions in inches from the
+    Each curve has two keys, for example ``peak_restitution`` and ``peak_restitution_position_in``
+    for the curve ``restitution``. The units are the units of `peaks`: positions in inches from the
     tip, v_f in mph.
     """
     return {
@@ -163,10 +163,10 @@ def swing_text(exponent: float | None) -> str:
 
 
 def balls_text(balls: Mapping[str, str]) -> str:
-    """Return the text that names the ball used with each bat.
+    """Return a text that names the ball used with each bat.
 
-    `balls` maps the name of each bat to the name of its ball. A ball that hits all bats is named
-    once.
+    `balls` maps the name of each bat to the name of its ball. If all bats have the same ball, it is
+    named once.
     """
     if len(set(balls.values())) == 1:
         return f"struck by {next(iter(balls.values()))}"
@@ -192,10 +192,10 @@ def comparison_text(
 
 
 def spread_of(rows: Sequence[LawRow]) -> str:
-    """Return a sentence with the spread of each peak, and of its position [in], over force laws.
+    """Return a sentence with the variation of the peaks and their positions between force laws.
 
-    The spread is the largest minus the smallest value. `rows` has one row per force law, at least
-    one.
+    For each peak (e, BPF, e_A and v_f) it states the largest minus the smallest value, and the same
+    for its position [in]. `rows` has one row per force law, at least one.
     """
     spreads = (
         f"{symbol} {_spread(rows, f'peak_{name}'):{form}}{f' {unit}' if unit else ''} "

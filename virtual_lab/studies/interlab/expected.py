@@ -11,7 +11,7 @@ from virtual_lab.catalog.reading import DATA
 
 TABLE = DATA / "uncertainty" / "interlab.csv"
 FACTORS = ("lot", "stiffness", "store", "calibration", "wall", "clamp")
-UNLIKELY = 0.01  # one-sided p-value below which a scatter differs from that of the study
+UNLIKELY = 0.01  # one-sided p-value below which a scatter differs from the scatter of the study
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +46,10 @@ class ExpectedScatter:
 
 
 def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
-    """Return the stored scatter between laboratories of a bat's result by a procedure.
+    """Return the scatter of a bat's result between laboratories, from the stored studies.
 
-    If no study of this bat is stored, the result is that of the bat with the largest scatter by
-    this procedure. The result is None if no study of the procedure is stored.
+    If no study of this bat and procedure is stored, the result belongs to the stored bat with the
+    largest scatter by this procedure. The result is None if no study of the procedure is stored.
     """
     with TABLE.open(encoding="utf-8", newline="") as file:
         rows = [_read(row) for row in csv.DictReader(file) if row["procedure"] == procedure]
@@ -58,11 +58,12 @@ def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
 
 
 def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of the stored table, computed from the rows of the study `interlab`.
+    """Return a summary of an interlaboratory study, one row per bat and procedure.
 
-    The result has one row per bat and procedure. If the procedure converts to a standard ball, the
-    row is that of the converted result. Raises `ValueError` for a study without single-factor
-    simulations, and `KeyError` for rows without a standard deviation of the study.
+    `rows` is the table of `interlab`. The summary is the table that `expected_scatter` reads. If
+    the procedure converts to a standard ball, only the converted result has a row. Raises
+    `ValueError` for a study without single-factor simulations, and `KeyError` for rows without a
+    standard deviation of the study.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:

@@ -149,11 +149,23 @@ def read_interlab(path: Path) -> Entry[InterlabStudy]:
 
 
 def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str]) -> dict[Key, str]:
-    """Return the text of the data sheets with the values of factors from the study.
+    """Return the text of each data sheet that the study changes, keyed by its kind and name.
 
-    The keys are kind and name of the sheet, such as ``("rigs", "ball-wall")``. A sheet for which
-    the study gives no value is omitted. `names` are the names of the factors. Raises `InputError`
-    for an unknown procedure, and if a sheet does not contain the table of such a value.
+    A key is, for example, ``("rigs", "ball-wall")``.
+
+    Parameters
+    ----------
+    study
+        The study, with the values of its factors.
+    procedure
+        Name of the procedure. Its ball is the ball of the factors.
+    names
+        Names of the factors to apply.
+
+    Raises
+    ------
+    InputError
+        The procedure is unknown, or a sheet does not contain the table of a value.
     """
     ball = catalog.load("procedures", procedure, Procedure).spec.ball
     document = parse_toml(study.text, "study")["factors"]

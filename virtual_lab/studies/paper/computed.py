@@ -41,7 +41,10 @@ Z = np.arange(3.0, 8.01, 0.25)  # impact positions from the tip [in]
 
 @lru_cache
 def game() -> GameConditions:
-    """Return the paper's standard game in SI units: pitch, swing, and the names of the balls."""
+    """Return the standard game conditions of the paper in SI units.
+
+    They are the pitch, the swing and the names of the balls.
+    """
     return catalog.load("conditions", CONDITIONS, GameConditions).spec
 
 
@@ -83,11 +86,11 @@ def beam(bat: str) -> Beam:
 
 @lru_cache
 def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
-    """Return the profiles of a bat in the standard game, keyed by the exponent n of the swing law.
+    """Return the profiles of a bat under standard game conditions, keyed by the swing exponent n.
 
-    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. For both
-    loaded bats the reference inertia of the law is that of the barrel-loaded bat, as in the paper.
-    Raises `InputError` for an unknown bat.
+    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. The two loaded
+    bats have the reference inertia of the barrel-loaded bat, as in the paper. Raises `InputError`
+    for an unknown bat.
     """
     reference = BARREL if bat in (BARREL, KNOB) else None
     bat_profiles = profiles(bat, swings=SWINGS, reference_inertia=reference)
@@ -96,32 +99,42 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
 
 @lru_cache
 def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
-    """Return the largest value of a curve of a bat in the standard game, and its position.
+    """Return the largest value of a curve along a bat, and its position [in from the tip].
 
-    `curve` is ``restitution`` (e), ``bat_performance_factor`` (BPF), ``collision_efficiency`` (e_A)
-    or ``batted_speed_mph`` (v_f in mph). The position is in inches from the tip, 0.5 to 12. `swing`
-    is the exponent n of the swing law, 0 to 0.5 in steps of 0.1; None stands for constant energy.
-    Raises `KeyError` for another curve or exponent, and `InputError` for an unknown bat.
+    The game conditions are standard, and positions from 0.5 to 12 in are searched. Raises
+    `KeyError` for an unknown curve or exponent, and `InputError` for an unknown bat.
+
+    Parameters
+    ----------
+    bat
+        Name in the catalog.
+    curve
+        ``restitution`` (e), ``bat_performance_factor`` (BPF), ``collision_efficiency`` (e_A) or
+        ``batted_speed_mph`` (v_f in mph).
+    swing
+        Exponent n of the swing law, 0 to 0.5 in steps of 0.1. None means the law of constant
+        energy.
     """
     return profiles_by_swing(bat)[swing].peaks[curve]
 
 
 def peak_value(bat: str, curve: str) -> float:
-    """Return the largest value of a curve of a bat in the standard game, for swing exponent 0.
+    """Return the largest value of a curve along a bat, for swing exponent 0.
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` (all
-    dimensionless) or ``batted_speed_mph`` [mph]. The positions are 0.5 to 12 in from the tip.
-    Raises `KeyError` for another curve, and `InputError` for an unknown bat.
+    dimensionless) or ``batted_speed_mph`` [mph]. The game conditions are standard. Positions from
+    0.5 to 12 in from the tip are searched. Raises `KeyError` for an unknown curve, and `InputError`
+    for an unknown bat.
     """
     return top(bat, curve).value
 
 
 def peak_place(bat: str, curve: str) -> float:
-    """Return the position of the largest value of a curve [in from the tip], for swing exponent 0.
+    """Return the position [in from the tip] of the largest value of a curve, for swing exponent 0.
 
-    The curve is that of a bat in the standard game, 0.5 to 12 in from the tip. `curve` is
-    ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``.
-    Raises `KeyError` for another curve, and `InputError` for an unknown bat.
+    `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
+    ``batted_speed_mph``. The game conditions are standard. Positions from 0.5 to 12 in from the tip
+    are searched. Raises `KeyError` for an unknown curve, and `InputError` for an unknown bat.
     """
     return top(bat, curve).place
 
@@ -135,10 +148,11 @@ def ball_restitution(name: str, speed: float) -> float:
 
 
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
-    """Return the peak v_f of the first bat minus that of the second [mph], in the standard game.
+    """Return the peak v_f of the first bat minus the peak v_f of the second bat [mph].
 
-    `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1; None stands for constant
-    energy. Raises `KeyError` for another exponent, and `InputError` for an unknown bat.
+    The game conditions are standard. `swing` is the exponent n of the swing law, 0 to 0.5 in steps
+    of 0.1; None means the law of constant energy. Raises `KeyError` for another exponent, and
+    `InputError` for an unknown bat.
     """
     return (
         top(first, "batted_speed_mph", swing).value - top(second, "batted_speed_mph", swing).value
@@ -201,7 +215,7 @@ def collide_at(
     InputError
         The bat or the ball is unknown, or a position is beyond the bat.
     KeyError
-        The support has another name.
+        The name of the support is unknown.
     """
     places = np.atleast_1d(np.asarray(z, dtype=float))
     scenes = Scenes.with_ball(
@@ -223,10 +237,10 @@ def energy_loss(collisions: Collisions) -> Array:
 
 
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
-    """Return the recoil factor r of a bat at positions `z` [in from the tip], with their shape.
+    """Return the recoil factor r of a bat at positions `z` [in from the tip], in the shape of `z`.
 
-    The ball is that of the standard game. `support_name` is pivoted (6 in from the knob) or clamped
-    (r is 0). For any other name the bat is free. Raises `InputError` for an unknown bat.
+    The ball has the standard mass of the paper. `support_name` is pivoted (6 in from the knob) or
+    clamped (r is 0). For any other name the bat is free. Raises `InputError` for an unknown bat.
     """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
@@ -284,12 +298,12 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
 
 
 def game_bat_speed(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
-    """Return the bat speed in the standard game [mph] at positions `z`, with their shape.
+    """Return the bat speed [mph] at positions `z` [in from the tip], in the shape of `z`.
 
-    `z` are distances from the tip [in]. The speed is interpolated from 0.5 to 16 in; beyond this
-    range it has the value at its end. `swing` is the exponent n of the swing law, 0 to 0.5 in steps
-    of 0.1; None stands for constant energy. Raises `KeyError` for another exponent, and
-    `InputError` for an unknown bat.
+    The game conditions are standard. The speed is interpolated from 0.5 to 16 in. Positions outside
+    this range have the speed at its nearest end. `swing` is the exponent n of the swing law, 0 to
+    0.5 in steps of 0.1; None means the law of constant energy. Raises `KeyError` for another
+    exponent, and `InputError` for an unknown bat.
     """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(

@@ -109,39 +109,40 @@ def added_weight(bat: str) -> float:
 
 
 def percent(curve: str, first: str, second: str) -> float:
-    """Return the peak of a curve of the first bat relative to that of the second, minus 1 [%].
+    """Return the relative difference of two bats in the peak of a curve [%].
 
-    `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
-    ``batted_speed_mph``, in the standard game with swing exponent 0. The result is negative if the
-    first bat has the lower peak. Raises `KeyError` for another curve, and `InputError` for an
-    unknown bat.
+    It is 100 (first / second - 1), negative if the first bat has the lower peak. `curve` is
+    ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``,
+    under standard game conditions with swing exponent 0. Raises `KeyError` for an unknown curve,
+    and `InputError` for an unknown bat.
     """
     return 100 * (top(first, curve).value / top(second, curve).value - 1)
 
 
 def farther(curve: str) -> float:
-    """Return the peak position of a curve on EA70 minus that on R161 [in].
+    """Return the peak position of a curve on EA70 minus the peak position on R161 [in].
 
-    It is positive if the peak of EA70 is farther from the tip. `curve` is ``restitution``,
-    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the standard
-    game with swing exponent 0. Raises `KeyError` for another curve.
+    The result is positive if the peak of EA70 is farther from the tip. `curve` is ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, under standard
+    game conditions with swing exponent 0. Raises `KeyError` for an unknown curve.
     """
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
 def slower_there(curve: str) -> float:
-    """Return the bat speed of R161 minus that of EA70 [mph], each at the position of its peak.
+    """Return the bat speed of R161 minus the bat speed of EA70 [mph], at the peaks of a curve.
 
-    The peak is that of `curve`: ``restitution``, ``bat_performance_factor``,
-    ``collision_efficiency`` or ``batted_speed_mph``, in the standard game with swing exponent 0.
-    Raises `KeyError` for another curve.
+    Each speed is the speed at the impact position where the curve of this bat has its peak. `curve`
+    is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
+    ``batted_speed_mph``, under standard game conditions with swing exponent 0. Raises `KeyError`
+    for an unknown curve.
     """
     speeds = [float(game_bat_speed(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
 
 
 def mass_share(light: str, heavy: str) -> float:
-    """Return the effective mass of the light bat divided by that of the heavy bat.
+    """Return the effective mass of the light bat divided by the effective mass of the heavy bat.
 
     Both bats are free, and the impact is 6 in from the tip. Raises `InputError` for an unknown bat.
     """
@@ -149,10 +150,10 @@ def mass_share(light: str, heavy: str) -> float:
 
 
 def thinner_is_livelier() -> float:
-    """Return the increase of the peak BPF if EA70 had the thinner wall of the loaded bats.
+    """Return the increase of the peak BPF of EA70 if its wall were as thin as in the loaded bats.
 
-    With the thinner wall, the bat is free and hit 3 to 8 in from the tip at 160 mph by the ball of
-    the standard game. The peak BPF with its own wall is that in the standard game.
+    The peak with the thin wall is computed for a free bat at rest, 3 to 8 in from the tip, at 160
+    mph. The peak with the original wall is computed under standard game conditions.
     """
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
@@ -163,12 +164,15 @@ def thinner_is_livelier() -> float:
 
 
 def thinner() -> float:
-    """Return the reduction of the wall thickness of the loaded bats, relative to EA70 [%]."""
+    """Return the relative reduction in wall thickness from EA70 to the loaded bats [%].
+
+    It is positive if the loaded bats have the thinner wall.
+    """
     return 100 * (1 - _thickness())
 
 
 def _thickness() -> float:
-    """Return the ratio of the wall thickness of the loaded bats to that of EA70."""
+    """Return the wall thickness of the loaded bats divided by the wall thickness of EA70."""
     thin, whole = body(BARREL).profile.wall, body(ALUMINIUM).profile.wall
     assert thin is not None
     assert whole is not None
@@ -176,10 +180,10 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
-    """Return the position of a barrel node of EA70 minus that of R161 [in].
+    """Return the node position of EA70 minus the node position of R161, on the barrel [in].
 
-    It is positive if the node of EA70 is farther from the tip. `i` is 0 for the first bending mode
-    and 1 for the second.
+    The result is positive if the node of EA70 is farther from the tip. `i` is 0 for the first
+    bending mode and 1 for the second.
     """
     return (
         profiles_by_swing(ALUMINIUM)[0.0].nodes[i] - profiles_by_swing(WOOD)[0.0].nodes[i]
@@ -187,39 +191,44 @@ def node_shift(i: int) -> float:
 
 
 def loads_apart() -> float:
-    """Return the mass of the barrel-loaded bat minus that of the knob-loaded bat [oz]."""
+    """Return the difference in mass between the barrel-loaded and the knob-loaded bat [oz].
+
+    It is positive if the barrel-loaded bat is heavier.
+    """
     return (beam(BARREL).mass - beam(KNOB).mass) / OUNCE
 
 
 def centre_farther() -> float:
-    """Return the distance from tip to center of mass of EA70 minus that of R161 [in]."""
+    """Return the balance point of EA70 minus the balance point of R161 [in], both from the tip."""
     return (beam(ALUMINIUM).z_cm - beam(WOOD).z_cm) / INCH
 
 
 def least_lead(first: str, second: str, *swings: float) -> float:
     """Return the smallest lead of the first bat in peak v_f over several swing exponents [mph].
 
-    The lead is the peak v_f of the first bat minus that of the second, in the standard game.
-    `swings` are 0 to 0.5 in steps of 0.1. Raises `ValueError` without an exponent, `KeyError` for
-    another exponent, and `InputError` for an unknown bat.
+    The lead is the peak v_f of the first bat minus the peak v_f of the second, under standard game
+    conditions. `swings` are 0 to 0.5 in steps of 0.1. Raises `ValueError` without an exponent,
+    `KeyError` for another exponent, and `InputError` for an unknown bat.
     """
     return min(lead(first, second, n) for n in swings)
 
 
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
-    """Return the first bat's lead in peak v_f at swing exponent `n` minus that at `n_second` [mph].
+    """Return the decrease of the first bat's lead [mph] if the swing exponent rises to `n_second`.
 
-    The lead is the peak v_f of the first bat minus that of the second, in the standard game. The
-    exponents are 0 to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError`
-    for an unknown bat.
+    The lead is the peak v_f of the first bat minus the peak v_f of the second, under standard game
+    conditions. The result is the lead at exponent `n` minus the lead at exponent `n_second`. Both
+    are 0 to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an
+    unknown bat.
     """
     return lead(first, second, n) - lead(first, second, n_second)
 
 
 def by_restitution_alone() -> float:
-    """Return the absolute error of v_f of R161 [mph] if the recoil factor r of EA70 is used for it.
+    """Return the absolute error of v_f of R161 [mph] if its r is replaced by the r of EA70.
 
-    The impact is 6 in from the tip. The pitch speed is 90 mph, and the bat speed is 70 mph.
+    r is the recoil factor. The e of R161 is used. The impact is 6 in from the tip, the pitch speed
+    is 90 mph, and the bat speed is 70 mph.
     """
     e = restitution(WOOD, [6.0])
     speeds = [
@@ -232,9 +241,9 @@ def by_restitution_alone() -> float:
 def contradictions(curve: str) -> float:
     """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
 
-    The bats are ranked by their peaks in the standard game with swing exponent 0. `curve` is
-    ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``.
-    Pairs with a tie are not counted. Raises `KeyError` for another curve.
+    The bats are ranked by their peaks under standard game conditions with swing exponent 0. `curve`
+    is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
+    ``batted_speed_mph``. Pairs with a tie are not counted. Raises `KeyError` for an unknown curve.
     """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0
@@ -243,9 +252,9 @@ def contradictions(curve: str) -> float:
 
 
 def with_speed() -> float:
-    """Return the peak e of free R161 at 60 mph minus that at 160 mph.
+    """Return the peak e of free R161 at 60 mph minus its peak e at 160 mph.
 
-    The peak is the largest e 3 to 8 in from the tip. The ball is ``baseball-2003``, whose e0
+    The peak is the largest e 3 to 8 in from the tip. The ball is ``baseball-2003``; its e0
     decreases with speed.
     """
     slow, fast = (restitution(WOOD, Z, speed=v, with_ball=BALL).max() for v in (60.0, 160.0))
@@ -255,8 +264,8 @@ def with_speed() -> float:
 def with_ball() -> float:
     """Return the increase of the peak e of free R161 if e0 of the ball rises from 0.525 to 0.555.
 
-    These are the limits of the NCAA for e0. The peak is the largest e 3 to 8 in from the tip, at a
-    relative speed of 60 mph.
+    0.525 and 0.555 are the limits of the NCAA for e0. The peak is the largest e 3 to 8 in from the
+    tip, at a relative speed of 60 mph.
     """
 
     def peak_e(e0: float) -> float:

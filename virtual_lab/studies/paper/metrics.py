@@ -48,10 +48,11 @@ def _worst(values: Array) -> float:
 
 
 def frames() -> float:
-    """Return the largest absolute difference of e_A by Eq. (2) between the frames of field and bat.
+    """Return the largest absolute difference of e_A between two frames of reference.
 
-    R161 is hit 3 to 8 in from the tip at a relative speed of 160 mph, for bat speeds from -50 to
-    160 mph. The result is a rounding error.
+    e_A is computed by Eq. (2) from the speeds in the frame of the field, and compared with e_A in
+    the frame of the bat. The difference is a rounding error. R161 is hit 3 to 8 in from the tip at
+    a relative speed of 160 mph, for bat speeds from -50 to 160 mph.
     """
     e_A = collide_at(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
@@ -60,8 +61,9 @@ def frames() -> float:
 
 
 def round_trip() -> float:
-    """Return the largest absolute error of e_A by Eq. (2) from v_f by Eq. (3): a rounding error.
+    """Return the largest absolute error of e_A after a conversion to v_f and back.
 
+    v_f is computed from e_A by Eq. (3), and e_A from v_f by Eq. (2). The error is a rounding error.
     e_A is -0.2 to 0.6. The pitch speed is 90 mph, and the bat speed is 70 mph.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
@@ -82,25 +84,26 @@ def symmetrical() -> float:
 
 
 def speed_slope(bat: str) -> float:
-    """Return the absolute slope of peak e_A with relative speed at 150 mph [1/mph].
+    """Return the absolute slope of the peak e_A of a free bat against relative speed [1/mph].
 
-    The bat is free. The slope is that between 140 and 160 mph, with a ball whose e0 falls with
-    speed. Raises `InputError` for an unknown bat.
+    It is the difference of the peak e_A between 140 and 160 mph, divided by 20 mph. The e0 of the
+    ball decreases with speed. Raises `InputError` for an unknown bat.
     """
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
 
 def _peak_at(bat: str, speed: float) -> float:
-    """Return peak e_A at a relative speed [mph], with a ball whose e0 decreases with speed."""
+    """Return the peak e_A at a relative speed [mph]. The e0 of the ball decreases with speed."""
     return float(collide_at(bat, Z, speed=speed, with_ball=BALL).collision_efficiency.max())
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the explicit factor of Eq. (3) in the change of v_f with a speed, 0 to 1.
+    """Return the direct part of the change of v_f with a speed, by Eq. (3), as a share from 0 to 1.
 
-    The explicit factor is e_A if `v` is ``ball`` (speed of the ball), otherwise 1 + e_A (speed of
-    the bat). The other part of the change, taken as positive, comes from the dependence of e_A on
-    the relative speed. The bat is R161, at its peak e_A.
+    `v` is ``ball`` for the speed of the ball or ``bat`` for the speed of the bat. The direct part
+    is the factor of this speed in Eq. (3): e_A for the ball, and 1 + e_A for the bat. The other
+    part is indirect: e_A depends on the relative speed. It is taken as positive. The bat is R161,
+    at its peak e_A.
     """
     e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -111,8 +114,9 @@ def drop(bat: str, curve: str, side: float) -> float:
     """Return the decrease of a curve from its peak to a position `side` [in] away from the peak.
 
     A positive `side` is toward the handle. `curve` is ``restitution``, ``bat_performance_factor``,
-    ``collision_efficiency`` (all dimensionless) or ``batted_speed_mph`` [mph], in the standard game
-    with swing exponent 0. Raises `KeyError` for another curve, and `InputError` for an unknown bat.
+    ``collision_efficiency`` (all dimensionless) or ``batted_speed_mph`` [mph], under standard game
+    conditions with swing exponent 0. Raises `KeyError` for an unknown curve, and `InputError` for
+    an unknown bat.
     """
     summit, table = top(bat, curve), profiles_by_swing(bat)[0.0].table
     return summit.value - float(
@@ -121,10 +125,10 @@ def drop(bat: str, curve: str, side: float) -> float:
 
 
 def node_gap() -> float:
-    """Return the distance between the peak of e_A and the closest barrel node [in].
+    """Return the largest distance between the peak of e_A and the closest barrel node [in].
 
-    The largest distance of the paper's four bats is returned. The peaks are those in the standard
-    game.
+    The distance is computed for each of the paper's four bats, and the largest one is returned. The
+    peaks are those under standard game conditions.
     """
     return max(
         min(
@@ -150,10 +154,10 @@ def effect_of_support(bat: str, support_name: str) -> float:
 
 
 def firmness() -> float:
-    """Return the largest absolute difference of v_f of R161 between a spring and a clamp [mph].
+    """Return the largest absolute difference of v_f of R161 between two handle supports [mph].
 
-    The handle is held by the spring or by the clamp. The bat is at rest and is hit 3 to 8 in from
-    the tip at 160 mph.
+    One support is a clamp. The other is a pivot on a spring (``held`` in `support`). The bat is at
+    rest and is hit 3 to 8 in from the tip at 160 mph.
     """
     on_spring = collide_at(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(
@@ -162,10 +166,10 @@ def firmness() -> float:
 
 
 def lost_in_cm_frame() -> float:
-    """Return the largest absolute deviation of the lost share of energy from 1 - e².
+    """Return the largest absolute deviation of the energy loss from 1 - e², in free R161.
 
-    The energy is that in the center-of-mass frame of the ball and free R161. The bat is hit 2 to 10
-    in from the tip, at 160 mph.
+    The loss is divided by the initial energy of ball and bat in their center-of-mass frame. The bat
+    is hit 2 to 10 in from the tip, at 160 mph.
     """
     z = np.linspace(2, 10, 9)
     collisions, r = collide_at(WOOD, z), recoil(WOOD, z)
@@ -174,7 +178,7 @@ def lost_in_cm_frame() -> float:
 
 
 def fractions(name: str) -> float:
-    """Return the largest absolute deviation of a share of energy in the model from Eqs. (10).
+    """Return the largest absolute difference of an energy share between the model and Eqs. (10).
 
     `name` is ``ball``, ``bat`` or ``dissipated``. Free R161 and EA70 are hit 2 to 10 in from the
     tip, at 160 mph. Raises `KeyError` for another name.
@@ -196,9 +200,10 @@ def fractions(name: str) -> float:
 
 
 def sum_of_shares() -> float:
-    """Return the sum of the three shares of Eqs. (10) that is farthest from 1.
+    """Return the sum of the three energy shares of Eqs. (10).
 
-    The sum is computed for e from 0 to 1 and r from 0 to 0.5.
+    The sum is computed for e from 0 to 1 and r from 0 to 0.5. The value farthest from 1 is
+    returned.
     """
     shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
@@ -206,10 +211,10 @@ def sum_of_shares() -> float:
 
 
 def recoil_deviation(support_name: str) -> float:
-    """Return the largest relative deviation of r by the paper's equation from the finite-element r.
+    """Return the largest relative difference of r between the paper's equation and finite elements.
 
-    The equation is Eq. (8) for a free bat and Eq. (9) for a pivoted one; `support_name` is ``free``
-    or ``pivoted``. The finite-element r follows from the rigid modes of each of the four bats, at
+    The equation of the recoil factor r is Eq. (8) if `support_name` is ``free``, and Eq. (9) if it
+    is ``pivoted``. The finite-element r is computed from the rigid modes of each of the four bats,
     0.5 to 20 in from the tip.
     """
     z, gaps = np.linspace(0.5, 20, 40), []
@@ -222,9 +227,10 @@ def recoil_deviation(support_name: str) -> float:
 
 
 def parallel_axes() -> float:
-    """Return the relative error of the inertia of R161 by the parallel-axis theorem, with its sign.
+    """Return the relative error of the moment of inertia of R161 by the parallel-axis theorem.
 
-    The axis is 6 in from the knob; the reference is the integral over the finite elements.
+    The error is positive if the theorem gives a larger value than the integral over the finite
+    elements. The axis is 6 in from the knob.
     """
     bat_beam = beam(WOOD)
     pivot = bat_beam.length - 6 * INCH
@@ -233,10 +239,10 @@ def parallel_axes() -> float:
 
 
 def nearer_is_heavier() -> float:
-    """Return the smallest relative increase of the effective mass toward the center of mass.
+    """Return the smallest relative increase of the effective mass between neighboring positions.
 
-    The increase is between neighbors of 30 positions from the tip to the center of mass, on each of
-    the paper's four bats. A result of 0.01 means 1 %.
+    On each of the paper's four bats there are 30 positions, from the tip to the center of mass. A
+    result of 0.01 means 1 %. A negative result means that the effective mass decreases somewhere.
     """
     least = np.inf
     for bat in BATS:
@@ -248,15 +254,15 @@ def nearer_is_heavier() -> float:
 def rise_with_lighter_recoil() -> float:
     """Return the smallest change of e_A if r decreases by 0.05.
 
-    It is positive if e_A always rises. The change is computed by Eq. (6) for e from 0 to 1 and r
-    from 0 to 0.5.
+    It is positive if e_A always rises. e_A is computed by Eq. (6) for e from 0 to 1 and r from 0 to
+    0.5.
     """
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
 
 
 def below_restitution() -> float:
-    """Return the largest e_A - e of the four bats, 0.5 to 16 in from the tip.
+    """Return the largest difference e_A - e of the four bats, 0.5 to 16 in from the tip.
 
     It is negative if e_A is less than e at all of these positions.
     """
@@ -272,26 +278,26 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return the error of v_f at 160 mph if it is computed with the e measured at `speed` [mph].
+    """Return the error of v_f [mph] at 160 mph if it is computed with e measured at `speed` [mph].
 
-    The error and `speed` are in mph. e decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph,
-    and r is 0.25.
+    The values are an example: e decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph, and r is
+    0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
 
 def overestimate_of_model(speed: float) -> float:
-    """Return the error of v_f of R161 at 160 mph if it is computed with the e_A at another speed.
+    """Return the error of v_f [mph] of R161 at 160 mph if it is computed with e_A at `speed` [mph].
 
-    The error and `speed` are in mph. e_A is the largest value 3 to 8 in from the tip of the free
-    bat, at the relative speed `speed`. The e0 of the ball decreases with speed.
+    e_A is the largest value 3 to 8 in from the tip of the free bat. The e0 of the ball decreases
+    with speed.
     """
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 
 def speed_gain(v_rel: float) -> float:
-    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55, for r = 0.25.
+    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55 at a recoil factor of 0.25.
 
     `v_rel` is the relative speed of ball and bat [mph].
     """
