@@ -28,10 +28,10 @@ class ChangedPartError(Exception):
 
 
 def with_digests(file: bytes) -> bytes:
-    """Return a Parquet file with the digests of its data and of its footer.
+    """Return a Parquet file that contains the digests of its data and of its footer.
 
-    The digests replace the zeros that are kept for them in the footer. Raises `ChangedPartError` if
-    the file is not a Parquet file or its footer has no space for the digests.
+    The footer of `file` must have zeros as placeholders. The digests replace them. Raises
+    `ChangedPartError` if `file` is not a Parquet file or its footer has no placeholders.
     """
     data, footer, tail = _split_file(file)
     footer = _with_digest(footer, DATA, sha256(data).hexdigest())
@@ -53,10 +53,10 @@ def checked_file(path: Path) -> bytes:
 
 
 def checked_footer(path: Path) -> bytes:
-    """Return the footer of a Parquet file, with the marks at both ends but without data.
+    """Return the footer of a Parquet file after a check of its digest.
 
-    Raises `InputError` if the file cannot be read, and `ChangedPartError` if the footer was
-    changed.
+    The result has the Parquet mark at both ends, but no data. Raises `InputError` if the file
+    cannot be read, and `ChangedPartError` if the footer was changed.
     """
     end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
     if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:

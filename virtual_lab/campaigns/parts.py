@@ -76,16 +76,16 @@ def parquet() -> Any:
 
 
 def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
-    """Return the tests of a block as a table: one row per test, the columns of `layout`.
+    """Return the tests of a block as a table, with one row per test and the columns of `layout`.
 
     `layout` has the type and the unit of each column, keyed by name. The metadata of a column state
-    its unit and its meaning. Values are blank for a test without a result, and in a column that
-    only other procedures have. `seed` is the seed of the study.
+    its unit and its meaning. A cell is null if the procedure does not have the column. `seed` is
+    the seed of the study.
 
     Raises
     ------
     InputError
-        A sheet cannot be used, or bat, ball, rigs and procedure do not fit.
+        A sheet cannot be used, or bat, ball, rigs and procedure do not fit together.
     ValueError
         The tests have a column that is not in `layout`.
     """
@@ -106,26 +106,27 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
 
 
 def meaning_of(column: str) -> str:
-    """Return the meaning of a column of a part, in words.
+    """Return the meaning of a table column of a campaign, in words.
 
-    A column that the program does not know is named after a key that the study changes. It holds
-    the value of this key.
+    An unknown column holds the value of a key that the study changes. Its name is this key.
     """
     known = column_meaning(column)
     return known.meaning if known else f"value of {column}"
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
-    """Return type and unit of each column of the parts of a study, by procedure and column name.
+    """Return the type and the unit of each column of a study, by procedure and column name.
 
-    Names and order are the same for all procedures. They are found by testing the first
-    laboratories of some cases. Of cases that differ only in the numbers of changed keys, only the
-    first case is tested. A number 0 is tested separately, because an uncertainty of 0 contributes
-    nothing and has no column. A column that a procedure does not have gets the unit of the first
-    procedure that has it.
+    The names and their order are the same for all procedures. If a procedure does not have a
+    column, the type and the unit come from the first procedure that has it.
+
+    The columns are determined by testing the first laboratories of some cases. A case is a
+    combination of bat, procedure and changed values. If several cases differ only in numbers other
+    than 0, only the first of them is tested. A case with the number 0 is tested too, because an
+    uncertainty of 0 has no column.
 
     `progress` is called with a message, the number of cases tested, and the total. Raises
-    `InputError` if a sheet cannot be used, or if bat, ball, rigs and procedure do not fit.
+    `InputError` if a sheet cannot be used, or if bat, ball, rigs and procedure do not fit together.
     """
     alike = {
         (case.bat, case.procedure, *map(_kind, case.change.values())): case
@@ -221,10 +222,10 @@ def _columns(tested: BlockTest) -> Columns:
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
-    """Write the part of a block into `folder`, completely or not at all, replacing an older file.
+    """Write the tests of a block, `table`, to a Parquet file in `folder`.
 
-    Raises `OSError` if the folder cannot be written, and `InputError` if the extra ``campaign`` is
-    not installed.
+    The file is written completely or not at all. It replaces an older file. Raises `OSError` if the
+    folder cannot be written, and `InputError` if the extra ``campaign`` is not installed.
     """
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}
@@ -253,12 +254,12 @@ class Part:
 
 
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
-    """Return the part of a block, read from a file that is checked.
+    """Read and check the Parquet file of a block; return it as a `Part`.
 
-    If `whole`, the whole file is read and checked, and the part contains it. Otherwise only the
-    footer is read and checked. If the file is missing, changed or unreadable, or belongs to
-    different tests, the part has a fault and no error is raised. `layout` has the type and the unit
-    of each column, keyed by name.
+    If `whole`, the whole file is checked, and the part contains it. Otherwise only the footer is
+    read and checked. If the file is missing, changed or unreadable, or holds other tests, no error
+    is raised. The field `wrong` of the part then states the fault. `layout` has the type and the
+    unit of each column, keyed by name.
     """
     import pyarrow as pa
 
@@ -286,7 +287,7 @@ def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> 
 def processor() -> str:
     """Return architecture and family of this computer's processor, such as ``x86_64 skylake``.
 
-    Within one family results agree to the last bit.
+    Processors of the same family give the same results to the last bit.
     """
     from llvmlite import binding
 

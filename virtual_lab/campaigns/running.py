@@ -33,25 +33,27 @@ def campaign(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Account:
-    """Certify bats in very many laboratories, and store the tests as Parquet files in a folder.
+    """Simulate tests of bats in very many laboratories, and store them as Parquet files.
 
-    Finished parts stay if the run is interrupted. The next run makes the parts that are missing or
-    damaged. The exit code of the program is 4 if a part is still missing because its block failed
-    twice. To read the tests, use `Campaign.open`.
+    Each file is a part of the campaign. If the run is interrupted, finished parts stay, and the
+    next run makes only the parts that are missing or damaged. The exit code of the program is 4 if
+    a part is still missing after two attempts. To read the tests, use `Campaign.open`.
 
     Parameters
     ----------
     study
         The study file, .toml.
 
-        Or its keys and values: ``bats``, ``procedures``, ``laboratories``, ``seed``, and
-        ``repeats`` and ``change`` if wanted. None: the study that is already in the folder.
+        A mapping is also allowed, with the keys ``bats``, ``procedures``, ``laboratories`` and
+        ``seed``, and optionally ``repeats`` and ``change``. If None, the study that is already in
+        the folder is continued.
     folder
         Folder of the campaign. A campaign of the same study in this folder is continued.
     workers
         Number of processes on this machine, each with one thread; 1 uses the current process.
     blocks
-        Compute only share N of M, for example ``3/40`` in a job array.
+        Compute only share N of M of the campaign, for example ``3/40`` in a job array. By default
+        all of it.
     dask
         Address of a Dask scheduler, ``tcp://HOST:8786``, whose workers can access the same folder
         (extra ``dask``). The workers replace the processes on this machine.

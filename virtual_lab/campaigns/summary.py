@@ -34,9 +34,9 @@ def _list_counts(kind: str) -> Callable[[Mapping[str, Any]], str]:
 
 
 def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
-    """Return the printed columns of a summary, keyed by name.
+    """Return the columns of a summary table and their printed form, keyed by column name.
 
-    `changed` lists the names of the columns that hold the settings changed by the study.
+    `changed` lists the names of the columns with settings that the study changes.
     """
     keys = ["bat", "procedure", *changed, "tests", "missing"]
     return {
@@ -48,9 +48,10 @@ def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
 
 
 def with_all_flags(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of a summary, each with a count of every flag that occurs in any of the rows.
+    """Return the rows of a summary with the same flag counts in every row.
 
-    The count is 0 for a flag that a row does not have.
+    Each flag that occurs in any row gets a count in all rows. The count is 0 in a row without this
+    flag.
     """
     names = sorted({name for row in rows for name in row if name.startswith("flag_")})
     plain = [{name: row[name] for name in row if name not in names} for row in rows]

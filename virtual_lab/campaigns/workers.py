@@ -29,8 +29,8 @@ Outcomes = Iterator[tuple[int, Fault]]  # number and fault of each block
 def make_part(folder: str, number: int) -> Fault:
     """Compute and write the part of the block `number`; return its fault, or "" if there is none.
 
-    The fault is a sentence if the tests failed. If the folder cannot be used or the part cannot be
-    written, it is an `InputError`, which is returned and not raised.
+    If the tests fail, the fault is a sentence. If the folder cannot be used or the part cannot be
+    written, the fault is an `InputError`. This error is returned, not raised.
     """
     try:
         stamp = Path(folder) / STAMP
@@ -55,12 +55,13 @@ def make_part(folder: str, number: int) -> Fault:
 
 
 def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
-    """Yield the number of each block and its fault, as soon as its part is made, in any order.
+    """Make the parts of several blocks; yield the number and the fault of each block.
 
-    The fault is "" if there is none. Otherwise it is a sentence, or an `InputError` that should end
-    the run. `workers_or_address` is a number of processes, or the address of a Dask scheduler.
-    Raises `InputError` if the extra ``dask`` is not installed, and if the scheduler does not answer
-    or has no worker.
+    A pair is yielded as soon as its part is finished, so the order is arbitrary. The fault is "" if
+    there is none. Otherwise it is a sentence, or an `InputError` that should end the run.
+    `workers_or_address` is a number of processes, or the address of a Dask scheduler. Raises
+    `InputError` if the extra ``dask`` is not installed, and if the scheduler does not answer or has
+    no worker.
     """
     if isinstance(workers_or_address, str):
         return _by_dask(folder, numbers, workers_or_address)

@@ -79,7 +79,7 @@ class Entry(Generic[T]):
 
 
 def require_kind(kind: str) -> None:
-    """Raise `InputError` for a kind of entry that the catalog does not have.
+    """Raise `InputError` if the catalog has no such kind of entry.
 
     The kinds are those in `KINDS`, such as "bats".
     """
@@ -128,12 +128,12 @@ def find(kind: str, name: str) -> Path:
 
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
-    """Return the content of an entry's file as a mapping, and its numbers with their sources.
+    """Return the content of an entry's file, and the list of its numbers with their sources.
 
-    Values and units are those written in the file. The numbers of a modified bat include those that
-    it inherits from its base; the mapping does not. Raises `InputError` for an unknown entry, for a
-    file that is not TOML, and for an invalid bat. Raises `KeyError` for a number without ``source``
-    or ``verified``.
+    The content is a mapping with values and units as written in the file. If a bat is a
+    modification of a base bat, the list includes the numbers that it takes over from the base. The
+    mapping does not include them. Raises `InputError` for an unknown entry, for a file that is not
+    TOML, and for an invalid bat. Raises `KeyError` for a number without ``source`` or ``verified``.
     """
     text, where = source(kind, name)
     numbers = load_bat(name).sheet if kind == "bats" else _numbers(text, where)
@@ -141,10 +141,11 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
 
 
 def count_unverified(kind: str, name: str) -> dict[str, str]:
-    """Return the number of unverified values of a catalog entry, and of a rig's instruments.
+    """Return the number of unverified values of a catalog entry. For a rig, add its instruments.
 
-    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of 5 values are
-    unverified. An entry whose values are all verified is left out. Raises the errors of `sheet`.
+    The result has one item per sheet, in the form ``{"rigs/astm-pivot": "4 of 5", …}``. Here 4 of 5
+    values are unverified. A sheet without unverified values is left out. Raises the errors of
+    `sheet`.
     """
     document, numbers = sheet(kind, name)
     doubtful = sum(not datum.verified for datum in numbers)
@@ -159,25 +160,27 @@ def count_unverified(kind: str, name: str) -> dict[str, str]:
 def text(kind: str, name: str) -> str:
     """Return the text of a catalog entry's file, or of the user's file if `name` ends in .toml.
 
-    Within `sheets_in_place`, a text that replaces the file is returned instead. Raises `InputError`
+    If `sheets_in_place` replaces the entry, its replacement text is returned. Raises `InputError`
     if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     return source(kind, name)[0]
 
 
 def load(kind: str, name: str, spec: type[T]) -> Entry[T]:
-    """Return a catalog entry, or the user's file if `name` ends in .toml, read as a `spec`.
+    """Return an entry of the catalog, or the user's file if `name` ends in .toml.
 
-    Raises `InputError` if there is no such file, or if its content does not fit `spec`.
+    The content is converted to the class `spec`, with numbers in SI units. Raises `InputError` if
+    there is no such file, or if its content does not fit `spec`.
     """
     return read(*source(kind, name), spec)
 
 
 def read(text: str, where: str, spec: type[T]) -> Entry[T]:
-    """Return the entry in a TOML `text`, with numbers in SI; `where` names the file in messages.
+    """Return the entry that a TOML `text` describes, converted to the class `spec`.
 
-    Raises `InputError` for a string that is not TOML or does not fit `spec`. The same arguments
-    return the same object while the string is among the last 64 read.
+    Numbers are converted to SI units. `where` is the name of the file in error messages. Raises
+    `InputError` for a string that is not TOML or does not fit `spec`. The last 64 results are
+    cached: the same arguments then return the same object.
     """
     return cast("Entry[T]", _read(text, where, cast("Hashable", spec)))
 
@@ -201,22 +204,22 @@ def _numbers(text: str, where: str) -> tuple[Datum, ...]:
 
 
 def load_bat(name: str) -> Entry[BatSpec]:
-    """Return a bat of the catalog, or of the user's file if `name` ends in .toml, in SI.
+    """Return a bat of the catalog, or of the user's file if `name` ends in .toml.
 
-    The file describes the bat completely, or as a modification of another bat (``base = "…"``).
-    Raises `InputError` if there is no such file, if it is not a valid bat, or if its base is not in
-    the catalog.
+    Numbers are in SI units. The file describes a complete bat, or a modification of a catalog bat
+    (``base = "…"``). Raises `InputError` if there is no such file, if it is not a valid bat, or if
+    its base is not in the catalog.
     """
     return read_bat(*source("bats", name))
 
 
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
-    """Return the bat described by a TOML `text`; `where` names the file in error messages.
+    """Return the bat that a TOML `text` describes, with numbers in SI units.
 
-    Numbers are in SI. A text with the key ``base`` states only the changes of that bat of the
-    catalog; all other values are those of the base. In such a file `wall_factor` can be a plain
-    number instead of a table; its source is then ``not stated``. Raises `InputError` for an invalid
-    text and for an unknown base.
+    A text with the key ``base`` describes a modification: it states only the values that differ
+    from this bat of the catalog. In such a text `wall_factor` can be a plain number instead of a
+    table. Its source is then ``not stated``. `where` is the name of the file in error messages.
+    Raises `InputError` for an invalid text and for an unknown base.
     """
     document = _parse(text, where)
     if "base" not in document:
@@ -285,8 +288,8 @@ def _is_replaced(key: str, change: ModifiedBat, changed: set[str]) -> bool:
 def source(kind: str, name: str) -> tuple[str, str]:
     """Return the text of an entry, and the name of its file for error messages.
 
-    The name is the file name for an entry of the catalog, and the path for a user's file. Within
-    `sheets_in_place`, a text may replace the file. This text and `name` are then returned. Raises
+    The second result is the file name for an entry of the catalog, and the path for a user's file.
+    If `sheets_in_place` replaces the entry, its replacement text and `name` are returned. Raises
     `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     in_place = _in_place.get()
@@ -308,10 +311,11 @@ def _shipped_text(kind: str, name: str) -> str:
 
 @contextmanager
 def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
-    """Within the context, read these texts instead of catalog files; keys are (kind, name).
+    """Replace files of the catalog by `texts` within the context.
 
-    Yields a set with the keys of all entries that are read within the context, which grows as they
-    are read. Contexts can be nested: an inner text takes precedence.
+    The keys of `texts` are (kind, name). The context yields a set with the keys of all entries read
+    within it. The set grows with each entry that is read. Contexts can be nested. An inner text
+    then replaces an outer text with the same key.
     """
     outer = _in_place.get()
     in_place = SheetsInPlace({**(outer.texts if outer else {}), **texts}, set())
@@ -325,7 +329,7 @@ def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
 
 
 def texts_in_place() -> Mapping[Key, str]:
-    """Return the texts that replace catalog files in the current context, by (kind, name).
+    """Return the texts that replace catalog files in the current context, keyed by (kind, name).
 
     The mapping is empty outside `sheets_in_place`.
     """
@@ -336,7 +340,7 @@ def texts_in_place() -> Mapping[Key, str]:
 def require_own_names(key: str, names: Sequence[str]) -> None:
     """Raise `InputError` if two of `names` are equal, because tables could not distinguish them.
 
-    `key` is the name of the argument, which the message states.
+    `key` is the name of the argument in the error message.
     """
     for name in names:
         if names.count(name) > 1:
@@ -344,11 +348,12 @@ def require_own_names(key: str, names: Sequence[str]) -> None:
 
 
 def datums(document: Any, prefix: str = "") -> Iterator[Datum]:
-    """Yield the numbers of a parsed file with unit and source as written, in the order of the file.
+    """Yield each number of a parsed file with its unit and source, in the order of the file.
 
-    The key of a number is its path, such as ``body.lumps.knob.mass``. The path contains the name of
-    a list item, or its index if it has no name. Values without a unit are skipped. `prefix` is put
-    before each key. Raises `KeyError` for a number without ``source`` or ``verified``.
+    Values and units are those written in the file. The key of a number is its path, such as
+    ``body.lumps.knob.mass``. An item of a list is named in the path by its ``name``, or by its
+    index if it has no name. Values without a unit are skipped. `prefix` is put before each key.
+    Raises `KeyError` for a number without ``source`` or ``verified``.
     """
     if isinstance(document, Mapping):
         if "value" in document and "unit" in document:

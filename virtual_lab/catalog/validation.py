@@ -21,10 +21,10 @@ WORDS = {  # plain English for the validator's messages
 
 
 def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
-    """Return a parsed document as a `spec`, with numbers in SI.
+    """Return a parsed document, converted to the class `spec`, with numbers in SI units.
 
-    Raises `InputError`, which names the file `where`, the key and the value, for the first entry
-    that does not fit.
+    Raises `InputError` for the first value that does not fit. The message names the file `where`,
+    the key and the value.
     """
     from pydantic import ValidationError
 

@@ -24,11 +24,12 @@ RESULT = ("verdict", "metric", "shots", "budget")
 
 
 def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
-    """Return the reference to the old report in a result folder, which a new report replaces.
+    """Return a reference to the report that a new report replaces.
 
-    The reference holds the number, digest and folder name of the old report, and the reason. The
-    result is None if `folder` is None and `reason` is empty. Raises `InputError` if only one of
-    them is stated, or if the folder has no certificate that this version can read.
+    The reference holds the number, the digest and the folder name of the old report, and the
+    reason. `folder` is the result folder of the old report. The result is None if `folder` is None
+    and `reason` is empty. Raises `InputError` if only one of them is stated, or if the folder has
+    no certificate that this version can read.
     """
     if folder is None and not reason:
         return None
@@ -45,7 +46,7 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
 
 
 def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification]:
-    """Return the certificate in a result folder, and the certification computed from its records.
+    """Return the certificate in a result folder, and the test result computed from its records.
 
     Raises `InputError` if the folder has no certificate or no usable records, or if the records
     yield a different certificate. If another version of the program made the certificate, only its
@@ -65,10 +66,11 @@ def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification
 
 
 def result_folders(folder: Path) -> list[Path]:
-    """Return `[folder]` if it is a result folder, else the result folders directly in it, sorted.
+    """Return `[folder]` if it is a result folder, otherwise the result folders directly in it.
 
-    A result folder holds a ``certificate.json``. Raises `InputError` if `folder` is missing, or if
-    neither it nor a folder directly in it is a result folder.
+    The folders are sorted by path. A result folder contains a ``certificate.json``. Raises
+    `InputError` if `folder` is missing, or if neither it nor a folder directly in it is a result
+    folder.
     """
     if not folder.is_dir():
         raise InputError(str(folder), "result folder", None, "no such folder")

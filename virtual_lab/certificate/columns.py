@@ -249,7 +249,7 @@ SHOTS = (
 
 
 def shot_columns(metric: str) -> dict[str, ShotColumn]:
-    """Return every column that ``readings.csv`` may have, by column name, in the order of the file.
+    """Return all columns that ``readings.csv`` can have, keyed by name, in the order of the file.
 
     `metric` is the name of the procedure's metric, which is part of some column names. Raises
     `KeyError` for an unknown metric.

@@ -78,10 +78,10 @@ def same_text(path: Path) -> str:
 
 
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
-    """Yield one mismatch per key of a JSON file that differs from `here`; nothing if all agree.
+    """Yield one mismatch per key of a JSON file that differs from the values `here`.
 
-    Numbers that differ only by rounding are equal. `text` is the file content that this program
-    writes for the values of `here`. If all keys agree but the content of the file differs from
+    Nothing is yielded if all agree. Numbers that differ only by rounding are equal. `text` is the
+    file content that this program writes for `here`. If all keys agree but the file differs from
     `text`, the first different line is the only mismatch. A file that cannot be read is one
     mismatch.
     """
@@ -96,7 +96,7 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
 
 
 def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
-    """Yield a mismatch for the first line at which the texts differ, if any.
+    """Yield a mismatch for the first line that differs between two texts; nothing if they agree.
 
     A missing line is a difference too. `file` is the file name that the mismatch states.
     """
@@ -111,10 +111,10 @@ def compared_text(file: str, stated: str, here: str) -> Iterator[Mismatch]:
 
 
 def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
-    """Yield one mismatch per cell of a CSV file that differs from the table `here`, a CSV text.
+    """Yield one mismatch per cell that differs between a CSV file and the CSV text `here`.
 
-    Cells that differ only by rounding are equal. If the tables differ in their number of rows or
-    columns, or if the file cannot be read, this is the only mismatch.
+    Cells that differ only by rounding are equal. If the numbers of rows or columns differ, or if
+    the file cannot be read, this is the only mismatch.
     """
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
@@ -146,11 +146,12 @@ def _same_cell(stated: str, expected: str) -> bool:
 
 
 def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterator[Mismatch]:
-    """Yield one mismatch per key of a JSON document whose value differs; nothing if all agree.
+    """Yield one mismatch per key with different values in two JSON documents.
 
-    Numbers that differ only by rounding are equal. `stated` is the value in the file `file`, and
-    `expected` is the value that this program computes. `key` is the path of both values in the
-    document, empty for the whole document. Lists of different lengths are one mismatch.
+    Nothing is yielded if all agree. Numbers that differ only by rounding are equal. `stated` is the
+    document in the file `file`. `expected` is the document that this program computes. Both may
+    also be single values of a document. `key` is then their path in the document. Lists of
+    different lengths are one mismatch.
     """
     if isinstance(stated, Mapping) and isinstance(expected, Mapping):
         for name in [*expected, *(name for name in stated if name not in expected)]:

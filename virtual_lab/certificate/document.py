@@ -679,12 +679,13 @@ def number_of(stated: Mapping[str, Any]) -> str:
 
 
 def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated | None:
-    """Return the risk that the verdict is wrong; None unless the limit alone decides the verdict.
+    """Return the risk of a wrong verdict: its name and its probability, 0 to 1.
 
-    For PASS the risk is the probability that the true value is above the limit. For FAIL it is the
-    probability that the true value is at or below the limit. `eligible` states whether the bat
-    meets all rules other than the limit. The result is also None if the metric has no value,
-    uncertainty or limit, and for the verdict INVALID.
+    For PASS, it is the probability that the true value is above the limit (false acceptance). For
+    FAIL, it is the probability that the true value is at or below the limit (false rejection).
+    `eligible` states whether the bat meets all rules other than the limit. The result is None if
+    `eligible` is False, if the metric has no value, uncertainty or limit, and for the verdict
+    INVALID.
     """
     value, u, limit = metric.value, metric.u, metric.limit
     if value is None or not u or limit is None or not eligible or verdict == "INVALID":
@@ -705,7 +706,7 @@ def statement_of(laboratory: str | None) -> str:
 
 
 def require_schema(parsed: Mapping[str, Any], where: str) -> None:
-    """Raise `InputError` for a certificate of another schema than `SCHEMA`.
+    """Raise `InputError` for a certificate with a schema other than `SCHEMA`.
 
     `parsed` are the JSON values of the certificate. `where` is the name of its file.
     """
@@ -718,10 +719,10 @@ def require_schema(parsed: Mapping[str, Any], where: str) -> None:
 
 
 def document_of(parsed: dict[str, Any], where: str) -> CertificateDocument:
-    """Return the document of parsed JSON.
+    """Return the certificate that parsed JSON describes.
 
-    `where` names the file. Raises `InputError` for another schema, an unknown or missing key, a
-    value that is not allowed, or a key that contradicts the others.
+    `where` is the name of the file in error messages. Raises `InputError` for another schema, an
+    unknown or missing key, a value that is not allowed, or a key that contradicts the others.
     """
     require_schema(parsed, where)
     document = validate(parsed, where, CertificateDocument)
@@ -803,7 +804,7 @@ def _foreign_words(document: CertificateDocument) -> Iterator[tuple[str, Any, st
 def read_document(path: Path) -> CertificateDocument:
     """Return the certificate in a JSON file.
 
-    Raises `InputError` if the file cannot be read, and in the cases of `document_of`.
+    Raises `InputError` if the file cannot be read, and for the errors listed in `document_of`.
     """
     return document_of(read_json(path), str(path))
 

@@ -20,9 +20,9 @@ X_LABEL_HEIGHT = 32.0  # height of the labels below the axes [pt]
 
 
 def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
-    """Return the seven figures of a certificate keyed by name, as SVG elements.
+    """Return the seven figures of a certificate as SVG elements, keyed by name.
 
-    A figure for which the certificate has no data is None.
+    The value is None for a figure for which the certificate has no data.
     """
     return {
         "hits_figure": hits_figure(document),
@@ -36,10 +36,11 @@ def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
 
 
 def hits_figure(document: CertificateDocument) -> str:
-    """Return an SVG figure of the metric of each hit, and of the result against the limit.
+    """Return an SVG figure of the metric: its value for each hit, and the result with the limit.
 
-    The hits are drawn in the order of the shots, or for a scan against the impact position [in from
-    the tip]. The result is drawn in a second panel, which is left out if there is no result.
+    The hits are drawn in the order of the shots. For a scan along the barrel, they are drawn
+    against the impact position [in from the tip]. The result has a second panel, which is left out
+    if there is no result.
     """
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0
@@ -58,8 +59,9 @@ def hits_figure(document: CertificateDocument) -> str:
 def along_figure(document: CertificateDocument) -> str:
     """Return an SVG plot of e_A, e, ball speed and metric along the barrel, with fitted curves.
 
-    Positions are in inches from the tip, all values in printed units. The bars are standard
-    uncertainties. The document must have curves along the barrel.
+    Positions are in inches from the tip. The other values are in the units printed on the
+    certificate. Points are means, and bars are their standard uncertainties. The document must have
+    curves along the barrel.
     """
     along = document.along
     assert along is not None
@@ -102,9 +104,10 @@ def along_figure(document: CertificateDocument) -> str:
 
 
 def budget_figure(document: CertificateDocument) -> str:
-    """Return an SVG bar chart of each budget component's share of the variance of the metric [%].
+    """Return an SVG bar chart of the uncertainty budget of the metric.
 
-    The document must have a printed budget.
+    A bar is the share of one component in the variance [%]. The document must have a printed
+    budget.
     """
     rows = printed_budget(document)
     levels = [float(-number) for number in range(len(rows))]
@@ -129,10 +132,11 @@ def budget_figure(document: CertificateDocument) -> str:
 
 
 def rebound_figure(document: CertificateDocument) -> str | None:
-    """Return an SVG figure of e_A from rebound against e_A from recoil, one point per hit.
+    """Return an SVG figure that compares e_A from rebound with e_A from recoil, hit by hit.
 
-    A second panel shows the difference of each hit, rebound minus recoil, by shot. The result is
-    None if fewer than two hits, or no valid hit, have both values.
+    The first panel plots one against the other. The second panel plots the difference, rebound
+    minus recoil, against the number of the shot. The result is None if fewer than two hits have
+    both values, or if no valid hit has both.
     """
     both = [
         (row, row.recoil_efficiency, row.rebound_efficiency)
@@ -187,10 +191,10 @@ def rebound_figure(document: CertificateDocument) -> str | None:
 
 
 def contact_figure(document: CertificateDocument) -> str:
-    """Return an SVG figure of the encoder's angle minus the fitted rotation, one panel per shot.
+    """Return an SVG figure of the encoder angle minus the fitted rotation, one panel per shot.
 
-    Each panel shows 20 ms after contact, all on the same scale. The document must have at least one
-    such record.
+    Each panel shows the first 20 ms after contact. All panels have the same scale. The document
+    must have at least one encoder record of this time.
     """
     sheet, reasons = document.contact_sheet, {row.shot: row.reason for row in document.shots}
     most = max((abs(angle) for each in sheet for angle in each.angle_deg), default=0.0) or 1.0
@@ -225,7 +229,8 @@ def contact_figure(document: CertificateDocument) -> str:
 def swings_figure(document: CertificateDocument) -> str:
     """Return an SVG plot of the metric and its 95 % interval against the exponent of the swing law.
 
-    The document must have the metric for several swing laws.
+    In the swing law, the angular speed of a bat is proportional to I^-n. I is its moment of inertia
+    and n the exponent. The document must have the metric for several exponents.
     """
     printed = METRICS[document.metric.name]
     exponents = [row.exponent for row in document.swing_range]
@@ -256,9 +261,11 @@ def swings_figure(document: CertificateDocument) -> str:
 
 
 def encoder_figure(trace: EncoderTrace) -> str:
-    """Return the encoder's record of one shot as SVG: angle [deg] of rotation and vibration.
+    """Return an SVG figure of the encoder record of one shot, with two panels.
 
-    Both are plotted against the time after contact [ms], with their fits.
+    The first panel shows the angle [deg] with the fitted rotation. The second shows the record
+    minus this rotation, with the fitted vibration. Both are plotted against the time after contact
+    [ms].
     """
     middle, bottom = (LEFT + RIGHT) / 2, 140 - X_LABEL_HEIGHT
     turn, ring = trace.turn, trace.ring

@@ -232,9 +232,9 @@ def _simulation(origin: Simulated, truth_digest: str | None) -> SimulationStated
 
 
 def budget_lines(budget: Budget) -> list[BudgetLine]:
-    """Return the components of an uncertainty, with values in SI units, the largest first.
+    """Return the components of an uncertainty budget, the largest first, with values in SI units.
 
-    Each component states its share of the variance [%]. All shares are 0 if the variance is 0.
+    Each component has its share of the variance [%]. All shares are 0 if the variance is 0.
     """
     variance = sum(part.contribution**2 for part in budget.components)
     return [

@@ -17,7 +17,7 @@ FEWEST = 3  # smallest number of earlier tests; two may be one good and one bad 
 
 
 def kind_of(session: Session) -> dict[str, str]:
-    """Return the properties that tests must share if their scatter is pooled.
+    """Return the properties in which tests must agree before their scatter is pooled.
 
     The keys are ``bat``, ``procedure`` (text of its sheet), ``rig`` (of the impact stage) and
     ``laboratory`` (its name). Raises `KeyError` for a session without an impact stage.
@@ -33,9 +33,10 @@ def kind_of(session: Session) -> dict[str, str]:
 def earlier_scatter(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> dict[str, Estimate]:
-    """Return the variance of one hit [SI] for each result by name, pooled over earlier tests.
+    """Return the variance of a single hit, pooled over earlier tests, keyed by result.
 
-    Without folders the result is empty.
+    A result is a quantity such as e_A or the metric. Its variance is in the square of its SI unit.
+    The mapping is empty without folders.
 
     Parameters
     ----------
@@ -44,13 +45,14 @@ def earlier_scatter(
     kind
         Kind of the current test, as `kind_of` returns it.
     today
-        Session of the current test, if its records are reduced; None otherwise.
+        Session of the current test, which must not be among the earlier tests. None if it has no
+        records yet.
 
     Raises
     ------
     InputError
         There are fewer than three tests, a folder has no certificate, the records of a test do not
-        yield its certificate, or a test is listed twice, is the test of today, is of another kind,
+        yield its certificate, or a test is listed twice, is the current test, is of another kind,
         or is INVALID.
     """
     if not folders:
@@ -66,11 +68,12 @@ def earlier_scatter(
 def earlier_tests(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> list[dict[str, HitVariance]]:
-    """Return one mapping per earlier test: the variance of one hit [SI], keyed by result.
+    """Return one mapping per earlier test: the variance of a single hit, keyed by result.
 
-    `folders` and `today` are as in `earlier_scatter`. `kind` holds the properties that all tests
-    must have, all or some of those of `kind_of`. Raises `InputError` in the cases of
-    `earlier_scatter`, and without folders.
+    A variance is in the square of the SI unit of its result. `folders` and `today` are as in
+    `earlier_scatter`. `kind` holds some or all of the properties that `kind_of` returns; all tests
+    must have them. Raises `InputError` for the errors listed in `earlier_scatter`, and if there are
+    no folders.
     """
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:

@@ -11,7 +11,7 @@ PACKAGE = "virtual_lab.certificate"
 
 
 def certificate_page(document: CertificateDocument, paper: str = "a4") -> str:
-    """Return the certificate as one self-contained HTML page, for paper ``a4`` or ``letter``.
+    """Return the certificate as one self-contained HTML page for paper ``a4`` or ``letter``.
 
     The page contains no script and loads no other file.
     """
@@ -25,7 +25,7 @@ def certificate_page(document: CertificateDocument, paper: str = "a4") -> str:
 
 
 def notebook_card(document: CertificateDocument) -> str:
-    """Return verdict and result as a small piece of HTML for the output cell of a notebook."""
+    """Return verdict and result as a short HTML text for the output cell of a notebook."""
     return page_template(PACKAGE, "card.html").render(
         document=document, result=printed_result(document)
     )

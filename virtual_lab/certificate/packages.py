@@ -30,7 +30,7 @@ TYPES = {"i": "integer", "f": "number", "b": "boolean"}  # type by kind of dtype
 
 
 def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
-    """Return the text of a descriptor's file: indented JSON and a line end."""
+    """Return the content of a descriptor's file: indented JSON with a line end."""
     return json.dumps(descriptor, indent=1) + "\n"
 
 

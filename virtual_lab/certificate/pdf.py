@@ -29,7 +29,11 @@ MOST_UNPRINTABLE = 500  # largest number of characters without a glyph
 
 
 def pdf_name(document: CertificateDocument) -> str:
-    """Return the file name of the PDF: certificate, its number, and SIMULATED or not-verified."""
+    """Return the file name of the PDF, such as ``certificate-0123456789ab-SIMULATED.pdf``.
+
+    It contains the number of the certificate, and SIMULATED for a simulated test or not-verified
+    for any other test.
+    """
     kind = "SIMULATED" if document.simulation else "not-verified"
     return f"certificate-{document.number}-{kind}.pdf"
 
@@ -41,20 +45,21 @@ def require_paper(paper: str) -> None:
 
 
 def require_pdf(paper: str) -> None:
-    """Raise `InputError` for a paper size other than ``a4`` and ``letter``.
+    """Raise `InputError` if no PDF can be made.
 
-    The error is also raised if the extra ``pdf`` is not installed.
+    The reason is a paper size other than ``a4`` and ``letter``, or that the extra ``pdf`` is not
+    installed.
     """
     require_paper(paper)
     _typst()
 
 
 def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
-    """Return the certificate as a PDF file, for paper ``a4`` or ``letter``.
+    """Return the certificate as a PDF file for paper ``a4`` or ``letter``.
 
-    Characters that no font of Typst has are printed as code points, and a logo that Typst cannot
-    draw is left out. The certificate then states this. Raises `InputError` in the same cases as
-    `require_pdf`, or if Typst fails.
+    A character that is in no font of Typst is printed as its code point. A logo that Typst cannot
+    draw is left out. The certificate states both. Raises `InputError` for another paper size, if
+    the extra ``pdf`` is not installed, and if Typst fails.
     """
     require_paper(paper)
     typst = _typst()
@@ -78,14 +83,14 @@ def typeset(
 ) -> bytes:
     """Return the bytes of the PDF that Typst makes from a template.
 
-    Characters without a glyph are printed as code points. Raises `InputError` if Typst fails.
+    A character that is in no font is printed as its code point. Raises `InputError` if Typst fails.
 
     Parameters
     ----------
     typst
-        The module.
+        The imported module ``typst``.
     source
-        The template.
+        The Typst template.
     view
         Values of the template, which are passed as JSON.
     others
@@ -138,9 +143,10 @@ def source_of_pdf() -> bytes:
 
 
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
-    """Return the template's inputs, keyed by name, for a document whose characters all have glyphs.
+    """Return the inputs of the Typst template, keyed by name.
 
-    `paper` is ``a4`` or ``letter``. Raises `KeyError` for another paper size.
+    The fonts must have all characters of the document. `paper` is ``a4`` or ``letter``. Raises
+    `KeyError` for another paper size.
     """
     printable = _dump_view(_view(document), set())
     return {"view": printable, "document": document.text, "paper": PAPERS[paper]}

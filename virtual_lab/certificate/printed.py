@@ -273,10 +273,14 @@ def _swings(document: CertificateDocument) -> list[dict[str, str]]:
 def printed_result(document: CertificateDocument) -> dict[str, object]:
     """Return verdict, result, limit and number of hits in printed units, keyed by name.
 
-    The values are strings, except for three bools. `stated` is whether there is a result. `decides`
-    is whether there is a result and the bat meets every rule other than the limit. `uncertain` is
-    whether u is not printed as 0. Without a result, for example of an INVALID test, the dictionary
-    has neither `uncertain` nor the keys of value and uncertainty.
+    The values are strings, except for three bools:
+
+    * `stated`: there is a result.
+    * `decides`: there is a result, and the bat meets every rule other than the limit.
+    * `uncertain`: u is not printed as 0.
+
+    A document without a result, such as an INVALID test, has no `uncertain` and no keys for value
+    and uncertainty.
     """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]
@@ -525,7 +529,7 @@ def _camera(camera: CameraWord | None) -> list[dict[str, str]]:
 
 
 def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
-    """Return the budget as rows of strings.
+    """Return the printed rows of the uncertainty budget. All values are strings.
 
     Each component with at least 1 % of the variance has a row. If there are smaller components, a
     last row combines them. The keys of a row are ``words`` (name of the input), ``u`` (of the

@@ -30,20 +30,23 @@ _installed = cache(version)  # cached, because it searches every folder of the p
 
 @cache
 def commit() -> CommitStated | None:
-    """Return the commit of the Git clone this program runs from, or None if it is installed."""
+    """Return the commit of the Git clone from which this program runs.
+
+    The result is None if the program was installed and does not run from a clone.
+    """
     return commit_of(Path(__file__).resolve().parents[2])
 
 
 def commit_of(root: Path) -> CommitStated | None:
-    """Return the commit of a clone of this project in `root`, None if there is none.
+    """Return the Git commit of a clone of this project in the folder `root`.
 
     The result is None if `root` does not contain this project's pyproject.toml, if there is no
-    commit, and for a repository in an unknown format, such as SHA-256. A repository that only
-    contains the virtual environment of the program therefore gives None. Git is not called.
+    commit, and for a repository in an unknown format, such as SHA-256. Any other repository gives
+    None too, even if the virtual environment of the program is in it. Git is not called.
 
-    The field `changes` of the result is a digest of the program's files that differ from git's
-    index; it is empty if no file differs. Staged changes (``git add``) and untracked files do not
-    affect it.
+    The field `changes` of the result is a digest of the program files that differ from git's index.
+    It is empty if no file differs. Staged changes (``git add``) and untracked files do not affect
+    it.
     """
     try:
         project = (root / "pyproject.toml").read_text(encoding="utf-8")

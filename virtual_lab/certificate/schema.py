@@ -39,9 +39,10 @@ def json_schema() -> dict[str, Any]:
 
 
 def document_classes(kind: Any) -> dict[str, type]:
-    """Return the dataclasses that occur in a type, and in their fields, keyed by name.
+    """Return the dataclasses that occur in a type, keyed by class name.
 
-    The result is empty for a type without dataclasses.
+    They include the dataclasses in the fields of these classes. The result is empty for a type
+    without dataclasses.
     """
     if isinstance(kind, type) and is_dataclass(kind):
         inner = [document_classes(each) for each in get_type_hints(kind).values()]
@@ -50,10 +51,11 @@ def document_classes(kind: Any) -> dict[str, type]:
 
 
 def field_meanings(kind: type) -> dict[str, str]:
-    """Return the docstring below each field of a class and its bases, by field name, in one line.
+    """Return the meaning of each field of a dataclass, keyed by field name.
 
-    A field without a docstring is left out. The meanings of `ShotRow` are those of the table of
-    shots.
+    The meaning is the string below the field in the source code of the class or of one of its
+    bases, joined to one line. A field without such a string is left out. For `ShotRow`, the
+    meanings are those of the columns of the table of shots.
     """
     if kind is ShotRow:
         return {column.row: column.meaning for column in SHOTS if column.row}

@@ -62,9 +62,9 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
 def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFinding]:
     """Compare a folder with its list of digests; yield one finding per difference.
 
-    A changed file (apart from its line ends), a missing file, a file that is not listed, and a
-    missing list are mismatches. `optional` holds names of folders directly in `folder`. If such a
-    folder is listed but missing, it is reported as one unchecked part instead.
+    These are mismatches: a missing list, a missing file, a file that is not listed, and a changed
+    file. Changed line ends are not a mismatch. `optional` holds the names of folders directly in
+    `folder`. If such a folder is listed but missing, one finding reports it as unchecked.
     """
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")
@@ -87,10 +87,10 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
 
 
 def signature_fault(folder: Path, key: Path) -> Mismatch | None:
-    """Return None if the list of digests has a valid signature for a public key, else a mismatch.
+    """Return a mismatch if the list of digests has no valid signature, otherwise None.
 
-    `key` is the file of the public key. A missing signature is a mismatch too. Raises `InputError`
-    if the key cannot be used, as described for `require_key`.
+    `key` is the file of the public key. Raises `InputError` if the key cannot be used, as described
+    for `require_key`.
     """
     public = require_key(key, private=False)
     from cryptography.exceptions import InvalidSignature

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def shots_as_columns(certification: Certification) -> dict[str, ArrayLike]:
-    """Return instrument readings and reduced results keyed by column name, each of shape (shot,).
+    """Return instrument readings and reduced results, keyed by column name, each of shape (shot,).
 
     A name ends in its unit. Columns of instruments that the rig does not have are left out.
     """

@@ -150,18 +150,20 @@ class Verification(StudyResult):
 
 
 def verify(folder: Folder, *, key: File | None = None) -> Verification:
-    """Repeat the reduction and the certificate of a result folder, and list the differences.
+    """Check a result folder: reduce its records again, and list the differences.
 
-    The truth is not read; only its digest is compared. The exit code is 3 if anything was altered,
-    and 4 if a part could not be checked, or if another version made the folder and this version
-    computes other results from its records.
+    The result also covers the certificate and the other files. The truth is not read; only its
+    digest is compared. The exit code is 3 if anything was altered. It is 4 if a part could not be
+    checked, or if another version made the folder and this version computes other results from its
+    records.
 
     Parameters
     ----------
     folder
         Result folder with a ``certificate.json``.
     key
-        Public key of the signer, PEM (needs the extra ``sign``). With it the signature is checked.
+        Public key of the signer, a PEM file (needs the extra ``sign``). If it is given, the
+        signature is checked.
 
     Raises
     ------
@@ -191,12 +193,12 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
 def reduced_document(
     certification: Certification, stated: Mapping[str, Any], session_digest: str
 ) -> CertificateDocument:
-    """Return the certificate of a certification as this program writes it, for a comparison.
+    """Return the certificate that this program makes from a test result, for a comparison.
 
     `stated` are the JSON values of the certificate to compare with. Its digest of the truth is
-    adopted, and so are its versions and its commit if they have the keys that this program writes.
-    Otherwise the versions are those of this program, and the commit is None. `session_digest` is
-    the SHA-256 of ``session.json``.
+    copied. Its versions and its commit are copied too, if they have the keys that this program
+    writes. Otherwise the result has the versions of this program, and no commit. `session_digest`
+    is the SHA-256 of ``session.json``.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
@@ -233,10 +235,10 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
 
 
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
-    """Return a sentence that names the program that made a certificate; "" if it was this program.
+    """Return a sentence if another program made a certificate, otherwise "".
 
-    A program is another one if its version or commit differs. `stated` are the JSON values
-    of the certificate.
+    The sentence names both programs. A program is another one if its version or commit differs.
+    `stated` are the JSON values of the certificate.
     """
     here = program.commit()
     of_here = (program.versions()["virtual-lab"], here and asdict(here))
