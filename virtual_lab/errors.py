@@ -40,11 +40,11 @@ class IncompleteError(Exception):
 
 @contextmanager
 def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
-    """Suppress an error in the context, and append `form` and the reason to `missing`.
+    """Suppress any error in the context, and append a note about it to `missing`.
 
-    `form` is the name of the file that is made in the context. Panics of Typst, which are not
-    derived from `Exception`, are suppressed too. `KeyboardInterrupt` and `SystemExit` are
-    re-raised.
+    The note consists of `form`, the name of the file that is made in the context, and the reason.
+    Panics of Typst, which are not derived from `Exception`, are suppressed too. `KeyboardInterrupt`
+    and `SystemExit` are re-raised.
     """
     try:
         yield
@@ -56,9 +56,10 @@ def without_if_it_fails(form: str, missing: list[str]) -> Iterator[None]:
 
 
 def nearest(name: object, names: Iterable[str]) -> str:
-    """Return ``did you mean r161? `` with up to two names similar to a mistyped one.
+    """Return a question such as ``did you mean r161? `` with up to two similar names.
 
-    The case of letters is ignored. The result is an empty string if no name is similar.
+    `name` is the mistyped name, and `names` are the allowed names. The case of letters is ignored.
+    The result is an empty string if no name is similar.
     """
     folded = {each.lower(): each for each in names}
     near = difflib.get_close_matches(str(name).lower(), folded, n=2, cutoff=0.5)
@@ -66,9 +67,10 @@ def nearest(name: object, names: Iterable[str]) -> str:
 
 
 def of_extra(module: str, name: str, who: str) -> Any:
-    """Import and return a module of the extra `name`. Raises `InputError` if it is not installed.
+    """Import and return a module of the extra `name`.
 
-    `who` is the subject of the message, the feature that needs the extra.
+    Raises `InputError` if the extra is not installed. `who` is the feature that needs the extra,
+    for the message.
     """
     try:
         return import_module(module)
@@ -79,8 +81,8 @@ def of_extra(module: str, name: str, who: str) -> Any:
 def with_extra(name: str) -> str:
     """Return the part of an error message that states how to install an extra.
 
-    It names the clone and the command, because the package is not on a public index. `name` is not
-    checked.
+    The extra is installed in a clone of the repository, because the package is not on a public
+    index. It is not checked that the extra exists.
     """
     return f"in a clone of the repository: pip install '.[{name}]'"
 

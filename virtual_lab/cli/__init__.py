@@ -30,8 +30,8 @@ PROGRAM = "virtual-lab"
 def main() -> None:
     """Run the command line and leave the program with its exit code.
 
-    The code is 0 without an error, 1 for a bug, 2 for bad input, 4 for an incomplete result, or the
-    code of the result.
+    The code is 0 for success, 1 for a bug, 2 for bad input and 4 for an incomplete result. A
+    command can also set another code with its result.
     """
     # OpenCV prints no messages of FFmpeg
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
@@ -71,7 +71,7 @@ def _leave(code: int, message: str) -> None:
 @click.command("completion")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completion(shell: str) -> None:
-    """Print the completion script for a SHELL. Source it from the shell's startup file."""
+    """Print the completion script for a SHELL. Source the script from the shell's startup file."""
     from click.shell_completion import get_completion_class
 
     script = get_completion_class(shell)

@@ -346,8 +346,8 @@ def settings_in(
 ) -> dict[str, Any]:
     """Return the values in a file of settings, keyed by parameter name.
 
-    A single value of a parameter that takes several values becomes a list. The values of
-    `instruments` are not checked. `name` is the name of the command for the message.
+    If a parameter takes several values, a single value becomes a list. The values of `instruments`
+    are not checked. `name` is the name of the command in the error message.
 
     Raises `InputError` if the file is missing or not TOML, and for an unknown key or a value that
     is not allowed. The message names file and key.
@@ -371,7 +371,11 @@ def settings_in(
 
 
 def in_help(each: ParameterDescription) -> str:
-    """Return the help of a parameter: first paragraph of its description, choices and default."""
+    """Return the help text of a parameter.
+
+    It is the first paragraph of the parameter's description, followed by the choices and the
+    default value, if there are any.
+    """
     words = for_shell(each.words.split("\n\n")[0])
     if each.rule.several and each.keyword:
         words = f"{words} May be given several times."
@@ -384,5 +388,5 @@ def in_help(each: ParameterDescription) -> str:
 
 
 def for_shell(words: str) -> str:
-    """Return a text of a docstring without backticks, as the help shows it."""
+    """Return a docstring's text without backticks, as the help shows it."""
     return re.sub(r"``(.*?)``|`~?(.*?)`", lambda match: match[1] or match[2], words)

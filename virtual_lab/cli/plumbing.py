@@ -216,8 +216,8 @@ def _part(value: str) -> str:
 def check_new_file(path: Path, endings: Sequence[str]) -> None:
     """Raise `InputError` for a file that exists, cannot be written, or has another ending.
 
-    It is not an error if the folder is missing and can be created. `endings` include the dot, and
-    the case of letters matters.
+    `endings` are the allowed endings with the dot, in the same case. A missing folder is allowed if
+    it can be created.
     """
     if path.suffix not in endings:
         raise InputError(

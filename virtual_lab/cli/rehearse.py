@@ -53,23 +53,23 @@ def day(
     operator_seed
         Seed of the operator's mistakes.
     day
-        Folder of the day. A day that is already there is continued. By default out/SCENARIO; -2,
-        -3, … if it exists.
+        Folder of the day. If it contains a day, this day is continued. By default the new folder
+        out/SCENARIO, or out/SCENARIO-2 and so on if it exists.
     port
-        Port of the page.
+        Port number of the page.
     host
-        Address of the page. Other computers can reach the page only with TLS.
+        Host name or IP address of the page. Other computers can reach the page only with TLS.
     tls_certificate
-        Certificate chain, PEM.
+        Certificate chain for TLS, a PEM file.
     tls_key
-        TLS key, PEM.
+        Private key for TLS, a PEM file.
     trainees
         Number of trainees, each with a separate browser and folder.
     exam
         File of an exam for a class, with title, scenario and trainees.
     replay
-        Log of a handed-in day, day.sqlite, to repeat the day. Prints a table of the entries; with
-        --open, shows a page for each entry.
+        Log of a handed-in day, day.sqlite. The day is repeated, and a table of its entries is
+        printed. With --open, a page shows each entry instead.
     open
         Open the page in a browser.
     """
@@ -141,24 +141,24 @@ def _serve_page(
 
 
 def summary(folder: Folder) -> StudyResult:
-    """Make one table of all days in folders below FOLDER."""
+    """Print a table of all days in the folders below FOLDER, one row per day."""
     from virtual_lab.bench.entrance.review import summary as run
 
     return run(Path(folder))
 
 
 def trends(folder: Folder) -> StudyResult:
-    """Show the learning curves of the trainees below FOLDER, by score and by fault."""
+    """Print the learning curves of the trainees below FOLDER, by score and by fault."""
     from virtual_lab.bench.entrance.review import trends as run
 
     return run(Path(folder))
 
 
 def branch(day: Folder, entry: int, folder: Folder) -> Answer:
-    """Copy a handed-in DAY up to number ENTRY of its log into FOLDER, and practice from there.
+    """Copy the entries of a handed-in DAY up to number ENTRY into FOLDER, to practice from there.
 
-    The entry itself is kept. The first entry is number 1; 0 repeats the whole day. If another
-    laboratory supplied the first entries, ENTRY is at least the number of these entries.
+    The entry ENTRY is included. Entries are numbered from 1. With 0, no entry is copied. If another
+    laboratory supplied the first entries, ENTRY must be at least the number of these entries.
     """
     from virtual_lab.bench.machines.stored_day import StoredDay
 
@@ -170,7 +170,7 @@ def branch(day: Folder, entry: int, folder: Folder) -> Answer:
 
 
 def check(scenario: AnyName) -> StudyResult:
-    """Play your own scenario and print minutes, shots, and the faults that an expert finds."""
+    """Check a scenario: play it and print minutes, shots, and the faults that an expert finds."""
     from virtual_lab.bench.entrance.review import check_scenario
 
     return check_scenario(str(scenario))

@@ -38,15 +38,20 @@ def camera_chart(
     scenes: Mapping[tuple[str, str], Case] = SCENES,
     estimators: Mapping[str, Estimator] = ESTIMATORS,
 ) -> SpeedChart:
-    """Return the chart of all methods to locate a ball: one row per scene and method.
+    """Return the chart of all methods to locate a ball, one row per scene and method.
 
-    A row has the rms error along an axis [px], the time per frame [ms], and three shares of
-    pictures (0 to 1): those without a position, those with a position and a flag, and those with an
-    error above 5 u but without a flag. The limit is the smallest possible error of a plain ball
-    [px]. The bias is the largest absolute error along an axis in pictures without noise, over all
-    positions within a pixel. It is divided by the limit and has no unit. No bias is computed for a
-    stitched ball, because its pattern differs in each picture. Error and bias are None if no ball
-    was located.
+    A row has these values:
+
+    * ``rms_px``: rms error along an axis [px].
+    * ``limit_px``: smallest possible u of the position of a plain ball along an axis [px].
+    * ``bias_over_limit``: largest absolute error along an axis in pictures without noise, over all
+      positions of the ball within a pixel, divided by the limit.
+    * ``ms_a_frame``: processor time per frame [ms].
+    * ``lost``, ``flagged``, ``wrong_unsaid``: shares of pictures, 0 to 1. They are pictures without
+      a position, with a position and a flag, and with an error above 5 u but without a flag.
+
+    Error and bias are None if no ball was located. The bias is also None for a stitched ball,
+    because its pattern differs in each picture.
     """
     import cv2
 
@@ -98,10 +103,10 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
 
 
 def draw_camera(rows: list[Row], title: str) -> PageFigure:
-    """Return the figure of the rows of `camera_chart`: rms error [px] against time per frame [ms].
+    """Return a figure of rms error [px] against time per frame [ms], with one panel per ball.
 
-    There is one panel per kind of ball. Methods that find the ball in less than half of the
-    pictures are not drawn.
+    `rows` are the rows of `camera_chart`. A method that finds the ball in less than half of the
+    pictures is not drawn.
     """
     from matplotlib.lines import Line2D
 

@@ -24,11 +24,11 @@ ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return one row per combination of number of dropped frames and error of the positions.
+    """Return one row per number of dropped frames and error of the located positions.
 
-    The errors of the positions are `ERRORS` [px]. The keys of a row are those of
-    `camera_stability.picture_cells`, but ``rms_unflagged`` is the relative rms error of the speed
-    of all incoming balls, and flights are counted instead of pictures.
+    The standard deviations of the error are `ERRORS` [px]. A row has the same keys as in
+    `camera_stability.picture_cells`, with two differences. ``rms_unflagged`` is the relative rms
+    error of the speed of all incoming balls. The numbers of pictures are numbers of balls.
 
     Parameters
     ----------

@@ -27,12 +27,12 @@ class PlaceScore:
 
 
 def score_places(batch: Batch, located: Located) -> PlaceScore:
-    """Return the score of the positions in a batch of pictures.
+    """Return the score of the located positions in a batch of pictures.
 
-    `rms` is the rms error along an axis [px]. `bias` has no unit: it is the absolute mean error at
-    the position within a pixel where it is largest, divided by the limit of the batch. The other
-    values are shares of all pictures, 0 to 1. If no picture has a position, `rms` and `bias` are
-    inf, `lost` is 1 and the other shares are 0.
+    `rms` is the rms error along an axis [px]. `bias` is the mean error along an axis, taken at each
+    position of the ball within a pixel. The largest absolute value is returned, divided by the
+    limit of the batch, so it has no unit. The other values are shares of all pictures, 0 to 1. If
+    no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
     """
     errors = np.stack([located.x - batch.x, located.y - batch.y])
     finite = np.isfinite(errors).all(axis=0)
@@ -52,9 +52,9 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
 def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
     """Return the mask of positions with an error above 5 u and without a flag, shape (picture,).
 
-    The error along x or along y must be above 5 u, where u includes the uncertainty from the
-    pattern of the ball. If a method states no u, the smallest possible u of the batch is used. The
-    mask is False for a picture without a position.
+    The error along x or along y must be above 5 u. u includes the uncertainty from the pattern of
+    the ball. If a method states no u, the limit of the batch is used, which is the smallest
+    possible u. The mask is False for a picture without a position.
     """
     pattern = np.nan_to_num(located.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)
@@ -65,9 +65,10 @@ def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
 
 
 def seconds_per_picture(estimator: Estimator, inputs: EstimatorInput, rounds: int = 3) -> float:
-    """Return the shortest CPU time per picture over `rounds` runs [s], after a warm-up.
+    """Return the CPU time that an estimator needs per picture [s].
 
-    Each run locates the ball in all pictures of `inputs`.
+    A run locates the ball in all pictures of `inputs`. The result is the shortest time of `rounds`
+    runs after a warm-up.
     """
     estimator(inputs)
     times = []

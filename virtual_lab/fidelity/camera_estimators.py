@@ -63,10 +63,11 @@ class Picture:
 
 
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
-    """Return an estimator that applies `place` to one picture at a time.
+    """Return an estimator for several pictures that calls `place` for each picture.
 
-    `place` returns a position [px from the corner of the region] or None. If it is None, or farther
-    from the initial position of the ball than the ball's radius, the result is NaN with a flag.
+    `place` returns a position [px from the corner of the region] or None. The result is NaN with a
+    flag if `place` returns None, or if the position is at least one ball radius away from the
+    initial position.
     """
 
     def estimator(inputs: EstimatorInput) -> Located:

@@ -41,10 +41,10 @@ CASE = CaseSettings()
 
 
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
-    """Return the pictures of a case with their true positions.
+    """Return simulated pictures of a case, with the true positions of the ball.
 
-    There are `case.repeats` pictures for each of `case.phases` positions of the ball within a
-    pixel. Noise, positions in the frame and patterns depend on `seed` and `block`.
+    There are `case.phases` positions of the ball within a pixel, and `case.repeats` pictures for
+    each of them. Noise, positions in the frame and ball patterns depend on `seed` and `block`.
     """
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2

@@ -48,12 +48,11 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the maps of all methods to locate a ball, one row per cell.
+    """Return the stability maps of locating a ball in pictures, one row per cell of a map.
 
-    The keys of a row are those of `picture_cells`: ``state``, the rms error ``rms_unflagged`` of
-    unflagged pictures, and numbers of pictures. The error is in pixels, and None if no ball was
-    located without a flag. In the map of dropped frames it is the relative error of a speed, and
-    flights are counted instead of pictures.
+    The keys of a row are those of `picture_cells`. An additional map shows the effect of dropped
+    frames. In this map, ``rms_unflagged`` is the relative error of a speed, and balls are counted
+    instead of pictures.
     """
     rows = picture_cells(progress)
     progress("frames dropped")
@@ -85,22 +84,23 @@ def picture_cells(
     axes: Mapping[str, tuple[str, Sequence[float]]] = AXES,
     balls: Mapping[str, Case] = BALLS,
 ) -> list[Row]:
-    """Return one row per combination of axis value, ball and method (convex hull, edge fit).
+    """Return one row per combination of condition, ball and method.
 
-    The combination has the keys ``map``, ``value``, ``ball`` and ``method``. ``state`` is a value
-    of `PictureState`. ``rms_unflagged`` is the rms error along an axis of pictures without a flag
-    [px], and None if there are none. The numbers of pictures are ``pictures`` (all), ``unsaid``
-    (wrong without a flag), ``flagged`` (with a position and a flag) and ``lost`` (without a
-    position).
+    A condition is one value of the quantity of a map, such as the contrast. The methods are the
+    convex hull and the edge fit. The combination has the keys ``map``, ``value``, ``ball`` and
+    ``method``. ``state`` is a value of `PictureState`. ``rms_unflagged`` is the rms error along an
+    axis in pictures without a flag [px], or None if there are no such pictures. The numbers of
+    pictures are ``pictures`` (all), ``unsaid`` (wrong without a flag), ``flagged`` (with a position
+    and a flag) and ``lost`` (without a position).
 
     Parameters
     ----------
     progress
-        Function that is called with a message, the name of the axis.
+        Function that is called with the name of each map.
     axes
-        For each map, keyed by name: the field of `Case` that varies, and its values.
+        Maps, keyed by name. Each is the field of `Case` that varies and its values.
     balls
-        Cases keyed by ball name, in which this field is changed.
+        Cases in which this field is varied, keyed by ball name.
     """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():
@@ -132,9 +132,9 @@ def _maps_text(rows: list[Row]) -> str:
 
 
 def unsaid_share(rows: list[Row], method: str) -> float:
-    """Return the share of the pictures of a method that are wrong without a flag, 0 to 1.
+    """Return the share of a method's pictures that are wrong without a flag, 0 to 1.
 
-    Raises `ZeroDivisionError` if no row has the method.
+    `rows` are the rows of `picture_cells`. Raises `ZeroDivisionError` if no row has the method.
     """
     method_rows = [row for row in rows if row["method"] == method]
     return float(

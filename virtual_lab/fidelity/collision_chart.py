@@ -101,14 +101,12 @@ class Point:
 
 
 def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
-    """Return a chart of error and run time of the collision models, one row per model.
+    """Return the chart of the collision models, one row per model and setting.
 
-    Each row states two errors of e_A, the largest and the rms error. They are computed for random
-    impacts on the barrel, 2 to 12 in from the tip. The row also states the processor time per shot
-    [µs]. For the same number of impacts along the whole bat, it states two shares (0 to 1).
-    ``off_along_the_bat`` is the share of impacts in which the error of e_A exceeds its standard
-    uncertainty on a certificate. ``refused_along_the_bat`` is the share of impacts that the model
-    rejects.
+    A row refers to random scenes on the barrel, 2 to 12 in from the tip. It holds the largest and
+    the rms error of e_A, and the processor time per shot [µs]. It also holds two shares, 0 to 1, of
+    the same number of scenes along the whole bat: scenes in which the error of e_A exceeds its
+    standard uncertainty on a certificate, and scenes that the model rejects.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):

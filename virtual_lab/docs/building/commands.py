@@ -16,6 +16,6 @@ def _show_as_shell(_app: Sphinx, doctree: nodes.document) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the change of a page that was read."""
+    """Let Sphinx remove the line ``%%bash`` from the commands shown on a page."""
     app.connect("doctree-read", _show_as_shell)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -16,11 +16,12 @@ STYLE = Path(__file__).parents[1] / "matplotlibrc"
 
 
 def scrape(_block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
-    """Save the figures among a script's names; its docstring is their alternative text.
+    """Save all figures that a gallery script made; return the reStructuredText that shows them.
 
-    The alternative text is the docstring without its first paragraph. The gallery's own scraper
-    knows only figures of pyplot, and the package makes none. Raises `ValueError` for a script
-    without a figure, and `IndexError` for a docstring of one paragraph.
+    The alternative text of the figures is the script's docstring without its first paragraph. The
+    gallery's standard function is not used because it finds only figures of pyplot, and this
+    package makes none. Raises `ValueError` for a script without a figure, and `IndexError` for a
+    docstring of one paragraph.
     """
     names = block_vars["example_globals"]
     words = ast.get_docstring(ast.parse(Path(block_vars["src_file"]).read_text("utf-8"))) or ""
@@ -35,7 +36,7 @@ def scrape(_block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
 
 
 def reset(_gallery_conf: dict[str, Any], _script: str) -> None:
-    """Set the look of the site, silence the lines of progress, and close the last figures."""
+    """Set the style of the site's figures, switch off progress messages, and close all figures."""
     progress.PIPE_STEP = TIMEOUT_MAX
     plt.close("all")
     mpl.rc_file(STYLE)

@@ -48,17 +48,18 @@ LINK = re.compile(r"\]\(([^)#:]*)(#[^)]*)?\)")
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return a table in Markdown. Cells are converted to strings of one line."""
+    """Return a Markdown table. Each cell is converted to a one-line string."""
     lines = [head, ["---"] * len(head), *rows]
     cells = ([" ".join(str(cell).split()).replace("|", "\\|") for cell in line] for line in lines)
     return "\n".join(f"| {' | '.join(line)} |" for line in cells) + "\n"
 
 
 def relink(text: str, home: str, page: str) -> str:
-    """Return a page's text with each link to a file of the tree as a link within the site.
+    """Return a page's text with its links to files of the repository changed to links in the site.
 
-    `home` is the folder of the text in the tree, `page` its page of the site, from DOCS. A link to
-    a file that is not a page of the site becomes its path in code.
+    `home` is the folder of the text in the repository. `page` is the path of the page in the site,
+    relative to DOCS. A link to a file that is not a page of the site becomes a link to its path in
+    the repository.
     """
 
     def link(match: re.Match[str]) -> str:
@@ -75,7 +76,10 @@ def relink(text: str, home: str, page: str) -> str:
 
 
 def pages() -> Iterator[tuple[str, str]]:
-    """Yield name and text of the pages kept beside the code."""
+    """Yield name and text of each page that is stored beside the code.
+
+    These are the pages in `PAGES`. Their links are changed to links in the site.
+    """
     for name, source in PAGES.items():
         text = (ROOT / source).read_text("utf-8")
         first, *rest = re.split(r"^(?=# )", text, flags=re.MULTILINE)[1:]
@@ -85,7 +89,10 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 def functions() -> Iterator[tuple[str, str]]:
-    """Yield a page for each group of public functions, and one for the classes."""
+    """Yield name and text of the reference pages of the public functions and classes.
+
+    There is one page per group of functions, and one page for the classes.
+    """
     groups: dict[str, list[str]] = {}
     for section, commands in cli.sections.items():
         names = [
@@ -113,12 +120,15 @@ def functions() -> Iterator[tuple[str, str]]:
 
 
 def slug(title: str) -> str:
-    """Return the file name of a heading."""
+    """Return the file name of the page with the heading `title`."""
     return re.sub(r"\W+", "-", title.lower()).strip("-")
 
 
 def commands() -> Iterator[tuple[str, str]]:
-    """Yield the page of all commands, from the same descriptions as their help."""
+    """Yield name and text of the page of all commands.
+
+    The descriptions are the same as in the commands' help.
+    """
     parts = [
         "# Commands\n",
         "Every command also has `--help`. The exit codes are those of the README.\n",
@@ -134,7 +144,7 @@ def commands() -> Iterator[tuple[str, str]]:
 
 
 def command_parts(command: click.Command, name: str) -> Iterator[str]:
-    """Yield heading, description, options and example of a command."""
+    """Yield heading, description, table of options, and example of a command, as Markdown."""
     yield f"### {name}\n"
     yield (command.help or "").replace("\b", "") + "\n"
     context = click.Context(command, info_name=name)
@@ -151,7 +161,10 @@ def command_parts(command: click.Command, name: str) -> Iterator[str]:
 
 
 def shelves() -> Iterator[tuple[str, str]]:
-    """Yield a page for each kind of the catalog, with each number of each sheet."""
+    """Yield name and text of the catalog pages, one page per kind of entry.
+
+    A page lists all numbers of each sheet.
+    """
     for kind in catalog.KINDS:
         parts = [
             f"# Catalog: {kind}\n",
@@ -186,7 +199,7 @@ def shelves() -> Iterator[tuple[str, str]]:
 
 
 def dictionary() -> Iterator[tuple[str, str]]:
-    """Yield the dictionary of the columns of all tables, from the fields that write them."""
+    """Yield name and text of the page that explains the columns of all tables."""
 
     def unit(name: str) -> str:
         return "" if unit_of(name) == PURE else f"`{unit_of(name).ucum}`"
@@ -224,7 +237,7 @@ def dictionary() -> Iterator[tuple[str, str]]:
 
 
 def schema() -> Iterator[tuple[str, str]]:
-    """Yield the page of the keys of ``certificate.json``, and its JSON Schema."""
+    """Yield name and text of the page of keys of ``certificate.json``, then of its JSON Schema."""
     whole = json_schema()
     parts = [
         "# Keys of certificate.json\n",
@@ -248,9 +261,9 @@ def schema() -> Iterator[tuple[str, str]]:
 
 
 def type_name(described: dict[str, Any]) -> str:
-    """Return the type of a property in words. ``null`` among them means that it may be missing.
+    """Return the type of a JSON Schema property in words, such as ``number or null``.
 
-    A property of unknown type is ``any``.
+    ``null`` means that the value may be missing. A property without a stated type is ``any``.
     """
     if "$ref" in described:
         return str(described["$ref"]).rpartition("/")[2]
@@ -286,7 +299,7 @@ def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Write the pages before the build begins."""
+    """Let Sphinx write the generated pages before the build, and change the links of pages."""
     app.connect("config-inited", lambda app, _config: _write(app))
     app.connect("source-read", _relink)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

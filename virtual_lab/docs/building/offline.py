@@ -19,9 +19,10 @@ LOADED = re.compile(
 
 
 def remote_resources(folder: Path) -> list[str]:
-    """Return file and text of each resource that a built page would load from elsewhere.
+    """Return every place where a built page would load something from another site.
 
-    The list is empty if there is none. Texts are cut to 120 characters.
+    An item holds the file and the text of the page at this place, at most 120 characters of it. The
+    list is empty if there is none.
     """
     return [
         f"{path.relative_to(folder)}: {match[0][:120]}"
@@ -37,6 +38,6 @@ def _refuse(app: Sphinx, failure: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the check after the build."""
+    """Let Sphinx check after the build that no page loads anything from another site."""
     app.connect("build-finished", _refuse)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

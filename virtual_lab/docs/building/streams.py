@@ -11,6 +11,6 @@ from sphinx.application import Sphinx
 
 
 def setup(_app: Sphinx) -> dict[str, bool]:
-    """Join the pieces where a page is executed."""
+    """Let Sphinx join the pieces of a command's output when it executes a page."""
     utils.executenb = partial(execute, coalesce_streams=True)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
