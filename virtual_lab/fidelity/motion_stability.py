@@ -1,9 +1,9 @@
 """Maps of the steps at which pymunk is accurate, alone and as a model of the motion.
 
-A cell consists of a few shots whose contact times are spread evenly over a step. The bat is rigid
-with one radius, at rest, and hit 6 in from its tip. In the map of slop (allowed overlap) the bat is
+A cell consists of a few shots with contact times spread evenly over a step. The bat is rigid with
+one radius, at rest, and hit 6 in from its tip. In the map of slop (allowed overlap) the bat is
 swung and the ball comes at an angle. In the map of iterations the impact is 20 in from the tip. The
-error is that of the velocity of the ball after the contact, relative to the speed of approach. The
+error is the error of the ball's velocity after the contact, divided by the speed of approach. The
 reference is the closed form. Settings that the model rejects are computed too, to test the
 rejection.
 """

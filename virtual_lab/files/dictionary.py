@@ -29,7 +29,7 @@ class ColumnMeaning(NamedTuple):
 
 
 _M = ColumnMeaning
-# the unit of a name that ends in a unit is the one in the name
+# a name that ends in a unit has this unit; the others state it here
 COLUMNS: dict[str, ColumnMeaning] = {
     # bat, procedure and laboratory of a test
     "bat": _M("name of the bat", WORDS),
@@ -324,7 +324,7 @@ PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on 
     "coverage_by_u_*": _M("coverage of tenth * of the laboratories, smallest u first"),
     "coverage_by_dof_*": _M("coverage of tenth * of the laboratories, fewest dof first"),
 }
-ENDINGS = {  # meaning of a name with this ending, from that of the name without it
+ENDINGS = {  # meaning of a name with this ending; {} is the meaning of the rest
     "u": "standard uncertainty: {}",
     "true": "true value: {}",
     "low": "lower end of the 95 % interval: {}",

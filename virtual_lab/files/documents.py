@@ -391,7 +391,7 @@ def new_folder(target: Path, settings: str = "", *, overwrite: bool = False) -> 
 
 
 def _exchange(draft: Path, target: Path) -> None:
-    """Put a draft in the place of a folder, which is deleted; after an error it is back."""
+    """Replace a folder by a draft. The folder is deleted, or restored after an error."""
     with draft_in(target.parent) as aside:
         earlier = target.rename(aside / target.name)
         try:

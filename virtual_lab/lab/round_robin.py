@@ -40,7 +40,7 @@ from virtual_lab.uncertainty.scatter import HitVariance
 Taken = TypeVar("Taken")
 BLOCK = 1024  # number of laboratories per block; more are a few percent faster but need memory
 SCANS = 768  # number of laboratories per block for scans, which need more shots
-INDIVIDUALS = 32  # the same for individual bats, whose modes and splines need memory
+INDIVIDUALS = 32  # laboratories per block with individual bats; their modes need memory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,8 @@
 """The seal on a finished test: digests of all written files, stored with the truth.
 
-The seal holds the SHA-256 of every file. For JSON and TOML files, whose layout may change, it
-holds a digest of each value with its key instead, so that a changed key can be named. The truth
-has a single digest, because digests of single values would reveal them.
+The seal holds the SHA-256 of every file. JSON and TOML files are different, because their layout
+may change. For them the seal holds a digest of each value with its key, which also shows which key
+was changed. The truth has a single digest, because digests of single values would reveal them.
 """
 
 from __future__ import annotations

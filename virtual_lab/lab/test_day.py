@@ -1,4 +1,4 @@
-"""A test as a sequence of steps, each of which returns the day with new records and truth.
+"""A test as a sequence of steps. Each step returns the day with new records and truth.
 
 An operator chooses the steps and their order; `by_the_book` follows the procedure. The random
 numbers of a step depend on the number of its reading or shot, so its records do not depend on the

@@ -166,9 +166,9 @@ class Reduction(AlignedArrays):
         return NextShots(np.flatnonzero(asking)[following.owner], following.place)
 
     def judgement(self, readings: ImpactReadings, laboratory: int = 0) -> Judgement:
-        """Return the reason of rejection of each shot of one laboratory, empty for a valid hit.
+        """Return the reason for rejection of each shot of one laboratory, empty for a valid hit.
 
-        `readings` are those of the shots of all laboratories, (shot,).
+        `readings` are the readings of all shots of all laboratories, (shot,).
         """
         mask, preparation = self.owner == laboratory, self.preparation
         return self.acceptance(
@@ -180,9 +180,9 @@ class Reduction(AlignedArrays):
         )
 
     def judge_hits(self, acceptance: Acceptance, readings: ImpactReadings) -> Reduction:
-        """Return the reduction in which the valid hits are those that `acceptance` accepts.
+        """Return the reduction with the valid hits that `acceptance` accepts.
 
-        `readings` are those of the shots of all laboratories, as fired, (shot,).
+        `readings` are the readings of all shots of all laboratories, as fired, (shot,).
         """
         chosen, valid = replace(self, acceptance=acceptance), np.empty_like(self.valid)
         for laboratory in range(self.preparation.laboratories):

@@ -1,8 +1,8 @@
 """The metric of one test by second order or Monte Carlo instead of first order.
 
 The inputs are the constants of the measurement model and the further components of the budget: the
-scatter of the hits and the choice of a position. The value and the verdict remain those of the
-procedure; u and the interval are those of the method.
+scatter of the hits and the choice of a position. The procedure still determines the value and the
+verdict. The method determines u and the interval.
 """
 
 from __future__ import annotations

@@ -157,8 +157,8 @@ def _compare_quantity(
     """Return a quantity of hits (variant, hit) from gates, from video, and combined.
 
     The combined result is the weighted mean with the smallest uncertainty. Only errors that differ
-    between the two methods determine the weights: those of the constants, and for each method half
-    of the scatter of the differences. The scatter of the hits is common to both.
+    between the two methods determine the weights. These are the errors of the constants, and for
+    each method half of the scatter of the differences. The scatter of the hits is common to both.
     """
 
     def mix(of_gates: float, of_video: float) -> Budget:

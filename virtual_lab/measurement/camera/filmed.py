@@ -155,7 +155,7 @@ def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tu
     u, v, bent = (each[which if columns[0].ndim > 1 else 0] for each in (u, v, bent))
     place_x, place_y, place_z, plane = of("place_x place_y place_z plane")
     below = place_z - plane - height
-    # The image of a sphere is farther from the axis than that of its center, by 1 / (1 - R²/Z²).
+    # The image of a sphere is farther from the axis than its center's image, by 1 / (1 - R²/Z²).
     shrink = 1 - (np.asarray(x["ball.radius"])[..., None] / below) ** 2 * bent
     turn = looking_down(np.concatenate(of("tilt_x tilt_y tilt_z"), axis=-1))
     axes = np.moveaxis(turn[..., None, :, :], (-1, -2), (0, 1))

@@ -48,7 +48,7 @@ class Sightings:
     x: Array
     y: Array
     u: Array  # standard uncertainty of x, and of y, from noise, independent in every frame [px]
-    pattern_u: Array  # the same from the ball's pattern, similar in neighboring frames [px]
+    pattern_u: Array  # the same, caused by the ball's pattern, similar in neighboring frames [px]
     out: Mask  # whether the ball flies out
 
 

@@ -31,7 +31,7 @@ FEWEST_RELEASES = 3  # smallest number of releases that gives a scatter
 ROUNDING = 1e-9  # rounding error of masses in floating-point arithmetic [kg]
 DENSITY_U = 5e-4  # uncertainty of the air density from its stated digits [kg/m³]
 ODD_BALL = 0.02  # deviation of e0 from the median of the lot that a sound ball never has
-# relative uncertainty of the loss of amplitude, whose two readings differ by only a few steps
+# relative uncertainty of the loss of amplitude; its two readings differ by only a few steps
 DECAY_U = 0.4
 
 
@@ -125,9 +125,9 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
 
     The period shortens as the swing decays. The prediction is computed from the recorded
     amplitudes. The difference is the ratio of observed to predicted change, minus 1.
-    `Pairs.sigmas`, (laboratory,), is its absolute value in standard uncertainties. Nothing is
-    yielded if the record has fewer than four swings per release. A laboratory is not compared if
-    its amplitude does not decay.
+    `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard uncertainty.
+    Nothing is yielded if the record has fewer than four swings per release. A laboratory is not
+    compared if its amplitude does not decay.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -159,15 +159,15 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
 def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     """Yield comparisons of mean and median swing time, and flags for releases with odd swings.
 
-    A swing is the time between two passages of the pendulum through its lowest point. If a passage
-    is not recorded, two swings appear as one long swing, which changes the mean but not the median.
-    A swing is odd if it is much longer or shorter than the median. Releases without an odd swing
-    are counted, see `counted_releases`.
+    A swing is the time between two passages of the pendulum through its lowest point in the same
+    direction. If a passage is not recorded, two swings appear as one long swing, which changes the
+    mean but not the median. A swing is odd if it is much longer or shorter than the median.
+    Releases without an odd swing are counted, see `counted_releases`.
 
     Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases.
-    The first is for the mean over all counted releases. The second compares the release that
-    deviates most with the other releases. It is needed because an outlier increases the uncertainty
-    in the first comparison.
+    The first is for the mean over all counted releases. The second compares the most deviating
+    release with the others. It is needed because an outlier increases the uncertainty in the first
+    comparison.
 
     Two flags are always yielded, even if they are raised in no laboratory. The first is for
     releases that are left out because of an odd swing. The second is for releases with an odd swing
@@ -324,9 +324,10 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison of the scale's readings of the reference mass, before and after use.
 
     Bat and balls are weighed in between. The difference is the mean reading after use minus the
-    mean reading before. `Pairs.sigmas`, (laboratory,), is its absolute value in standard
-    uncertainties. Nothing is yielded without a record of the reference mass. Raises `InputError`
-    unless the record has two items, before and after, with at least two readings of each.
+    mean reading before. `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its
+    standard uncertainty. Nothing is yielded without a record of the reference mass. Raises
+    `InputError` unless the record has two items, before and after, with at least two readings of
+    each.
     """
     record = evidence.block.records["bench"].get(REFERENCE_MASS)
     if record is None:
@@ -354,8 +355,8 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison of two air densities, from the climate record and from the calibration.
 
-    `Pairs.sigmas`, (laboratory,), is the absolute difference in standard uncertainties. Nothing is
-    yielded without a climate record, or if the calibration states no density.
+    `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard uncertainty.
+    Nothing is yielded without a climate record, or if the calibration states no density.
     """
     calibration = evidence.block.calibration.get(DENSITY)
     if calibration is None or "climate" not in evidence.block.records["bench"]:
@@ -446,8 +447,8 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
 
     A straight line is fitted to the mean e0 of the balls against the order in which they hit the
     wall. The difference is the value of the line for the last ball minus its value for the first
-    ball. `Pairs.sigmas`, (laboratory,), is its absolute value in standard uncertainties. Nothing is
-    yielded for fewer than four balls.
+    ball. `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard
+    uncertainty. Nothing is yielded for fewer than four balls.
     """
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:

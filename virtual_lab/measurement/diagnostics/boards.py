@@ -31,10 +31,10 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
     Inner gates are all gates except the first and the last. The timed position of an inner gate
     follows from the times at which a ball passed the gates. It is computed for a flight with drag
     that passes the first and the last gate at their measured times. The difference is the surveyed
-    position minus the mean timed position. `Pairs.sigmas`, (laboratory,), is its absolute value in
-    standard uncertainties. Nothing is yielded with fewer than three gates, or for an instrument
-    that is neither gates nor boards. A laboratory with fewer than `FEWEST_SHOTS` shots is not
-    compared.
+    position minus the mean timed position. `Pairs.sigmas`, (laboratory,), is the absolute
+    difference in units of its standard uncertainty. Nothing is yielded with fewer than three gates,
+    or for an instrument that is neither gates nor boards. A laboratory with fewer than
+    `FEWEST_SHOTS` shots is not compared.
     """
     constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights
     if not isinstance(gates, GateReadings):
@@ -185,8 +185,8 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     height scale of the board, relative to the first and last boards. One more comparison is the
     mean height at the bat minus the mean height of the marks on the aim paper. It is left out if
     there are too few marks or none. `Pairs.sigmas`, (laboratory,), is the absolute difference in
-    standard uncertainties. Nothing is yielded if the instrument does not measure heights. A
-    laboratory with too few shots is not compared.
+    units of its standard uncertainty. Nothing is yielded if the instrument does not measure
+    heights. A laboratory with too few shots is not compared.
     """
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:

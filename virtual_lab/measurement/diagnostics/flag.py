@@ -1,9 +1,9 @@
 """A flag, and the probability of a false one.
 
-There are two kinds of checks. A pair consists of two measurements of one quantity, whose difference
+There are two kinds of checks. A pair consists of two measurements of one quantity. Their difference
 is compared with its uncertainty. A flag is raised if a difference of this size occurs by chance in
-fewer than one of 2 000 faultless tests. It rules out a verdict if this is fewer than one of 100
-000. A band compares a number with wide limits, which a faultless laboratory never approaches.
+fewer than one of 2 000 faultless tests. It rules out a verdict if it occurs in fewer than one of
+100 000. A band compares a number with wide limits, which a faultless laboratory never approaches.
 Together the checks flag fewer than one faultless test in a hundred.
 
 A check returns `Raised` or `Pairs` for a block of laboratories. `Flag` and `Discrepancy` are the
@@ -137,6 +137,10 @@ def pairs(
     compared: Mask | None = None,
 ) -> Pairs:
     """Return a comparison of two measurements in each laboratory. Their difference should be 0.
+
+    The arrays of the result are (laboratory,). `sigmas` is the absolute difference in units of its
+    standard uncertainty, and `likely` is its two-sided p-value. `harmful` is the p-value if a
+    difference that shifts the test result by less than `HARMLESS` of its u is treated as noise.
 
     Parameters
     ----------

@@ -74,8 +74,9 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
     """Yield two comparisons of the mean mark on the aim paper with the known aim.
 
     The first comparison is along the bat, the second across it. The difference is the mark minus
-    the aim. `Pairs.sigmas`, (laboratory,), is its absolute value in standard uncertainties. Nothing
-    is yielded without an aim paper, or with fewer than `FEWEST_SHOTS` marks per laboratory.
+    the aim. `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard
+    uncertainty. Nothing is yielded without an aim paper, or with fewer than `FEWEST_SHOTS` marks
+    per laboratory.
     """
     marks = evidence.block.impact.get("aim")
     if not isinstance(marks, AimMarks):
@@ -150,8 +151,9 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
     The half is the part nearest contact. The difference of the two rates is multiplied by the
     sensitivity of the result to the rate. In the first comparison, the products of all shots are
     added. The second is for the least likely shot of each laboratory. `Pairs.sigmas`,
-    (laboratory,), is the absolute value in standard uncertainties. Nothing is yielded for an
-    encoder that the rig does not have, that keeps no record, or that does not affect the result.
+    (laboratory,), is the absolute difference in units of its standard uncertainty. Nothing is
+    yielded for an encoder that the rig does not have, that keeps no record, or that does not affect
+    the result.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)
@@ -258,13 +260,14 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 
 
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of the mean e_A from the bat's recoil with that from the ball's rebound.
+    """Yield one comparison of two mean e_A, from the bat's recoil and from the ball's rebound.
 
-    The difference is recoil minus rebound. `Pairs.sigmas`, (laboratory,), is its absolute value in
-    standard uncertainties. The mean is over the valid shots with both values. A laboratory needs at
-    least `FEWEST_SHOTS` such shots, because their scatter gives the uncertainty of the mean. One
-    shot is enough if there are at least `FEWEST_SHOTS` marks on the aim paper, which give the
-    scatter of the impact position. Nothing is yielded if no laboratory has enough shots.
+    The difference is recoil minus rebound. `Pairs.sigmas`, (laboratory,), is the absolute
+    difference in units of its standard uncertainty. The mean is over the valid shots with both
+    values. A laboratory needs at least `FEWEST_SHOTS` such shots, because their scatter gives the
+    uncertainty of the mean. One shot is enough if there are at least `FEWEST_SHOTS` marks on the
+    aim paper, which give the scatter of the impact position. Nothing is yielded if no laboratory
+    has enough shots.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     has_both = evidence.reduced.valid & np.isfinite(difference)

@@ -24,9 +24,9 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
 
     If two shots have identical records of one instrument but different records of another
     instrument, a record was stored twice. The flag is raised in all laboratories and rules out a
-    verdict. Nothing is yielded without such a repeat. Nothing is yielded either if all swings of
-    the pendulum are identical to the last digit. The instruments then have no noise, and equal
-    records are possible.
+    verdict. Nothing is yielded without such a repeat, or if all swings of the pendulum are
+    identical to the last digit. In the second case, the instruments have no noise and equal records
+    are possible.
     """
     pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():

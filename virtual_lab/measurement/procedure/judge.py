@@ -23,7 +23,7 @@ Criterion = tuple[Mask, Callable[[float], str], Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """Reason of rejection of each shot; an empty reason is a valid hit."""
+    """Reason for rejection of each shot, empty for a valid hit."""
 
     reasons: tuple[str, ...]
 
@@ -54,7 +54,7 @@ def judge(
     percussion: float,
     turn_rate: float,
 ) -> Judgement:
-    """Return the reason of rejection of each shot, (shot,). The reason of a valid hit is empty.
+    """Return the reason for rejection of each shot, (shot,). It is empty for a valid hit.
 
     A reason names only the first violated window. `percussion` is the distance of the center of
     percussion from the barrel tip [m]. `turn_rate` is the angular speed [rad/s] that the procedure

@@ -59,7 +59,7 @@ class HitWeights:
         return np.asarray(self.weights != 0) & np.isfinite(self.weights)
 
     def row(self, laboratory: int, shots: Mask) -> HitWeights:
-        """Return the weights of one laboratory, whose shots are marked in `shots`, (shot,)."""
+        """Return the weights of one laboratory. `shots` is the mask of its shots, (shot,)."""
         rows = slice(laboratory, laboratory + 1)
         return HitWeights(
             weights=self.weights[shots],
@@ -318,8 +318,8 @@ def verdicts_of(
 def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -> tuple[str, ...]:
     """Return the sentences of all reasons for the verdict of one laboratory.
 
-    `verdict` is its verdict. Reasons for another verdict, or in other laboratories, are left out.
-    The tuple is empty for PASS and MEASURED.
+    `verdict` is the verdict of this laboratory. Reasons for another verdict, or in other
+    laboratories, are left out. The tuple is empty for PASS and MEASURED.
     """
     return tuple(
         each.sentence(laboratory)

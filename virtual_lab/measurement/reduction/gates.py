@@ -44,7 +44,7 @@ THICKNESS = ".gates.thickness"  # ending of a constant's name: thickness of a st
 class Passages(AlignedArrays):
     """Uncorrected times and heights of the ball's center, (..., shot, direction, gate).
 
-    NaN stands for a passage that was not detected.
+    A passage that was not detected is NaN.
     """
 
     times: Array  # [s]

@@ -77,12 +77,18 @@ def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
 
 
 def restitution_from_efficiency(e_A: Floats, r: Floats) -> Floats:
-    """Return e = e_A (1 + r) + r, dimensionless, from e_A and recoil factor. Eq. (6)."""
+    """Return the restitution e = e_A (1 + r) + r of ball and bat, dimensionless. Eq. (6).
+
+    `r` is the recoil factor.
+    """
     return e_A * (1 + r) + r
 
 
 def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
-    """Return e_A = (e - r) / (1 + r), dimensionless, from e and recoil factor. Eq. (6)."""
+    """Return the collision efficiency e_A = (e - r) / (1 + r), dimensionless. Eq. (6).
+
+    `r` is the recoil factor.
+    """
     return (e - r) / (1 + r)
 
 
@@ -97,8 +103,8 @@ def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
 def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
     """Return 1/M_eff = 1/M + d²/I_cm [1/kg] of a free bat. Eq. (8).
 
-    `M` is the mass of the bat [kg] and `I_cm` its moment of inertia about the center of mass [kg
-    m²]. `d` is the distance of the impact from the center of mass [m].
+    `M` is the mass of the bat [kg] and `I_cm` its moment of inertia about the center of mass
+    [kg m²]. `d` is the distance of the impact from the center of mass [m].
     """
     return 1 / M + d**2 / I_cm
 
@@ -178,10 +184,10 @@ def rebound_speed_from_recoil(
 ) -> Floats:
     """Return the rebound speed of a ball [m/s], from the recoil of a pivoted bat.
 
-    The bat was at rest. The angular momentum about the pivot is conserved: ``I_p omega = m b
-    (v_ball + v_f)``. `I_p` is the bat's moment of inertia about the pivot [kg m²] and `omega` its
-    angular rate after contact [rad/s]. `m` is the mass of the ball [kg] and `v_ball` its incoming
-    speed [m/s]. `b` is the distance of the impact from the pivot [m].
+    The bat was at rest. The angular momentum about the pivot is conserved:
+    ``I_p omega = m b (v_ball + v_f)``. `I_p` is the bat's moment of inertia about the pivot [kg m²]
+    and `omega` its angular rate after contact [rad/s]. `m` is the mass of the ball [kg] and
+    `v_ball` its incoming speed [m/s]. `b` is the distance of the impact from the pivot [m].
     """
     return I_p * omega / (m * b) - v_ball
 
@@ -255,8 +261,8 @@ def inverse_effective_mass(
 ) -> Floats:
     """Return 1/M_eff [1/kg] of a bat that is free or pivoted at `axis`. Eqs. (8), (9).
 
-    `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the center of mass [kg
-    m²]. `z_cm`, `axis` and `z` are the distances of center of mass, pivot and impact from the
+    `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the center of mass
+    [kg m²]. `z_cm`, `axis` and `z` are the distances of center of mass, pivot and impact from the
     barrel tip [m]. If `free` is true, `axis` has no effect.
     """
     if free:

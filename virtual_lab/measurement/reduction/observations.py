@@ -136,10 +136,11 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
 def odd_swings(times: Array) -> Mask:
     """Return a mask of the swings that are too long or too short, (laboratory, release, swing).
 
-    A swing is the time between two passages of the pendulum through its lowest point. `times` are
-    the times of these passages, (laboratory, release, passage) [s]. A swing is odd if it differs by
-    more than 25 % from the median of all swings of its laboratory. If a passage is not recorded,
-    one swing is twice as long. If a passage is recorded twice, one swing is very short.
+    A swing is the time between two passages of the pendulum through its lowest point in the same
+    direction. `times` are the times of these passages, (laboratory, release, passage) [s]. A swing
+    is odd if it differs by more than 25 % from the median of all swings of its laboratory. If a
+    passage is not recorded, one swing is twice as long. If a passage is recorded twice, one swing
+    is very short.
     """
     swings = np.diff(times, axis=2)
     usual = np.median(swings, axis=(1, 2), keepdims=True)

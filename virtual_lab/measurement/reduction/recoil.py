@@ -1,12 +1,12 @@
 """Encoder records: rate of recoil at contact, from a joint fit of rotation and vibration.
 
 The encoder measures the rigid rotation, slowed by bearing and air, plus the bending vibration
-(ring), whose angular rate at the pivot is as large as that of the rotation. All shots of a batch
-are at one bat, so they share frequencies and decays of the vibration. Rotation, slowing, phases and
-amplitudes differ between shots and enter linearly. The shared parameters are fitted by variable
-projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). If the end of a record does not fit,
-the bat has hit its stop. The fit of all shots then ends at the first time at which a bat reaches
-its largest angle.
+(ring). At the pivot, the angular rate of the vibration is as large as that of the rotation. All
+shots of a batch are at one bat, so they share frequencies and decays of the vibration. Rotation,
+slowing, phases and amplitudes differ between shots and enter linearly. The shared parameters are
+fitted by variable projection (Golub & Pereyra 1973, Jacobian of Kaufman 1975). If the end of a
+record does not fit, the bat has hit its stop. The fit of all shots then ends at the first time at
+which a bat reaches its largest angle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class RecoilFit:
     most_rings: int = 6
     slowest_ring: float = 60.0  # lowest frequency of a bat; a slipping coupling is slower [Hz]
     settling_time: float = 3e-3  # time after contact at which the forced motion is over [s]
-    # duration of contact, to the end of which the rotation is extrapolated [s]. Data of balls are
+    # duration of contact [s]; the rotation is extrapolated to its end. Data of balls are
     # 0.6 to 1.0 ms, about 0.7 ms at 60 mph. Friction reduces the rate by 1e-4 per millisecond.
     contact_duration: float = 0.7e-3
     first_decay: float = 5.0  # start value of the decay [1/s]
@@ -237,7 +237,7 @@ def _shares(coefficients: Array) -> Array:
     """Return the factor of each move in the derivative by each parameter, (parameter, move, shot).
 
     The parameters are frequencies and decays. A move is a column of a vibration multiplied by the
-    time. `coefficients` are those of the columns, (move, shot).
+    time. `coefficients` are the coefficients of the columns, (move, shot).
     """
     moves, shots = coefficients.shape
     shares = np.zeros((moves // 2, 2, moves // 2, 2, shots))

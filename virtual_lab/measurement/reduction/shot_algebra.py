@@ -39,7 +39,7 @@ Constants = Mapping[str, Array]
 R = TypeVar("R", bound="SetResults")
 # prefixes of the names of constants on which the flight of a ball depends
 FLIGHT = ("bench.scale.", "hall.", "ball.radius")
-# the same, including the constants of the instruments that time the flight
+# prefixes of all constants of a flight, including the instruments that time it
 AT_WALL, AT_BAT = (*FLIGHT, "balls."), (*FLIGHT, "impact.")
 ADDED = ("balls.restitution_", "balls.slope_")  # errors added to results of the flights
 HELD = tuple(f"impact.{name}." for name in ("pivot", "encoder", "swing", "cannon", "aim"))
