@@ -60,7 +60,7 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 
 
 def to_si(value: float, unit: str, dimension: str) -> float:
-    """Convert `value` from `unit` to the SI unit of `dimension`, and return it.
+    """Return `value` converted from `unit` to the SI unit of `dimension`.
 
     `dimension` is a key of `DIMENSIONS`, such as "speed", and `unit` is one of its units, such as
     "mph". Degrees Celsius are not among the units. Raises `KeyError` for another dimension or unit.
@@ -69,7 +69,7 @@ def to_si(value: float, unit: str, dimension: str) -> float:
 
 
 def from_si(value: float, unit: str, dimension: str) -> float:
-    """Convert `value` from the SI unit of `dimension` to `unit`, and return it.
+    """Return `value` converted from the SI unit of `dimension` to `unit`.
 
     `dimension` is a key of `DIMENSIONS`, such as "speed", and `unit` is one of its units, such as
     "mph". Degrees Celsius are not among the units. Raises `KeyError` for another dimension or unit.
@@ -91,10 +91,11 @@ def name_with_unit(name: str, unit: str) -> str:
 
 
 def convert(value: float, unit: str, target: str) -> float:
-    """Convert `value` from `unit` to `target`, a unit of the same dimension, and return it.
+    """Return `value` converted from `unit` to `target`, a unit of the same dimension.
 
-    Units are those of `DIMENSIONS`. If `unit` and `target` are equal, `value` is returned without a
-    check. Raises `ValueError` for units of different dimensions, and for an unknown unit.
+    The allowed units are those in `DIMENSIONS`. If `unit` and `target` are equal, `value` is
+    returned without a check. Raises `ValueError` for units of different dimensions, and for an
+    unknown unit.
     """
     if unit == target:
         return value
@@ -105,5 +106,5 @@ def convert(value: float, unit: str, target: str) -> float:
 
 
 def miles_per_hour(speed: float) -> float:
-    """Convert a speed from m/s to mph, and return it."""
+    """Return a speed in mph, converted from `speed` in m/s."""
     return speed / MPH

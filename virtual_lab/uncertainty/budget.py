@@ -259,11 +259,18 @@ class Variants(AlignedArrays):
 
 
 def combine_components(value: Array, components: Components) -> Budgets:
-    """Return the combined uncertainties of results, with value, u and dof as arrays (laboratory,).
+    """Return the combined standard uncertainty and degrees of freedom of results, (laboratory,).
 
-    `value` is (laboratory,). Contributions add in quadrature, and the degrees of freedom are those
-    of Welch and Satterthwaite (GUM G.4.1), inf if u is 0. Components whose u comes from one common
-    scatter form a pool. They share their degrees of freedom and count as one term.
+    The contributions of the components add in quadrature. The degrees of freedom follow from the
+    Welch-Satterthwaite formula (GUM G.4.1); they are inf if u is 0. Components of one pool have a u
+    from one common scatter, so they count as one term with common degrees of freedom.
+
+    Parameters
+    ----------
+    value
+        Results, (laboratory,), which are returned unchanged.
+    components
+        Sources of uncertainty and their effects on the results.
     """
     from virtual_lab.uncertainty.budget_kernel import welch_satterthwaite
 
@@ -281,26 +288,27 @@ def means_of_hits(
     effects: Array,
     earlier: HitVariance | None = None,
 ) -> Budgets:
-    """Return the budgets of weighted sums of hits, one per laboratory, in the unit of the hits.
+    """Return the budgets of weighted sums of hits, (laboratory,), in the unit of the hits.
 
-    The components are the constants, followed by the remaining scatter of the hits.
+    The sources of uncertainty are the constants, and the scatter of the hits that the constants do
+    not explain.
 
     Parameters
     ----------
     variants
-        Variants of the constants.
+        Sets of constants: set 0 has the estimates, the others have one constant shifted by its u.
     hits
-        Output of the model for each hit and variant k of the constants, (laboratory, k, hit).
-        Variant 0 has all constants at their values.
+        Output of the model for each hit and set k of constants, (laboratory, k, hit).
     weights
         Weight of each hit in the result, (laboratory, hit); 0 for a missing hit.
     places
-        Impact position of each hit, (laboratory, hit). Scatter is that within a position.
+        Impact position of each hit, (laboratory, hit). The scatter is computed within each
+        position.
     effects
         Derivative of the result with respect to each hit, (laboratory, hit); 0 for a missing hit.
     earlier
-        Variance of a hit in earlier tests of each laboratory, which is pooled with that of this
-        test. `Budgets.scatter` contains the scatter of this test alone.
+        Variance of a hit in earlier tests of each laboratory, pooled with the variance in this
+        test. None: no earlier tests. `Budgets.scatter` has the scatter of this test alone.
     """
     value = weighted_sums(hits[:, :1], weights)[:, 0]
     constants = variants.components(weighted_sums(hits, effects))
@@ -311,10 +319,10 @@ def means_of_hits(
 
 
 def weighted_sums(hits: Array, weights: Array) -> Array:
-    """Return the weighted sum of the hits for each set of constants, (laboratory, k).
+    """Return the weighted sum of the hits for each set k of constants, (laboratory, k).
 
-    `hits` are (laboratory, k, hit), and `weights` (laboratory, hit). A hit of weight 0 is left out
-    even if it is NaN.
+    `hits` has the shape (laboratory, k, hit), and `weights` (laboratory, hit). A hit of weight 0 is
+    left out even if it is NaN.
     """
     from virtual_lab.uncertainty.budget_kernel import weigh
 
@@ -324,10 +332,10 @@ def weighted_sums(hits: Array, weights: Array) -> Array:
 
 
 def _pool_lines(components: Sequence[Component]) -> list[Component]:
-    """Return the components with those of a pool combined in one line.
+    """Return the components, with all components of a pool combined in one line.
 
-    Contribution of this line: root sum of squares of its parts. Its u: root mean square of the u of
-    its parts. Its degrees of freedom are those of the pool, and its sensitivity is positive.
+    The contribution of this line is the root sum of squares of its parts, and its u is their root
+    mean square. Its degrees of freedom are those of the pool, and its sensitivity is positive.
     """
     lines = [part for part in components if not part.pool]
     pools: dict[str, list[Component]] = {}
@@ -355,10 +363,16 @@ def _pool_lines(components: Sequence[Component]) -> list[Component]:
 
 
 def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
-    """Return one source of type A as components, arrays (laboratory, 1).
+    """Return a budget component of type A with the sensitivity 1, arrays (laboratory, 1).
 
-    `value` and `u` are (laboratory,), in the unit of the result, so the sensitivity is 1. `dof` are
-    the degrees of freedom, (laboratory,) or one number for all.
+    Parameters
+    ----------
+    name
+        Name of the component.
+    value, u
+        Value and standard uncertainty in the unit of the result, (laboratory,).
+    dof
+        Degrees of freedom of `u`, (laboratory,) or one number for all laboratories.
     """
     column = (len(u), 1)
     return Components(
@@ -374,9 +388,10 @@ def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Comp
 
 
 def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
-    """Return the ends of the 95 % interval, value ± t u, in the unit of the value.
+    """Return the lower and upper end of the 95 % interval, value - t u and value + t u.
 
-    The factor t is that of Student's distribution with `dof` degrees of freedom; inf is allowed.
+    The ends are in the unit of `value`. t is the coverage factor of Student's distribution with
+    `dof` degrees of freedom, which may be inf.
     """
     factor = float(coverage_factors(np.array(dof)))
     return value - factor * u, value + factor * u
@@ -385,8 +400,8 @@ def interval_95(value: float, u: float, dof: float) -> tuple[float, float]:
 def coverage_factors(dof: Array, probability: float = 0.95) -> Array:
     """Return the coverage factor t of Student's distribution, dimensionless, in the shape of `dof`.
 
-    The interval ± t u contains `probability`. `dof` are the degrees of freedom of u, up to inf. The
-    factor is NaN if they are NaN or not above 0.
+    The interval ± t u has the coverage probability `probability`. `dof` are the degrees of freedom
+    of u and may be inf. The factor is NaN for degrees of freedom that are NaN, 0 or negative.
     """
     from scipy.special import stdtrit  # takes half a second to load, too long for a page
 

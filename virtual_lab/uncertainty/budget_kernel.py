@@ -19,9 +19,10 @@ Whole = NDArray[np.int64]
 
 @njit(**KERNEL, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
-    """Fill `out` (laboratory, k) with the sums of `hits` (laboratory, k, hit) times `weights`.
+    """Fill `out`, (laboratory, k), with the weighted sum of the hits for each set k of constants.
 
-    The weights are (laboratory, hit). A hit of weight 0 is left out even if it is NaN.
+    `hits` has the shape (laboratory, k, hit), and `weights` (laboratory, hit). A hit of weight 0 is
+    left out even if it is NaN.
     """
     for laboratory in range(len(hits)):
         for k in range(hits.shape[1]):
@@ -37,23 +38,25 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
 def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: Array) -> None:
     """Fill `out`, (6, laboratory), with the scatter of weighted sums of hits.
 
-    The rows are:
+    The six rows are:
 
-    * u of the sum, and its degrees of freedom;
+    * u of the sum, caused by the scatter of the hits;
+    * degrees of freedom of this u;
     * sum of the squared weights;
-    * mean variance of a hit, with these weights;
-    * this variance minus the part explained by constants, which can be negative;
+    * weighted mean of the variance of a hit;
+    * the same variance minus the part explained by constants, which can be negative;
     * degrees of freedom of the variance.
 
-    The variance is that within an impact position. A hit of weight 0 is left out. The variances of
-    a laboratory without hits are NaN.
+    A variance is computed within each impact position. A hit of weight 0 is left out. For a
+    laboratory without hits, the variances are NaN.
 
     Parameters
     ----------
     hits, weights, places
         Values, weights and impact positions, (laboratory, hit).
     effects
-        Effect of one standard uncertainty of each constant, (laboratory, constant, hit).
+        Effect of one standard uncertainty of each constant on each hit, (laboratory, constant,
+        hit).
     out
         Result, (6, laboratory).
     """
@@ -145,18 +148,20 @@ def _add_variance(values: Array, order: Whole, begin: Whole, squares: Array, out
 
 @njit(**KERNEL, error_model="numpy")
 def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Array) -> None:
-    """Add the variance of each line of a budget to `square`, and fill `freedom`.
+    """Add up the variances of the sources in each line of a budget, and fill in degrees of freedom.
 
     Parameters
     ----------
     effect, dof
-        Effect and degrees of freedom of each source, (laboratory, source).
+        Effect of one standard uncertainty of each source, and its degrees of freedom, (laboratory,
+        source).
     line
-        Index of the line to which each source belongs, (source,).
+        Index of the budget line of each source, (source,).
     square
-        Variances, (laboratory, line), to which the squared effects are added. It is not reset to 0.
+        Variances, (laboratory, line). The squared effects are added to the numbers already in it.
     freedom
-        Degrees of freedom of the first source in each line, (laboratory, line).
+        Overwritten with the degrees of freedom of the first source in each line, (laboratory,
+        line).
     """
     for laboratory in range(len(effect)):
         for source in range(line.size - 1, -1, -1):
@@ -167,10 +172,11 @@ def add_lines(effect: Array, dof: Array, line: Whole, square: Array, freedom: Ar
 
 @njit(**KERNEL, error_model="numpy")
 def welch_satterthwaite(square: Array, freedom: Array, u: Array, dof: Array) -> None:
-    """Fill `u` and `dof`, (laboratory,), from the lines of a budget (GUM G.2b).
+    """Fill `u` and `dof`, (laboratory,), with the combined uncertainty and degrees of freedom.
 
-    `square` are squared contributions, `freedom` their degrees of freedom, (laboratory, line). The
-    u is the root of the sum of the squares; a u of 0 has inf degrees of freedom.
+    The equation is GUM G.2b. `square` are the variances of the budget lines, and `freedom` their
+    degrees of freedom, both (laboratory, line). u is the root of the sum of the variances. A u of 0
+    has inf degrees of freedom.
     """
     for laboratory in range(len(square)):
         variance, fourth = 0.0, 0.0

@@ -97,11 +97,11 @@ def conformity(
     upper: Certain | None = None,
     dof: Certain = inf,
 ) -> float:
-    """Return the probability that the true value of one item conforms (JCGM 106, 7).
+    """Return the probability, 0 to 1, that the true value of an item is within the limits.
 
-    The distribution is normal, or Student's t with finite `dof`. If the item is accepted, the
-    specific consumer's risk is one minus this probability. If it is rejected, the specific
-    producer's risk is this probability.
+    The true value has a normal distribution about the measured value, or Student's t if `dof` is
+    finite (JCGM 106, clause 7). The specific consumer's risk of an accepted item is one minus this
+    probability. The specific producer's risk of a rejected item is this probability.
 
     Parameters
     ----------
@@ -131,10 +131,10 @@ def global_risk(
     guard: Certain = 0.0,
     dof: Certain = inf,
 ) -> Risks:
-    """Return the consumer's and the producer's risks for all items of a process (JCGM 106, 9).
+    """Return the consumer's and the producer's risks over all items of a process (JCGM 106, 9).
 
-    The risks are probabilities. An item is accepted if its measured value is within the acceptance
-    limits.
+    The risks are probabilities, 0 to 1. An item is accepted if its measured value is within the
+    acceptance limits.
 
     Parameters
     ----------
@@ -145,15 +145,15 @@ def global_risk(
     lower, upper
         Tolerance limits, in the unit of the prior; at least one of them.
     guard
-        Width w of the guard band at each limit, in the unit of the prior. A positive width moves
-        the acceptance limits inward from the tolerance limits.
+        Width of the guard band at each limit, in the unit of the prior. A positive width moves the
+        acceptance limits inward from the tolerance limits.
 
     Raises
     ------
     InputError
         The prior is not a valid `Input` with an uncertainty, `u` or `dof` is not above 0, `u` or
-        `guard` is not finite, there is no limit, the limits are in the wrong order, or the guard
-        band leaves nothing between them.
+        `guard` is not finite, there is no limit, the limits are in the wrong order, or no value
+        remains between the acceptance limits.
     """
     _require_u(u, dof)
     limits, source = Tolerance.read(lower, upper), source_of("prior", prior)
@@ -170,30 +170,31 @@ def guard_band(
     prior: Input | None = None,
     dof: Certain = inf,
 ) -> tuple[float, float, float]:
-    """Return the guard band w and the lower and upper acceptance limit, in the unit of `u`.
+    """Return the guard band w, the lower and the upper acceptance limit, in the unit of `u`.
 
-    A positive w moves the limits inward. A missing limit is -inf or inf.
+    A positive w moves the acceptance limits inward from the tolerance limits. A limit that is not
+    given is -inf or inf.
 
     Parameters
     ----------
     u, dof, lower, upper
         As for `risk`.
     r
-        Guard band over U: w = r U, where U = k u is the expanded uncertainty for 95 % (k = 2 with
-        infinite `dof`). With r = 0 an item is accepted if its measured value conforms (simple
-        acceptance), r = 1 is guarded acceptance, and r = -1 is guarded rejection.
+        Multiple of the expanded uncertainty U: w = r U, where U = k u covers 95 % (k = 2 with
+        infinite `dof`). r = 0 is simple acceptance, r = 1 is guarded acceptance, and r = -1 is
+        guarded rejection.
     target
-        Largest consumer's risk, between 0 and 1, instead of `r`. With a `prior` it is the joint
-        risk of all items. Without a `prior` it is the specific risk of an item at the acceptance
-        limit.
+        Largest allowed consumer's risk, between 0 and 1, instead of `r`. With a `prior` it is the
+        joint risk of all items. Without a `prior` it is the specific risk of an item at the
+        acceptance limit.
     prior
         As for `risk`.
 
     Raises
     ------
     InputError
-        Both or neither of `r` and `target`, a target that no guard band reaches, a guard band that
-        leaves nothing between the limits, or an argument that `risk` rejects.
+        Both or neither of `r` and `target` are given, no guard band reaches the target, no value
+        remains between the acceptance limits, or an argument is not allowed for `risk`.
     """
     from scipy.optimize import brentq
 
@@ -226,8 +227,8 @@ def _risk_with(
 ) -> float:
     """Return the consumer's risk with the guard band `w`.
 
-    With a prior this is the joint risk of all items, without one the specific risk of the worst
-    accepted item.
+    With a prior it is the joint risk of all items. Without a prior it is the specific risk of an
+    item at the acceptance limit.
     """
     accepted = limits.guard(w)
     if prior:

@@ -81,21 +81,21 @@ class Estimates(AlignedArrays):
 def means_of_readings(
     readings: Array, *, used: Mask | None = None, least_u: Array | float = 0.0
 ) -> Estimates:
-    """Return the means of repeated readings with type A uncertainties, (laboratory,).
+    """Return means of repeated readings with their type A uncertainties, (laboratory,).
 
-    The degrees of freedom are the number of used readings minus one. They are inf where `least_u`
-    exceeds the u from the scatter. With only one used reading, u is NaN and the degrees of freedom
-    are inf. With none, the mean is NaN too.
+    The degrees of freedom are the number of used readings minus one, or inf if `least_u` is larger
+    than the u from the scatter. With one used reading, u is NaN and the degrees of freedom are inf.
+    Without any, the mean is also NaN.
 
     Parameters
     ----------
     readings
         Repeated readings, (laboratory, n), n ≥ 2.
     used
-        Mask of the readings to use, of the same shape; None: all.
+        Mask of the readings to use, with the shape of `readings`; None: all.
     least_u
-        Lower bound of the standard uncertainty of a mean, in the unit of the readings. It is
-        step/√12 (GUM F.2.2.1) for an instrument whose resolution hides a smaller scatter.
+        Lower bound of the standard uncertainty of a mean, in the unit of the readings. For an
+        instrument whose resolution hides a smaller scatter, it is step/√12 (GUM F.2.2.1).
     """
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)

@@ -40,20 +40,21 @@ def sobol_indices(
     points: int = 16_384,
     seed: Seed = 0,
 ) -> pd.DataFrame:
-    """Return Sobol's indices of a model, one row per pair of output and input.
+    """Return a table of Sobol's indices of a model, one row per pair of output and input.
 
-    ``first_order`` is the share of the variance that an input explains alone, ``total_order`` the
-    share with all its interactions (Saltelli 2010, by scipy.stats.sobol_indices).
-    ``first_order_se`` and ``total_order_se`` are their Monte Carlo standard errors, computed as for
-    independent points. The errors with Sobol's sequence are mostly smaller. Within these errors,
-    the total order can be below the first.
+    The column ``first_order`` has the share of the output's variance that the input explains alone.
+    The column ``total_order`` has the share with all its interactions (Saltelli 2010, by
+    scipy.stats.sobol_indices). The columns ``first_order_se`` and ``total_order_se`` have their
+    standard errors, computed as for independent points. With Sobol's sequence the errors are mostly
+    smaller. Within these errors, the total index can be below the first.
 
     Parameters
     ----------
     model, inputs
         As for `propagate`.
     points
-        A power of 2. The model is evaluated ``points`` × (number of inputs + 2) times.
+        Number of points, a power of 2. The model is evaluated ``points`` × (number of inputs + 2)
+        times.
     seed
         Seed of the scrambling of Sobol's sequence.
 
@@ -61,7 +62,7 @@ def sobol_indices(
     ------
     InputError
         Inputs are correlated, fewer than two inputs are uncertain, the number of points is too
-        large or not a power of 2, or no output varies; also in the cases of `propagate`.
+        large or not a power of 2, or no output varies. The errors of `propagate` are also raised.
     """
     import pandas as pd
     from scipy.stats import sobol_indices as by_scipy
@@ -114,20 +115,21 @@ def sobol_indices(
 
 
 def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Array]:
-    """Return Sobol's first and total indices, and their standard errors, each (2, input, output).
+    """Return Sobol's indices, and their standard errors, each (2, input, output).
 
-    Row 0 of each array holds the first indices and row 1 the total indices. They are shares of the
-    variance, from 0 to 1 except for errors of sampling. The estimators are those of Saltelli 2010,
-    table 2 (b) and (f): a mean over the points, divided by the variance of the output. The standard
-    errors follow from the scatter over the points by first-order propagation. Raises `InputError`
-    for an output that does not vary.
+    Along the first axis are the first-order indices and then the total indices. They are shares of
+    the output's variance, 0 to 1 apart from sampling errors. The estimators are (b) and (f) in
+    Table 2 of Saltelli 2010. Each is a mean over the points, divided by the variance of the output.
+    The standard errors follow from the scatter over the points by first-order propagation. Raises
+    `InputError` for an output that does not vary.
 
     Parameters
     ----------
     f_A, f_B
         Outputs minus their mean at two independent samples, (output, point).
     f_AB
-        Outputs at the first sample with one input taken from the second, (input, output, point).
+        Outputs minus their mean at the first sample with one input taken from the second, (input,
+        output, point).
     """
     squares = (f_A**2 + f_B**2) / 2
     variance = squares.mean(axis=-1)

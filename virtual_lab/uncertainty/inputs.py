@@ -122,13 +122,18 @@ class Inputs:
 
 
 def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) -> Inputs:
-    """Return the sources of uncertainty behind the inputs of a model.
+    """Return the inputs of a model in the form that the methods of propagation need.
 
-    A value of `entries` is an `Input`, an `Estimate`, a number without uncertainty, or readings
-    (n,). For readings, the mean and its scatter are used (type A). Readings (n, m) taken together
-    have a tuple of m names as their key. `correlations` are the correlation coefficients of pairs
-    of inputs, keyed by the two names; all others are 0. Raises `InputError` for an input or a
-    correlation that cannot be used; its message names it.
+    Raises `InputError` for an input or a correlation that cannot be used. The message has its name.
+
+    Parameters
+    ----------
+    entries
+        The value for a name is an `Input`, an `Estimate`, a number without uncertainty, or readings
+        (n,), whose mean and scatter are used (type A). The value for a tuple of m names is an array
+        of readings (n, m) that were taken together.
+    correlations
+        Correlation coefficients of pairs of inputs, keyed by the two names; all others are 0.
     """
     if not isinstance(entries, Mapping) or not entries:
         raise InputError("", "inputs", entries, "allowed: names and inputs, {'d': vl.Input(…)}")
@@ -187,10 +192,10 @@ def _readings(name: str, readings: Array) -> tuple[float, float]:
 
 
 def source_of(name: str, entry: Input) -> InputSource:
-    """Return the value, u and distribution of an input.
+    """Return value, u and distribution of an input.
 
-    Raises `InputError` if it is not an `Input`, is not valid, or has no uncertainty. The message
-    calls the input `name`.
+    Raises `InputError` if `entry` is not an `Input`, is not valid, or has no uncertainty. The
+    message calls it `name`.
     """
     if not isinstance(entry, Input):
         raise InputError("", name, entry, "allowed: vl.Input(…)")
@@ -272,10 +277,10 @@ def _scale_law(value: float, half: float, kind: str, entry: Input, refuse: Any) 
 def _group_observations(
     name: str, entry: Input
 ) -> tuple[tuple[Array, tuple[str, ...], NDArray[np.int_]], dict[str, InputSource]]:
-    """Return the values of an input by groups, and its sources keyed by name.
+    """Return the values of an input with groups, and its sources keyed by name.
 
-    The values are a tuple: number of each observation, names of the sources, and index of the
-    source of each observation.
+    The values are a tuple: value of each observation, names of the sources, and index of the source
+    of each observation.
     """
     nested = isinstance(next(iter(entry.by)), list | tuple | np.ndarray)
     rows = entry.by if nested else (entry.by,)

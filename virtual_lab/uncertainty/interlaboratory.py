@@ -99,12 +99,14 @@ class NestedStudy:
 def nested_study(values: ArrayLike) -> NestedStudy:
     """Return variances within and between laboratories, and statistics of their consistency.
 
-    The results are arrays (...), one entry per data set, in the unit of the values or its square.
-    The statistics h and k are (..., laboratory); h, k and Cochran's statistic are dimensionless.
-    The design is balanced: every laboratory has the same number of lots, and repeats the test with
-    each lot equally often. Variances are unbiased estimates, so those between laboratories and
-    between lots can be negative; their standard deviations are then 0. With one lot per laboratory,
-    `lot_variance` is NaN. The results are then those of ISO 5725-2 and ASTM E691.
+    Every laboratory has the same number of lots, and repeats the test equally often with each lot.
+    The variances are unbiased estimates. The variances between laboratories and between lots can
+    therefore be negative; their standard deviations are then 0. With one lot per laboratory,
+    `lot_variance` is NaN, and the other results are those of ISO 5725-2 and ASTM E691.
+
+    The results are arrays (...), one entry per data set. Means and standard deviations are in the
+    unit of the values, and variances in its square. Cochran's statistic and the statistics h and k
+    are dimensionless; h and k have the shape (..., laboratory).
 
     Parameters
     ----------
@@ -115,8 +117,8 @@ def nested_study(values: ArrayLike) -> NestedStudy:
     Raises
     ------
     InputError
-        Another shape, fewer than two laboratories or two repeats, values that are not finite, or a
-        data set whose values are all equal.
+        The shape is not allowed, there are fewer than two laboratories or two repeats, a value is
+        not finite, or all values of a data set are equal.
     """
     results = np.asarray(values, float)
     shape = results.shape
@@ -164,9 +166,9 @@ def nested_study(values: ArrayLike) -> NestedStudy:
 def cochran_limit(groups: int, dof: int, level: float) -> float:
     """Return the critical value of Cochran's test (ISO 5725-2), dimensionless.
 
-    The statistic is the largest of `groups` variances over their sum, each variance with `dof`
-    degrees of freedom. It exceeds the limit by chance with a probability of `level`. The limit is
-    NaN for a single group.
+    The statistic is the largest of `groups` variances divided by their sum. Each variance has `dof`
+    degrees of freedom. By chance, the statistic exceeds the limit with a probability of `level`.
+    The limit is NaN for a single group.
     """
     from scipy.stats import f
 
@@ -174,21 +176,21 @@ def cochran_limit(groups: int, dof: int, level: float) -> float:
 
 
 def grubbs_limit(groups: int, level: float) -> float:
-    """Return the critical value of Grubbs's test for the most extreme of `groups` means.
+    """Return the critical value of Grubbs's test of the most extreme mean, dimensionless.
 
-    The statistic is the largest absolute deviation from the overall mean, in standard deviations of
-    the means. It exceeds the limit by chance with a probability of `level`. The limit is NaN for
-    fewer than three groups.
+    The statistic is the largest absolute deviation of one of `groups` means from the overall mean,
+    divided by the standard deviation of the means. By chance, it exceeds the limit with a
+    probability of `level`. The limit is NaN for fewer than three groups.
     """
     return h_limit(groups, level / groups)
 
 
 def h_limit(groups: int, level: float) -> float:
-    """Return the critical value of |h| (ASTM E691), dimensionless.
+    """Return the critical value of |h| for one of `groups` means (ASTM E691), dimensionless.
 
-    The test examines one mean out of `groups`. The statistic h is the deviation of this mean from
-    the overall mean, in standard deviations of the means. By chance, |h| exceeds the limit with a
-    probability of `level`. The limit is NaN for fewer than three groups.
+    The statistic h is the deviation of a mean from the overall mean, divided by the standard
+    deviation of the means. By chance, |h| exceeds the limit with a probability of `level`. The
+    limit is NaN for fewer than three groups.
     """
     from scipy.stats import t
 
@@ -199,12 +201,11 @@ def h_limit(groups: int, level: float) -> float:
 
 
 def k_limit(groups: int, dof: int, level: float) -> float:
-    """Return the critical value of k (ASTM E691), dimensionless.
+    """Return the critical value of k for one of `groups` groups (ASTM E691), dimensionless.
 
-    The test examines one group out of `groups`. The statistic k is the standard deviation within
-    this group, with `dof` degrees of freedom, divided by the pooled standard deviation of all
-    groups. By chance, k exceeds the limit with a probability of `level`. The limit is NaN for a
-    single group.
+    The statistic k is the standard deviation within a group, divided by the pooled standard
+    deviation of all groups. Each group has `dof` degrees of freedom. By chance, k exceeds the limit
+    with a probability of `level`. The limit is NaN for a single group.
     """
     from scipy.stats import f
 

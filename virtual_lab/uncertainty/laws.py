@@ -110,10 +110,10 @@ LAWS = {
 
 
 def inexactness(dof: float) -> float:
-    """Return the relative inexactness of limits with `dof` degrees of freedom, 1/√(2 ν).
+    """Return the relative inexactness of two limits with `dof` degrees of freedom, 1/√(2 dof).
 
-    It is the half width of the range in which each limit lies, divided by half the distance between
-    the limits (GUM G.4.2), dimensionless. It is 0 for infinite `dof`. For `dof` below 0.5 it
-    exceeds 1, which is impossible for limits.
+    Each limit is itself known only within a range (GUM G.4.2). The result is half the width of this
+    range, divided by half the distance between the limits, dimensionless. It is 0 for infinite
+    `dof`. It exceeds 1 for `dof` below 0.5, which is impossible for limits.
     """
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

@@ -51,10 +51,10 @@ class Drawing:
 
 
 def drawn_block(inputs: Inputs, seed: int, block: int) -> dict[str, Array]:
-    """Return block number `block` of the draws of every source, keyed by name, each (65 536,).
+    """Return the draws of every source in one block, keyed by name of the source, each (65536,).
 
-    The draws are values of the source, in its unit. The same seed, source and block always give the
-    same draws.
+    The draws are values of the source, in its unit. `block` is the number of the block, from 0. The
+    same seed, source and block always give the same draws.
     """
     draws = {}
     for name, source in inputs.sources.items():
@@ -146,13 +146,13 @@ class Batches:
 def tolerance(u: float, digits: int) -> float:
     """Return half a unit of the last significant digit of `u`, in its unit (JCGM 101, 7.9.2).
 
-    `digits` is the number of significant digits. The tolerance is inf if `u` is 0, inf or NaN.
+    `digits` is the number of significant digits. The result is inf if `u` is 0, inf or NaN.
     """
     return float(0.5 * 10.0 ** (floor(log10(u)) - digits + 1)) if 0 < u < inf else inf
 
 
 def _goals(batches: Batches, infinite: bool) -> Array:
-    """Return the tolerance of each number, (output, 4)."""
+    """Return the tolerances of mean, u and both ends of the interval, (output, 4)."""
     means = np.mean(batches.statistics, axis=0)
     size = (means[:, 3] - means[:, 2]) / 4 if infinite else batches.u
     share = 5 if batches.drawing.validate else 1
@@ -165,13 +165,13 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
-    """Make draws in two stages; the scatter of the first determines the size of the second.
+    """Make draws in two stages, and return the tolerances that the results meet, (output, 4).
 
-    Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
-    output. This is the method of Stein (1945) as applied to JCGM 101 by Wübbeler et al. (Metrologia
-    47, 2010, 317). All numbers of all outputs meet their tolerances with a probability of 95 %
-    (Bonferroni). If u is infinite (`infinite`), the tolerances of mean and u are inf. Raises
-    `InputError` if too many draws are needed.
+    The second axis is mean, u and the two ends of the interval, in the unit of the output. The
+    scatter of the first stage determines the size of the second (Stein 1945; for JCGM 101 by
+    Wübbeler et al., Metrologia 47, 2010, 317). All numbers of all outputs meet their tolerances
+    with a probability of 95 % (Bonferroni). If u is infinite (`infinite`), the tolerances of mean
+    and u are inf. Raises `InputError` if too many draws are needed.
     """
     from scipy.special import stdtrit
 
@@ -189,11 +189,11 @@ def stein(batches: Batches, infinite: bool) -> Array:
 
 
 def standard_rule(batches: Batches, infinite: bool) -> Array:
-    """Make draws until two standard errors are within the tolerance (JCGM 101, 7.9.4).
+    """Make draws by the rule of JCGM 101, 7.9.4, and return the tolerances, (output, 4).
 
-    Return the tolerances of mean, u and the two ends of the interval, (output, 4), in units of the
-    output. If u is infinite (`infinite`), the tolerances of mean and u are inf. The draws end at
-    `MOST_DRAWS` even if the tolerances are not met.
+    The second axis is mean, u and the two ends of the interval, in the unit of the output. The
+    draws end when two standard errors of each number are within its tolerance, or at `MOST_DRAWS`
+    draws. If u is infinite (`infinite`), the tolerances of mean and u are inf.
     """
     batches.draw_to(2)
     while len(batches) * BATCH < MOST_DRAWS:
@@ -208,12 +208,12 @@ RULES: dict[str, Callable[[Batches, bool], Array]] = {"stein": stein, "7.9": sta
 
 
 def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagated:
-    """Return value, u and intervals of the outputs of a model by draws (JCGM 101).
+    """Return value, u and intervals of a model's outputs from random draws (JCGM 101).
 
-    `linear` is the first-order result. The `verdict` of each outcome states whether that result is
-    valid. `drawing` states the number of draws, or the rule for it. If an input has at most 2
-    degrees of freedom, u is inf and the value is the median. Raises `InputError` if correlated
-    inputs cannot be drawn, or if too many draws are needed.
+    Each output also has a verdict on the first-order result `linear`: whether it is valid.
+    `drawing` states the number of draws, or the rule for it. If an input has at most 2 degrees of
+    freedom, u is inf and the value is the median. Raises `InputError` if correlated inputs cannot
+    be drawn, or if too many draws are needed.
     """
     _require_drawable(model.inputs)
     few = min(_draw_dof(model.inputs), default=inf)

@@ -89,8 +89,8 @@ def group_study(values: ArrayLike, groups: Sequence[Any]) -> GroupStudy:
     Raises
     ------
     InputError
-        Fewer than two groups, no group with two readings, a number of labels that differs from the
-        number of readings, readings that are not finite, or readings that are all equal.
+        There are fewer than two groups, no group has two readings, the number of labels differs
+        from the number of readings, a reading is not finite, or all readings are equal.
     """
     readings, (which,) = _read(values, [groups])
     counts = np.bincount(which)
@@ -127,14 +127,14 @@ def gauge_study(values: ArrayLike, parts: Sequence[Any], operators: Sequence[Any
     values
         Readings, shape (n,), in any one unit; the results have the same unit.
     parts, operators
-        Label of the part and of the operator of each reading, length n.
+        Labels of the part and of the operator of each reading, each of length n.
 
     Raises
     ------
     InputError
-        A part that an operator did not measure as often as the others, fewer than two parts,
-        operators or repeats, a number of labels that differs from the number of readings, readings
-        that are not finite, or readings that are all equal.
+        An operator did not measure a part as often as the others, there are fewer than two parts,
+        operators or repeats, the number of labels differs from the number of readings, a reading is
+        not finite, or all readings are equal.
     """
     from scipy.special import fdtrc
 

@@ -160,17 +160,18 @@ class Propagated:
 
 
 def beyond_rounding(u: float, value: float) -> float:
-    """Return `u`, or 0 if it is at most 2^-44 of the value and thus only its rounding error.
+    """Return `u`, or 0 if `u` is NaN or only a rounding error of `value`.
 
-    A `u` of NaN also gives 0.
+    A rounding error is at most 2^-44 of the absolute value. `u` and `value` have the same unit.
     """
     return u if u > LAST_BITS * abs(value) else 0.0
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlation coefficients of a covariance matrix, (n, n), with 1 on the diagonal.
+    """Return the matrix of correlation coefficients of a covariance matrix, (n, n).
 
-    An output whose variance is zero or NaN has the correlation 0 with all others.
+    The diagonal is 1. An output with a variance of zero or NaN has the correlation 0 with all
+    others.
     """
     u = np.sqrt(np.diag(covariance))
     scale = np.outer(u, u)

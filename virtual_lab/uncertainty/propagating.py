@@ -56,8 +56,8 @@ def propagate_inputs(
         (k, n), or as (n,) if the function is called row by row.
     inputs
         The value for a name is an `Input`, a number without uncertainty, or readings (n,), whose
-        mean and standard uncertainty of the mean are used. For a tuple of m names, the value is
-        readings (n, m) that were taken together.
+        mean and standard uncertainty of the mean are used. The value for a tuple of m names is an
+        array of readings (n, m) that were taken together.
     correlations
         Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method
@@ -68,16 +68,19 @@ def propagate_inputs(
     probability
         Coverage probability of the interval, between 0 and 1.
     digits
-        Number of significant digits of u, 1 to 15. Without `draws`, Monte Carlo draws until value,
-        u and ends of the interval are accurate to half a unit of the last of these digits.
+        Number of significant digits of u, 1 to 15. If `draws` is None, Monte Carlo draws continue
+        until value, u and ends of the interval are accurate to half a unit of the last of these
+        digits.
     draws
-        Number of Monte Carlo draws, rounded up to a multiple of 16 384, and at least 32 768.
+        Number of Monte Carlo draws, rounded up to a multiple of 16 384, and at least 32 768. None:
+        `rule` determines the number.
     rule
-        Rule for the number of draws: ``stein`` meets the tolerance for all numbers together with a
-        probability of 95 %; ``7.9`` is the rule of the standard.
+        Rule for the number of draws. ``stein`` meets all tolerances together with a probability of
+        95 %. ``7.9`` is the rule of JCGM 101, 7.9.
     validate
-        Whether Monte Carlo draws until it is five times as accurate as `digits` requires. JCGM 101,
-        clause 8, demands this to judge whether the first-order result is valid.
+        Whether Monte Carlo draws continue until they are five times as accurate as `digits`
+        requires. JCGM 101, clause 8, requires this to judge whether the first-order result is
+        valid.
     seed
         Seed of the draws.
     progress
@@ -121,8 +124,8 @@ def propagate_inputs(
 def first_order(model: Model, probability: float) -> Propagated:
     """Return value, u, interval and components of each output by first order (GUM 5.1).
 
-    The correlation of the outputs is that caused by the inputs. `probability` is the coverage
-    probability of the interval. A note states the reason if an output has u = 0. Raises
+    The result also has the correlation of the outputs that the inputs cause. `probability` is the
+    coverage probability of the interval. A note states the reason if an output has u = 0. Raises
     `InputError` for an output that cannot be used.
     """
     inputs = model.inputs
@@ -159,10 +162,10 @@ def first_order(model: Model, probability: float) -> Propagated:
 
 
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:
-    """Return `linear`, the first-order result, with mean and u to second order.
+    """Return the first-order result `linear` with value, u and interval replaced by second order.
 
-    The intervals are computed again, the degrees of freedom remain those of `linear`, and the
-    correlation of the outputs is None. Raises `InputError` if the series does not converge.
+    The degrees of freedom remain those of `linear`, and the correlation of the outputs is None.
+    Raises `InputError` if the series does not converge.
     """
     points = SecondOrder.of(model.inputs)
     answers = model(points.columns)
@@ -185,9 +188,10 @@ METHODS: dict[str, Callable[[Model, Propagated, Drawing], Propagated]] = {
 
 
 def named_method(method: str, key: str = "uncertainty") -> Any:
-    """Return `method` unchanged if it is the name of a method of propagation.
+    """Return `method` unchanged if it is a method of propagation.
 
-    Raises `InputError`, which names the argument `key`, for another name.
+    The methods are ``first-order``, ``second-order`` and ``monte-carlo``. Raises `InputError` for
+    another name; `key` is the name of the argument in its message.
     """
     if method not in METHODS:
         allowed = f"{nearest(method, METHODS)}allowed: {', '.join(METHODS)}"
@@ -198,8 +202,8 @@ def named_method(method: str, key: str = "uncertainty") -> Any:
 def _independent(components: Components, inputs: Inputs) -> Components:
     """Return the components with each block of correlated inputs transformed to independent ones.
 
-    The squares of their effects then add up to cᵀ V c, and each block is one term in the formula
-    for the degrees of freedom.
+    The sum of their squared effects is then cᵀ V c, the variance of the result. Each block is one
+    term in the formula for the degrees of freedom.
     """
     effect, dof, pools = components.effect.copy(), components.dof.copy(), list(components.pools)
     for number, joint in enumerate(inputs.joints):

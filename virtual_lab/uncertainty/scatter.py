@@ -124,10 +124,10 @@ class Scatter(AlignedArrays):
 
 
 def larger_today(today: Estimate, earlier: Estimate) -> bool:
-    """Return whether hits scatter significantly more in today's test than in earlier ones.
+    """Return whether the variance of a hit is significantly larger today than in earlier tests.
 
-    The value of each estimate is the variance of a hit, with its u and degrees of freedom. The test
-    is a one-sided F test with a significance of 1 %. The result is False if either estimate has 0
+    `today` and `earlier` are this variance with its u and degrees of freedom. The test is a
+    one-sided F test at a significance level of 1 %. The result is False if either variance has 0
     degrees of freedom.
     """
     new, old = (HitVariance.of(Estimates.stack([each])) for each in (today, earlier))
@@ -135,10 +135,10 @@ def larger_today(today: Estimate, earlier: Estimate) -> bool:
 
 
 def bartlett_p(variances: Array, dof: Array) -> float:
-    """Return the p-value of Bartlett's test that several variances are equal, without unit.
+    """Return the p-value of Bartlett's test that several variances are equal, 0 to 1.
 
-    `variances` (n,), all above 0, and their degrees of freedom `dof` (n,) have at least two
-    entries. The variances are those of samples from normal distributions.
+    `variances`, (n,), are above 0, and `dof`, (n,), are their degrees of freedom; n is at least 2.
+    The test assumes samples from normal distributions.
     """
     from scipy.special import chdtrc
 

@@ -62,10 +62,11 @@ class Sketch:
 
 
 def shortest_interval(below: Array, edges: Array, probability: float) -> tuple[float, float]:
-    """Return the ends of the shortest interval with this probability (JCGM 101, 7.7.4).
+    """Return the lower and upper end of the shortest interval with the probability `probability`.
 
-    The distribution is given by its function `below` at `edges`, both (n,) and ascending, as
-    `Sketch.distribution` returns them. The ends are in the unit of `edges`.
+    The distribution function has the values `below` at the numbers `edges`, both (n,) and
+    ascending, as returned by `Sketch.distribution`. The ends are in the unit of `edges` (JCGM 101,
+    7.7.4).
     """
     starts = below <= 1 - probability
     lengths = np.interp(below[starts] + probability, below, edges) - edges[starts]

@@ -22,10 +22,11 @@ class BoardView:
 
 
 def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
-    """Return the corners of a board in a gray picture, or None if fewer than eight are found.
+    """Return the corners of a board in a gray picture; None if fewer than eight are found.
 
-    A chessboard must be completely visible; a board with markers may be visible in part. The first
-    square may also be white, as OpenCV before 4.6 printed it if the number of rows was even.
+    A chessboard must be completely visible. A board with markers may be partly hidden. Its first
+    square may also be white, because OpenCV before 4.6 printed it so if the number of rows was
+    even.
     """
     grey = picture.astype(np.float32)
     # gray levels above the 99.9th percentile are glints

@@ -95,9 +95,15 @@ class Calibrated:
 
 
 def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -> Calibrated:
-    """Return the calibration of a camera from its pictures of a board.
+    """Return the calibration of a camera from pictures of a board.
 
-    `pictures` are pairs of name and gray values (row, column), which are read once.
+    Parameters
+    ----------
+    pictures
+        Pairs of name and gray values, (row, column). They are iterated only once.
+    plan
+        The board, and the plane in which the ball flies. In one picture, the plane view, the board
+        is in this plane or parallel to it.
 
     Raises
     ------
@@ -154,9 +160,9 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 
 
 def lengths_of(model: CameraModel) -> Array:
-    """Return the lengths [m] of half the picture's width and height in the ball's plane, (2,).
+    """Return half the width and half the height of the picture in the ball's plane [m], (2,).
 
-    Both lines are centered in the picture.
+    Both lengths are centered in the picture.
     """
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])

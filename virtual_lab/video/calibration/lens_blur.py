@@ -15,12 +15,12 @@ from virtual_lab.video.calibration.board_finding import BoardView
 
 
 def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
-    """Measure the blur of a lens in a picture of a board [pixels].
+    """Return the standard deviation of a lens's blur in a picture of a board, 0.1 to 10 pixels.
 
-    The result is the standard deviation of the blur, 0.1 to 10 pixels. Across an edge of a square,
-    the brightness is a normal distribution function whose variance is that of the lens plus that of
-    a pixel, 1/12. One width is fitted to the middle halves of all edges, with a dark and a bright
-    level for each edge. The model includes the marker that begins beyond a strip of paper.
+    The brightness across an edge of a square is modeled by a normal distribution function. Its
+    variance is the sum of the variances of the lens's blur and of a pixel, 1/12. One width is
+    fitted to the middle halves of all edges, and a dark and a bright level to each edge. On a board
+    with markers, the model also includes the marker next to the edge.
     """
     edge, off, value, paper = _beside_edges(picture, view, board)
     count = np.maximum(np.bincount(edge), 1)

@@ -44,15 +44,14 @@ class Plane(PixelScale):
 def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Plane:
     """Return the positions of a ball in its plane [m], and the scale of the plane.
 
-    The scale comes from the calibrated camera if there is one, otherwise from metres_per_pixel if
-    stated, otherwise from the diameter of the ball. A position that is NaN in `outlines` is NaN.
-    `where` names the clip in a message.
+    The scale comes from the calibrated camera. Without a camera it is the stated
+    `metres_per_pixel`, and without both it comes from the diameter of the ball. A position that is
+    NaN in `outlines` stays NaN. `where` is the name of the clip in an error message.
 
     Raises
     ------
     InputError
-        None of the three scales is known, or only the diameter is known and no frame shows the
-        whole ball.
+        None of the three is known, or only the diameter is known and no frame shows the whole ball.
     """
     pixels, camera, diameter = outlines.places, calibration.camera, calibration.ball_diameter_m
     if camera:
@@ -110,8 +109,8 @@ def distance_of(camera: CameraModel) -> float:
 def foot_of(camera: CameraModel) -> Array:
     """Return the position of the camera relative to the ball's plane, (3,) [m].
 
-    The three numbers are X and Y in the plane, and Z relative to the plane. If Z points away from
-    the camera, it is negative.
+    The three numbers are X and Y along the plane, and Z perpendicular to it. Z is negative if the Z
+    axis points away from the camera.
     """
     return np.asarray(_pose(camera)[1] - [0.0, 0.0, camera.plane_height_m])
 
@@ -123,16 +122,20 @@ def _pose(camera: CameraModel) -> tuple[Array, Array]:
 
 
 def relative_u_of(camera: CameraModel) -> float:
-    """Return the relative u of lengths in the ball's plane, including the u of its height."""
+    """Return the relative standard uncertainty of lengths in the ball's plane.
+
+    It includes the uncertainty of the height of this plane.
+    """
     return float(np.hypot(camera.relative_scale_u, camera.plane_height_u_m / distance_of(camera)))
 
 
 def on_plane(pixels: Array, camera: CameraModel, diameter: float | None) -> Array:
-    """Return the points where the rays of `pixels`, (n, 2), meet the ball's plane, (n, 2) [m].
+    """Return the points in the ball's plane, (n, 2) [m], that the camera shows at `pixels`, (n, 2).
 
-    If the `diameter` [m] is given, the pixels are centers of a ball's outline. The outline of a
+    If `diameter` [m] is given, `pixels` are the centers of the ball's outlines. The outline of a
     sphere is an ellipse. Its center is farther from the optical axis than the image of the sphere's
-    center, by the factor 1 / (1 - r²/Z²), which is corrected.
+    center, by the factor 1 / (1 - r²/Z²), where r is the radius of the ball and Z its distance. The
+    result is corrected for this factor.
     """
     rotation, eye = _pose(camera)
     # directions in the camera's axes, 1 along its optical axis

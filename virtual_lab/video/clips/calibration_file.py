@@ -108,10 +108,10 @@ class ClipCalibration(Spec):
 def read_calibration(
     path: Path | None, keys: Mapping[str, Any] | None = None, needs_length: bool = True
 ) -> ClipCalibration:
-    """Return the calibration in a TOML file, in which `keys` replace or add values.
+    """Return the calibration of a clip from a TOML file and from further keys.
 
-    If `path` is None, the calibration consists of `keys`. A relative path of `timestamps` starts at
-    the folder of the file.
+    A key in `keys` replaces the same key of the file. If `path` is None, only `keys` are used. A
+    relative path of the key `timestamps` is relative to the folder of the file.
 
     Raises
     ------

@@ -84,18 +84,19 @@ class Clip:
 
 
 def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
-    """Open a clip and read it once: a file, a folder, or an array of its frames.
+    """Return a clip after reading all its frames once.
 
-    If time stamps in the clip repeat or decrease, the result has a warning.
+    `file` is a file, a folder of pictures, or an array of frames. The result has a warning if time
+    stamps in the file repeat or decrease.
 
     Raises
     ------
     InputError
         The file is not a clip, is truncated or has no frames. A frame is smaller than 8 x 8 or
-        larger than 50 million pixels, or is not of 8 or 16 bits. The frames differ in size or depth
-        from each other, or in size from the calibrated camera. Neither the clip nor the calibration
-        states a frame rate, and the calibration has no time stamps. Its time stamps cannot be read,
-        do not increase, or are not one per frame.
+        larger than 50 million pixels, or does not have 8 or 16 bits. The frames differ in size or
+        depth, or their size is not that of the calibrated camera. Neither the clip nor the
+        calibration states a frame rate, and the calibration has no time stamps. The time stamps of
+        the calibration cannot be read, do not increase, or are not one per frame.
     """
     source = open_source(file)
     first, _ = next(source.pictures())
@@ -146,9 +147,9 @@ def _read(source: Source, first: Frame, calibration: ClipCalibration) -> Clip:
 
 
 def ahead(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield the items in order, while a thread prepares the next item.
+    """Yield the items of an iterator in order; a thread already prepares the next item.
 
-    The first item that is None ends the sequence. Errors of `items` are raised here.
+    The iteration ends at the first item that is None. Errors of the iterator are raised here.
     """
     with ThreadPoolExecutor(1) as worker:
         coming = worker.submit(next, items, None)

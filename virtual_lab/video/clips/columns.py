@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 def numbers_in(
     table: pd.DataFrame, name: str, path: Path, most: float, otherwise: float | None = None
 ) -> Array:
-    """Return the numbers of a column, (row,), whose absolute values must be at most `most`.
+    """Return the numbers in the column `name` of a table, (row,).
 
-    Empty cells become `otherwise`, and so does every cell if the column is missing. The file `path`
-    only appears in messages.
+    An empty cell becomes `otherwise`. If the column is missing, every number is `otherwise`. `path`
+    only appears in error messages.
 
     Raises
     ------
     InputError
-        A cell is neither empty nor a number up to `most`. Without `otherwise`, also if a cell is
-        empty or if the column is missing. The message gives the row of a cell. The header is row 1,
-        and empty rows are not counted.
+        A cell is not a number, or its absolute value is above `most`. The column is missing or a
+        cell is empty, and `otherwise` is None. The message has the row of the cell. The header is
+        row 1, and empty rows are not counted.
     """
     import pandas as pd
 

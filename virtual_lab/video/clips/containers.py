@@ -11,10 +11,10 @@ ENDS = {b"GIF8": b";", b"\x89PNG": b"IEND\xaeB`\x82"}  # last bytes of a file, b
 
 
 def is_cut_short(path: Path) -> bool:
-    """Return whether a file is truncated.
+    """Return whether a video or picture file is truncated.
 
-    A truncated file is shorter than its container states or, for GIF and PNG, lacks its end marker.
-    The result is False for a file that states no lengths.
+    A file is truncated if it is shorter than its container states. A GIF or PNG file is truncated
+    if its end marker is missing. The result is False if the file states no lengths.
     """
     size, at = path.stat().st_size, 0
     with path.open("rb") as file:

@@ -30,17 +30,17 @@ def _library_errors(path: Path, kind: str) -> Iterator[None]:
 
 
 def cine(path: Path) -> Source:
-    """Open a Phantom .cine file, with its time stamps and exposure time.
+    """Return the source of the frames in a Phantom .cine file, with time stamps and exposure time.
 
     The pictures must be grayscale of 8, 10 or 12 bits, stored in 8 or 16 bits or packed as P10 or
-    P12L. A raw color file is read as its unconverted mosaic, in gray. Time stamps are NaN if the
+    P12L. A raw color file is read as gray values of its color mosaic. Time stamps are NaN if the
     file has none, and the exposure time is None if the file states 0.
 
     Raises
     ------
     InputError
         The extra `highspeed` is not installed, or the header cannot be read. A picture that cannot
-        be read raises it later, while the pictures are read.
+        be read raises the error later, when it is read.
     """
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _library_errors(path, ".cine"):
@@ -73,10 +73,10 @@ def _stamps(path: Path, head: Any) -> Array:
 
 
 def mraw(path: Path) -> Source:
-    """Open a Photron .mraw file with the header .cihx or .cih beside it.
+    """Return the source of the frames in a Photron .mraw file with its header, .cihx or .cih.
 
-    `path` is the path of the data file or of the header. The frames must be grayscale of 8, 12 or
-    16 bits. They have no time stamps.
+    `path` is the path of the data file or of the header, which are in the same folder. The frames
+    must be grayscale of 8, 12 or 16 bits. They have no time stamps.
 
     Raises
     ------

@@ -29,10 +29,10 @@ LARGEST = 50e6  # largest number of pixels of a picture: a film of 8K has 33 mil
 
 
 def open_source(path: Path | Frame) -> Source:
-    """Return the source of a clip's frames.
+    """Return the source of the frames of a clip, without reading them.
 
-    `path` is a file or a folder, or an array of frames, (frame, row, column). Frames in color have
-    a last axis in the order of OpenCV, blue first.
+    `path` is a file, a folder of pictures, or an array of frames, (frame, row, column). Color
+    frames have a last axis with the channels blue, green and red, as in OpenCV.
 
     Raises
     ------
@@ -231,9 +231,10 @@ def _require_sizes(path: Path) -> None:
 
 
 def grey_of(frame: Frame) -> Frame:
-    """Return a frame as gray values of the same depth, (row, column).
+    """Return the gray values of a frame, (row, column), with the same number of bits.
 
-    A frame in color has the order of OpenCV, blue first; a fourth channel is ignored.
+    The channels of a color frame are blue, green and red, as in OpenCV. A fourth channel is
+    ignored.
     """
     import cv2
 
@@ -243,9 +244,9 @@ def grey_of(frame: Frame) -> Frame:
 
 
 def read_pictures(paths: Iterable[Path]) -> Iterator[tuple[str, Frame]]:
-    """Yield name and gray values (row, column) of every picture in some files and folders.
+    """Yield the name and the gray values, (row, column), of every picture in files and folders.
 
-    The name of a picture from a stack or a clip contains its number, ``clip.mp4:12``. Raises
+    The name of a picture in a stack or a clip includes its number, such as ``clip.mp4:12``. Raises
     `InputError` if a file is missing or cannot be read, or if a folder has no images.
     """
     for file in chain.from_iterable(_image_files(e) if e.is_dir() else (e,) for e in paths):

@@ -67,5 +67,5 @@ def _size(frame: Frame, where: str) -> str:
 
 
 def rate_of(said: float) -> float | None:
-    """Return `said`, the frame rate that a file states [1/s]; None if it is not 1 to 1e7."""
+    """Return the frame rate `said` of a file [1/s], or None if it is not between 1 and 1e7."""
     return said if 1 <= said <= 1e7 else None

@@ -21,11 +21,15 @@ UNSURE_RATE = "the frame rate is the file's own"
 def frame_times(
     source: Source, stamps: Array, calibration: ClipCalibration
 ) -> tuple[Array, tuple[str, ...]]:
-    """Return the time of each frame, (frame,) [s], and warnings.
+    """Return the time of each frame, (frame,) [s], and a tuple of warnings.
 
-    The times are the time stamps of the calibration if it has any. Otherwise they follow from the
-    frame rate of the calibration, otherwise from the file. `stamps`, (frame,) [s], are the time
-    stamps in the file; a missing time stamp is NaN.
+    The time stamps of the calibration are used first. Without them the times follow from the frame
+    rate of the calibration. Without both they follow from the file.
+
+    Parameters
+    ----------
+    stamps
+        Time stamps in the file, (frame,) [s]; NaN for a missing one.
 
     Raises
     ------
@@ -122,10 +126,10 @@ def _rising(stamps: Array) -> Array | None:
 
 
 def usual_step(times: Array) -> float:
-    """Return the usual time between the frames at `times`, (frame,) [s].
+    """Return the usual time from one frame to the next [s].
 
-    It is the mean of the steps. If the steps are `uneven`, it is their median. For a single frame
-    it is 1 s.
+    It is the mean of the steps between the frame `times`, (frame,) [s], or their median if they are
+    `uneven`. For a single frame it is 1 s.
     """
     steps = np.diff(times)
     if not len(steps):
@@ -134,11 +138,12 @@ def usual_step(times: Array) -> float:
 
 
 def uneven(times: Array) -> bool:
-    """Return whether time stamps (frame,) [s] deviate from equal steps by more than 0.3 of a step.
+    """Return whether time stamps deviate from equal steps by more than 0.3 of a step.
 
-    The reason may be a lost frame, or a phone that films more slowly in the dark. Rounding to 1 ms
-    has no such effect up to 240 frames per second. In clips with a constant frame rate the
-    deviation is at most 0.1 of a step. The result is False for fewer than three time stamps.
+    `times`, (frame,), are in s. A lost frame has this effect, and so has a phone that films more
+    slowly in the dark. Rounding to 1 ms does not, up to 240 frames per second. With a constant
+    frame rate the deviation is at most 0.1 of a step. The result is False for fewer than three time
+    stamps.
     """
     if len(times) < 3:
         return False

@@ -46,7 +46,7 @@ BLOB = np.dtype(
 
 
 def free(blobs: Blobs) -> Mask:
-    """Return a mask of the blobs that touch neither other objects nor the picture's edge."""
+    """Return a mask of the blobs, (blob,), that touch no other object and no picture edge."""
     return np.asarray((blobs["dirty"] < CLEAN) & ~blobs["cut"])
 
 
@@ -94,11 +94,12 @@ _SEARCH = _Search()
 def blobs(
     number: int, picture: Image, small: Image, drift: Array, still: Still
 ) -> tuple[Blobs, list[BlobView]]:
-    """Return the blobs of a picture that may be a ball, (blob,) of `BLOB`, and a view of each blob.
+    """Return the blobs of a picture that may be a ball, (blob,), and a list of their views.
 
-    Positions are in pixels to the right of and below the middle of the upper left pixel. `x` and
-    `y` refer to the picture of the first sample, which defines the still frame. `picture_x` and
-    `picture_y` refer to this picture.
+    A blob is a record of the type `BLOB`, and its view shows its surroundings. Positions are in
+    pixels from the middle of the upper left pixel, to the right and down. `x` and `y` are positions
+    in the still frame, that is, in the picture of the first sample. `picture_x` and `picture_y` are
+    positions in this picture.
 
     Parameters
     ----------
@@ -107,7 +108,10 @@ def blobs(
     picture, small
         The picture in full size, and reduced by `Still.shrunk` for the search.
     drift
-        Drift of the picture from the still frame, (4,): shift in x and y [pixels], growth and turn.
+        Drift of the picture from the still frame, (4,): shift in x and y [pixels], growth, and turn
+        [rad].
+    still
+        The still frame, with the background.
     """
     off, light = still.difference(small, drift)
     pairs: list[tuple[BlobRow, BlobView]] = []

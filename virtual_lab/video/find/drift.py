@@ -139,8 +139,8 @@ def edges_of(
 ) -> Edges:
     """Return the pixels at steep edges of a gray picture, with their positions in the still frame.
 
-    Pixels near the border of the picture or near black bars are excluded. Large numbers of pixels
-    are thinned out evenly.
+    Pixels near the border of the picture or near black bars are left out. If there are too many
+    pixels, every n-th one is kept.
 
     Parameters
     ----------
@@ -149,9 +149,9 @@ def edges_of(
     size
         Columns and rows of the pictures to align; by default those of `grey`.
     origin
-        x and y of the first pixel of `grey` in the still frame.
+        x and y of the first pixel of `grey` in the still frame [pixels].
     turns
-        Whether the pictures may also turn and grow.
+        Whether the pictures may also be turned and enlarged, not only shifted.
     """
     across, down = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
     # The border of a picture and black bars around it do not move with a drift.
@@ -169,10 +169,10 @@ def edges_of(
 
 
 def leap_of(before: Image, after: Image) -> Array:
-    """Return the shift from picture `before` to picture `after`, accurate to a few pixels.
+    """Return the drift from picture `before` to picture `after`, (4,), accurate to a few pixels.
 
-    It is a drift (4,): shift in x and y [pixels], and 0 for growth and turn. The two pictures have
-    the same size.
+    The drift is a shift in x and y [pixels]; its growth and turn are 0. The pictures are gray and
+    have the same size.
     """
     scale = max(1.0, max(before.shape) / _ALIGN.coarse)
     size = tuple(round(side / scale) for side in before.shape[::-1])
@@ -191,10 +191,10 @@ def upper_median(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
-    """Return the matrix (2, 3) that maps positions in the still frame to a drifted picture.
+    """Return the matrix (2, 3) that maps positions in the still frame to positions in a picture.
 
-    `drift` (4,) is the shift in x and y [pixels], growth and turn [rad] about the middle. `size` is
-    columns and rows of the picture.
+    `drift`, (4,), is the shift of the picture in x and y [pixels], and its growth and turn [rad]
+    about its middle. `size` is the number of columns and rows of the picture.
     """
     grown, turn, middle = 1 + drift[2], drift[3], (np.array(size) - 1) / 2
     linear = np.array([[grown, -turn], [turn, grown]])

@@ -170,9 +170,9 @@ class Still:
 
 
 def difference_of(part: Image, behind: Image) -> Image:
-    """Return the absolute difference of two pictures, (row, column) [DN].
+    """Return the absolute difference of a picture from its background, (row, column) [DN].
 
-    In color it is that of the channel with the largest difference.
+    For color pictures it is the largest difference of the three channels.
     """
     apart = cv2.absdiff(part, behind)
     if apart.ndim == 3:
@@ -184,15 +184,15 @@ def difference_of(part: Image, behind: Image) -> Image:
 def still_of(
     samples: Sequence[Frame], depth: int, apart: float = 1.0, *, tripod: bool = False
 ) -> Still:
-    """Return the still frame of pictures of a clip: the background, and the drift of each picture.
+    """Return the still frame of a clip: its background, and the drift of each sampled picture.
 
-    Drifts are relative to the first picture. A single picture and pictures from a tripod have no
-    drift.
+    Drifts are relative to the first picture. They are 0 for a single picture, and for a camera on a
+    tripod.
 
     Parameters
     ----------
     samples
-        The pictures, gray or in color; at least one.
+        Pictures sampled from the clip, gray or in color; at least one.
     depth
         Number of bits of their values.
     apart
@@ -276,7 +276,7 @@ def _slope(shifts: Array) -> float:
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
-    """Return a picture reduced from `depth` to 8 bits: with three channels, or gray (row, column).
+    """Return a picture with 8 bits instead of `depth` bits: gray, or with three channels.
 
     A fourth channel is dropped. A picture stored in 8 bits keeps its values.
     """
@@ -290,18 +290,18 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 def warp_back(
     picture: Image, drift: Array, corner: Sequence[int], behind: Image, every: int = 1
 ) -> Image:
-    """Return a picture shifted back by its drift, in the pixels of the background.
+    """Return a picture without its drift, with the shape and the pixels of `behind`.
 
-    Pixels outside the picture show the background.
+    Pixels that the picture does not show are copied from `behind`.
 
     Parameters
     ----------
     drift
         Drift of the picture from the still frame, (4,).
     corner
-        x and y of the background's first pixel in the still frame [pixels].
+        x and y of the first pixel of `behind` in the still frame [pixels].
     behind
-        The background. It has every `every`-th pixel of the still frame along each axis.
+        The background, or every `every`-th of its rows and columns.
     """
     x, y = map(int, corner)
     rows, columns = behind.shape[:2]
@@ -319,11 +319,12 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile of a pixel's gray values that is its background, 0 to 1.
+    """Return the quantile of the gray values of a pixel that is used as its background, 0 to 1.
 
-    It is 0.5, the median, except for eight or more gray pictures, as used in laboratories. There a
-    slow ball may cover a pixel most of the time. The quantile is then below 0.5 if the ball is
-    lighter than the background, and above 0.5 if it is darker.
+    It is 0.5, the median, for color pictures and for fewer than eight pictures. In gray pictures
+    from a laboratory, a slow ball may cover a pixel most of the time. With eight or more gray
+    pictures, the quantile is therefore below 0.5 if the ball is lighter than the background, and
+    above 0.5 if it is darker.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5
@@ -341,7 +342,7 @@ def _panorama(
     """Return a quantile of drifted pictures over all that they show, and x, y of its first pixel.
 
     x and y are multiples of `grid`. A pixel that a picture does not show is copied from the
-    previous picture; it is black if no picture shows it.
+    previous picture. It is black if no picture shows it.
     """
     size = pictures[0].shape[1::-1]
     corners = np.array([[x, y] for x in (0, size[0]) for y in (0, size[1])], float)
@@ -362,9 +363,10 @@ def _panorama(
 
 
 def of_rank(stack: NDArray[np.uint8], rank: int) -> Image:
-    """Return the value with the rank `rank` (0: the darkest) in each pixel of up to 255 pictures.
+    """Return, for each pixel, the gray value with the rank `rank` among several pictures.
 
-    `stack` has the pictures along its first axis.
+    `stack` has up to 255 pictures along its first axis; the result has the shape of one picture.
+    Rank 0 is the darkest value.
     """
     result = np.zeros(stack.shape[1:], np.uint8)
     for bit in (128, 64, 32, 16, 8, 4, 2, 1):

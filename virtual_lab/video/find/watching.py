@@ -48,17 +48,17 @@ def watch(
     tripod: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Watched:
-    """Return the moving blobs of a clip, the still background, and the drift of its picture.
+    """Return the moving blobs of a clip, its still background, and the drift of its picture.
 
     Raises `InputError` if a frame cannot be read.
 
     Parameters
     ----------
     frames
-        Numbers of the first and the last frame to examine, counted from 0; by default all frames.
+        Numbers of the first and the last frame to examine, counted from 0. None: all frames.
     region
-        x and y of the upper left corner of the region to examine, its width and height, in the
-        still frame [pixels]; by default everywhere.
+        Region to examine in the still frame [pixels]: x and y of its upper left corner, width and
+        height. None: the whole picture.
     tripod
         Whether the camera is known to stand still.
     progress
@@ -146,9 +146,9 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 
 
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
-    """Return a mask of the blobs whose centers are in a region of the still frame.
+    """Return a mask of the blobs, (blob,), with their centers in a region of the still frame.
 
-    `region` is x and y of its upper left corner, its width and height [pixels]. If it is None, all
+    `region` is x and y of the upper left corner, width and height [pixels]. If it is None, all
     blobs are selected.
     """
     if region is None:
@@ -161,9 +161,10 @@ def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -
 def repeats(watched: Watched) -> Mask:
     """Return a mask of the frames that repeat the previous frame, (frame,).
 
-    In a repeat the picture hardly changes, and fewer than half of its round objects move. The
-    second condition is for a ball at the top of a low hop, which changes the picture very little.
-    Objects without a match in the previous frame are ignored.
+    A frame is a repeat if the picture hardly changes (`lulls`) and fewer than half of its round
+    objects move. Without the second condition, a ball at the top of a low hop would look like a
+    repeat, because it changes the picture very little. Objects without a match in the previous
+    frame are ignored.
     """
     moving, same = watched.blobs, lulls(watched.change)
     clean = moving[free(moving)]
@@ -180,11 +181,10 @@ def repeats(watched: Watched) -> Mask:
 
 
 def lulls(change: Array) -> Mask:
-    """Return a mask of the frames that hardly change from the previous one, (frame,).
+    """Return a mask of the frames that change much less than the frames beside them, (frame,).
 
-    `change`, (frame,), is the largest change from the previous frame [DN]. The frames before and
-    after must change more. The first frame, the last frame, and a frame whose change is NaN are
-    therefore never in the mask.
+    `change`, (frame,), is the largest change from the previous frame [DN]. A frame is False if it
+    is the first or the last, or if its change is NaN.
     """
     # number of frames on each side, smallest change there [DN], largest share of this change in a
     # repeat

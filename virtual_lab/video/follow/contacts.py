@@ -57,16 +57,19 @@ def contacts_of(
     scale: Ruler,
     sharp: SharpBall | None,
 ) -> tuple[list[Contact], list[Note]]:
-    """Return the contacts between consecutive flights, and notes on doubtful ones.
+    """Return the contacts between consecutive flights, and notes on doubtful contacts.
 
-    Two flights give no contact if they pass each other at a distance. They also give no contact if
-    they would meet before the first flight ends or after the second one begins. If this is by less
-    than a frame, they give a note. The restitution of a contact is None if one of the flights is
-    too short, if what was struck is neither level nor upright and g was not stated, or if a note
-    gives another reason.
+    Two flights have no contact if they pass each other at a distance, or if their paths meet before
+    the first flight ends or after the second flight begins. If this is less than a frame before or
+    after, there is a note.
+
+    The restitution of a contact is None if one of the flights is too short, if the struck surface
+    is neither level nor upright and g was not stated, or for another reason that a note states.
 
     Parameters
     ----------
+    scene
+        Blobs, frame times, and properties of the camera.
     ways
         Flights in the order of time.
     model
@@ -76,8 +79,8 @@ def contacts_of(
     scale
         Scale of the positions in meters.
     sharp
-        The sharply located ball; None if the flights are made of blobs. With it, the first two
-        flights give a note if there is no contact and no other note.
+        The sharply located ball; None if the flights are made of blobs. With it, a note states that
+        the first two flights do not meet, if there is no contact and no other note.
     """
     notes: list[Note] = []
     contacts = []

@@ -20,12 +20,12 @@ from virtual_lab.video.follow.pieces import GROWTH, Piece
 
 
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
-    """Return the positions in a track as blobs, and the flights of its column `flight`.
+    """Return the positions in a track file as blobs, and the flights in its column `flight`.
 
-    Required columns are frame, x_px and y_px in the still frame, and flight (empty for a position
-    outside flights). Optional columns are radius_px (default: the median of the other rows), time_s
-    (default: the frame number times the usual frame interval), drift_x_px and drift_y_px (default:
-    0). Flights of fewer than five positions are left out.
+    The required columns are frame, x_px, y_px and flight. Positions refer to the still frame, and
+    flight is empty for a position outside flights. Optional columns are radius_px (default: the
+    median of the other rows), time_s (default: the frame number times the usual frame interval),
+    drift_x_px and drift_y_px (default: 0). Flights of fewer than five positions are left out.
 
     Raises
     ------

@@ -100,9 +100,9 @@ class Falls:
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
-    """Return a note that the stated size of the ball contradicts the stated length.
+    """Return a list with one note if the stated size of the ball contradicts the stated length.
 
-    The list is empty if they agree, or if one of the two was not stated.
+    The list is empty if they agree, or if one of them was not stated.
     """
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
@@ -122,10 +122,21 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 def against_flights(
     scene: FlightScene, watched: Watched, pieces: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
-    """Return notes on a second ball, unexplained motion, the background, and missing frames.
+    """Return notes on doubts about the flights.
 
-    `ways` are the flights of the ball, and `pieces` all pieces of smooth motion. The list is empty
-    without flights.
+    The notes are about a second ball, motion outside the flights, jumps of the background, an
+    interlaced clip, and missing frames. The list is empty if `ways` is empty.
+
+    Parameters
+    ----------
+    scene
+        Blobs, frame times, and properties of the camera.
+    watched
+        Moving blobs and the drift of the picture.
+    pieces
+        All pieces of smooth motion.
+    ways
+        Flights of the ball.
     """
     if not ways:
         return []
@@ -171,7 +182,7 @@ def against_flights(
 
 
 def without_flight(pieces: Sequence[Piece]) -> str:
-    """Return a sentence with the reason why there is no flight, and advice.
+    """Return a sentence that states the reason why a clip has no flight, and gives advice.
 
     `pieces` are the pieces of smooth motion, none of which is a flight.
     """
@@ -189,9 +200,10 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
-    """Return notes on a tilted camera, a rolling shutter, and a drift that cannot be seen.
+    """Return notes on a tilted camera, on a rolling shutter, and on undetected drift of the camera.
 
-    `drift` is the largest undetected drift of the camera [px/frame]; 0 gives no note on drift.
+    `drift` is the largest undetected drift [px/frame]; 0 gives no note on drift. The list is empty
+    if there is no doubt.
     """
     notes, fit = [], model.fit
     if model.tilted:
@@ -221,9 +233,9 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
     """Return the note that the readout time of the camera is unknown.
 
-    `rolled` are the same contacts, computed with a readout time of half a frame interval. The note
-    states the largest change of a restitution between `contacts` and `rolled`, if a contact has a
-    restitution. Contacts that are missing in `rolled` are ignored. Both may be empty.
+    If a contact has a restitution, the note also states the largest change of a restitution from
+    `contacts` to `rolled`. `rolled` are the same contacts, computed with a readout time of half a
+    frame interval; contacts that are missing there are ignored. Both may be empty.
     """
     by = {each.before: each.restitution for each in rolled}
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]

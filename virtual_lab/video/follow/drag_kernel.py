@@ -11,7 +11,9 @@ from virtual_lab.units import Array
 
 @njit(cache=True, error_model="numpy")
 def fly_with_drag(states: Array, pull: Array, drag: Array, dt: Array, steps: int) -> None:
-    """Move flights on in time with gravity and drag, in place, by the Runge-Kutta method.
+    """Move positions along their flights by `dt`, with gravity and drag, and overwrite `states`.
+
+    The method is Runge-Kutta of fourth order.
 
     Parameters
     ----------
@@ -20,7 +22,7 @@ def fly_with_drag(states: Array, pull: Array, drag: Array, dt: Array, steps: int
     pull
         Acceleration without drag, (row, position, 2).
     drag
-        Share of the speed that is lost per unit of path, (row,).
+        Relative loss of speed per unit of path, (row,).
     dt
         Time by which each position is moved, (position,); it may be negative.
     steps

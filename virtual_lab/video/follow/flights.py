@@ -54,10 +54,9 @@ FLIGHTS = FlightSearch()
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
-    """Return the pieces that are flights of one ball under one gravity, and their fit.
+    """Return the pieces that are flights of one ball under one gravity, and their joint fit.
 
-    Without such flights, or if the pieces are the swing of a pendulum, the result is ``([],
-    None)``.
+    The result is ``([], None)`` if there are none, or if the motion is that of a pendulum.
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
@@ -79,7 +78,10 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
 
 
 def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
-    """Return whether g bends the longest flight from its chord by at least `radii` ball radii."""
+    """Return whether gravity bends the longest flight by at least `radii` ball radii.
+
+    The bend is measured from the straight line between the ends of the flight.
+    """
     longest = max(float(np.ptp(each.t)) for each in flights)
     sag = fit.size * longest**2 / 8
     return sag >= radii * flights[0].radius
@@ -275,10 +277,11 @@ def _nearest(
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Return the contacts between consecutive flights: index of the flight before, time [frames].
+    """Return the contacts between consecutive flights, as pairs of flight index and time [frames].
 
-    Flights that pass each other at a distance have no contact. Flights without sharp positions have
-    no contact either if more than `FLIGHTS.contact_frames` frames are between them.
+    The index is that of the flight before the contact. Flights that pass each other at a distance
+    have no contact. Flights made of blobs have no contact if more than `FLIGHTS.contact_frames`
+    frames are between them.
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
@@ -292,10 +295,10 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 
 
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Return the readout time of the camera [frames].
+    """Return the readout time of the camera's rolling shutter [frames].
 
-    If the scene does not state it, the result is 0, unless another readout time fits the flights
-    much better.
+    It is the readout time stated in the scene. If none is stated, it is 0 unless another readout
+    time fits the flights much better.
     """
     if scene.readout is not None:
         return scene.readout
@@ -351,10 +354,10 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the `pieces` that are flights of a second ball; empty if there is none.
+    """Return the pieces that are flights of a second ball; empty if there is none.
 
-    `flights` are the flights of the first ball. Flights of a second ball share frames with them but
-    have other positions there.
+    `flights` are the flights of the first ball, and `pieces` all pieces of smooth motion. A flight
+    of a second ball has frames in common with `flights`, but other positions in these frames.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     # A shadow on a wall moves like its ball.
@@ -378,10 +381,10 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 
 
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
-    """Return the share, 0 to 1, of the frames with a moving ball that `flights` span.
+    """Return the share of the frames with a moving ball that belong to `flights`, 0 to 1.
 
-    A frame counts if a flight spans it, or if one of `pieces` in it has the size and color of the
-    flying ball and moves by more than a diameter.
+    A frame has a moving ball if it is within a flight. It also has one if it belongs to one of the
+    `pieces` with the size and color of the ball, and this piece moves by more than a diameter.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))
@@ -399,12 +402,13 @@ def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequen
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Return the flights without the positions that a contact or another flight makes doubtful.
+    """Return the flights without positions that a contact or another flight makes doubtful.
 
-    At a contact the earlier flight keeps the positions whose exposure ends before the contact, and
-    the later flight keeps the positions whose exposure begins after it. An unknown exposure time is
-    assumed to be a whole frame. If two flights overlap in time, the later flight loses its
-    positions up to the end of the earlier one. No flight is removed, but a flight may be empty.
+    At a contact, the earlier flight keeps the positions with an exposure that ends before the
+    contact. The later flight keeps the positions with an exposure that begins after it. An unknown
+    exposure time is assumed to be a whole frame. If two flights overlap in time, the later flight
+    loses its positions up to the end of the earlier one. All flights are returned, but a flight may
+    be empty.
     """
     if len(flights) < 2:
         return flights

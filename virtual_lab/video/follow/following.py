@@ -95,14 +95,20 @@ def follow(
 ) -> FollowedClip:
     """Follow the ball through a clip, and return its flights, contacts, scale and doubts.
 
-    A clip without a flight gives a result without flights, and a warning. `progress` is called with
-    messages about the work.
+    A clip without a flight gives a result without flights, and a warning.
+
+    Parameters
+    ----------
+    knowledge
+        Scale, frame rate and other facts that the user stated.
+    progress
+        Function that is called with messages about the work.
 
     Raises
     ------
     InputError
         The stated frame rate implies an impossibly large g, gravity was requested for the scale but
-        no flight shows it, or nothing sets the scale of a calibrated clip.
+        no flight shows it, or a calibrated clip has no scale.
     """
     progress("looking for the ball")
     watched = watch(
@@ -123,10 +129,16 @@ def follow_blobs(
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
-    """Follow the ball through a clip whose moving objects are already known (`watched`).
+    """Follow the ball through a clip with known moving blobs, and return a result as `follow` does.
 
-    `flights` are flights of the ball that were corrected by hand; by default they are searched for.
-    Apart from the search for moving objects, result and errors are those of `follow`.
+    The errors are also those of `follow`.
+
+    Parameters
+    ----------
+    watched
+        Moving blobs, still background and drift of the clip.
+    flights
+        Flights of the ball that were corrected by hand. None: flights are searched for.
     """
     same = repeats(watched)
     if flights is not None:
@@ -156,15 +168,15 @@ def measure(
     sharp: SharpBall | None = None,
     fault: str = "",
 ) -> FollowedClip:
-    """Measure flights, contacts and scale in SI, and note doubts about them.
+    """Return the flights, contacts and scale of a clip in SI units, with notes on doubts.
 
     The result has no flights if `search` has none, or if no scale is known. If the user stated no
-    frame rate, and the rate in the file contradicts g, the rate that agrees with g is used.
+    frame rate, and the rate in the file contradicts g, a rate that agrees with g is used.
 
     Parameters
     ----------
     search
-        Scene and flights; with sharp positions if they could be measured.
+        Scene and flights, with sharp positions if they could be measured.
     sharp
         The sharply located ball; None if the flights in `search` are made of blobs.
     fault

@@ -124,16 +124,25 @@ def estimate_of(
     unit: float = 1.0,
     relative_u: float = 0.0,
 ) -> Estimate:
-    """Return the estimate of a quantity of a fit: `unit` times ``quantity(fit)``, with its u.
+    """Return the value ``unit * quantity(fit)`` with its standard uncertainty u.
 
-    `unit` is the size of one unit of `quantity`, and `relative_u` the relative standard uncertainty
-    of `unit`. The u is `unit` times the root sum of squares of these parts:
+    u is `unit` times the root sum of squares of these parts:
 
-    * For each axis of the fit's covariance, the fit is moved by one standard uncertainty in both
-      directions. The part is the larger change of the quantity, because drag cannot fall below 0.
-    * For each pair (other fit, share) in `others`, the part is the difference of the quantity
-      between `fit` and the other fit, times the share.
+    * For each principal axis of the fit's covariance, the parameters are moved by one standard
+      uncertainty in both directions. The part is the larger change of the quantity, because drag
+      cannot be negative.
+    * For each pair (other fit, share) in `others`, the part is the share times the difference of
+      the quantity between the two fits.
     * The last part is `relative_u` times the quantity.
+
+    Parameters
+    ----------
+    quantity
+        Function of a fit that returns a number.
+    unit
+        Size of one unit of this number, for example in SI units.
+    relative_u
+        Relative standard uncertainty of `unit`.
     """
     value = quantity(fit)
     powers, axes = np.linalg.eigh(fit.covariance)
@@ -156,22 +165,22 @@ def fit_flights(
     tilt: Array | None = None,
     floor: Floor = (),
 ) -> Fit:
-    """Return the joint fit of flights: a common g and drag, and the motion of each flight.
+    """Return the joint fit of flights: common g and drag, and the motion of each flight.
 
-    Each flight needs at least four positions, or three if g is known. This number is not checked.
+    Each flight needs at least four positions, or three if g is known. This is not checked.
 
     Parameters
     ----------
     readout
-        Readout time from the first row to the last [frames]. None: the readout time of the scene,
-        or 0 if it is unknown.
+        Time from the readout of the first row to that of the last [frames]. None: the readout time
+        of the scene, or 0 if it is unknown.
     drag
-        Whether drag is fitted; otherwise it is 0. For flights with sharp positions it is fixed at
-        the drag of the scene.
+        Whether drag is fitted; otherwise it is 0. For flights with sharp positions, True means the
+        drag of the scene, which is not fitted.
     shared
-        Whether all flights share one g; otherwise each flight has its own.
+        Whether all flights have the same g; otherwise each flight has its own.
     tilt
-        Tilt of the perspective, (2,) [1/px]. None: it is fitted, or 0 for flights with sharp
+        Tilt of the perspective, (2,) [1/px]. None: the tilt is fitted, or 0 for flights with sharp
         positions.
     floor
         Contacts with a common floor, which is assumed to be level within `FLIGHT_FIT.slant_u`.
@@ -308,15 +317,16 @@ def _solve(
 def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
     """Return the covariance of position and velocity along an axis, caused by the ball's pattern.
 
-    Its shape is (2, 2), and its units are pixels and frames.
+    The pattern shifts the positions in neighboring frames alike. The covariance, (2, 2), is in
+    pixels and frames.
 
     Parameters
     ----------
     flight
         Flight with sharp positions.
     residuals
-        Residuals of its positions, (position, axis) [pixels]. If they are larger than noise and
-        pattern explain, the covariance is larger.
+        Residuals of its positions, (position, axis) [pixels]. Residuals larger than noise and
+        pattern explain increase the covariance.
     late
         Time of each position since the middle of the flight, (position,) [frames].
     """

@@ -50,10 +50,10 @@ class ClipKnowledge:
 
 
 def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
-    """Return the knowledge of a clip from its calibration file.
+    """Return the facts about a clip that its calibration file states; the rest are default values.
 
-    The camera is assumed to stand still and to have a global shutter. The direction of g in the
-    picture is not used if the camera's lens is calibrated.
+    The camera is assumed to stand still and to have a global shutter. If the lens is calibrated,
+    the direction of g in the picture is not used.
     """
     scale, camera = calibration.metres_per_pixel, calibration.camera
     said = calibration.exposure_s

@@ -69,10 +69,10 @@ class FittedFlights:
 
 
 def _slow_errors(ways: Sequence[Piece], fit: Fit) -> list[Fit]:
-    """Return fits for errors that change from one end of a flight to the other, by axis.
+    """Return fits with errors that change along a flight, one per flight and axis.
 
     A ball's pattern turns and a codec moves edges slowly, which residuals do not show. The change
-    is twice the scatter of the places: so much as agrees with the errors of fresh clips.
+    is twice the scatter of the positions, which agrees with the errors in test clips.
     """
     fits = []
     for k, way in enumerate(ways):
@@ -84,10 +84,10 @@ def _slow_errors(ways: Sequence[Piece], fit: Fit) -> list[Fit]:
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
-    """Return another fit of the flights with the readout time and the floor of `fit`.
+    """Fit the flights again with other options, and return the new fit.
 
-    `changed` are arguments of `fit_flights`, which may replace these two. All other arguments have
-    their defaults.
+    `changed` are arguments of `fit_flights`. Unless they are changed, the readout time and the
+    floor are those of `fit`. All other arguments have their default values.
     """
     same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
     return fit_flights(scene, ways, **same | changed)

@@ -79,11 +79,11 @@ class Piece:
 
 
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
-    """Return the coefficients of a polynomial fit, the matrix of the fit, and the rms residual.
+    """Return coefficients, solution matrix and rms residual of a polynomial fit to positions `xy`.
 
-    The coefficients, (power, 2), begin with the lowest power. They are the product of the matrix,
-    (power, position), and `xy`, (position, 2). The residual is the rms of one coordinate, corrected
-    for the degrees of freedom, in the unit of `xy`.
+    The coefficients, (power, 2), begin with power 0. They are the product of the solution matrix,
+    (power, position), and `xy`, (position, 2). The residual is that of one coordinate, corrected
+    for the degrees of freedom, in the unit of `xy`. `t`, (position,), are the times.
     """
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy
@@ -99,7 +99,7 @@ def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
 
 
 def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
-    """Return the pieces of smooth motion among blobs, in order of time.
+    """Return the pieces of smooth motion that blobs form, in the order of time.
 
     Pieces of fewer than five positions are left out.
 
@@ -108,9 +108,9 @@ def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     blobs
         Blobs of all frames in order, an array of `find.blobs.BLOB`.
     time
-        Time of each frame in frame intervals, (frame,); NaN for a repeated frame, which is ignored.
+        Time of each frame in frame intervals, (frame,). A frame with NaN, a repeat, is ignored.
     pull
-        Acceleration common to all pieces, (2,) [pixels/frame²]; None: unknown.
+        Acceleration common to all pieces, (2,) [pixels/frame²]; None if it is unknown.
     """
     whole = [p for p in _Growth(blobs, time, pull).all() if len(p.t) >= GROWTH.least_places]
     return sorted(whole, key=lambda each: each.frames[0])

@@ -29,10 +29,10 @@ Picture = NDArray[np.float32]  # (row, column, channel) [DN]
 
 
 def register(watched: Watched, result: FlightsFound) -> tuple[Watched, FlightsFound]:
-    """Return the blobs and the flights with positions refined by registration.
+    """Return the blobs and the flights with more accurate positions, by image registration.
 
-    The images of the ball in a flight are shifted until they match each other. A flight keeps its
-    positions if an image of one of its blobs is missing in `watched.views`.
+    The images of the ball in a flight are shifted until they match each other. The positions of a
+    flight stay unchanged if an image of one of its blobs is missing in `watched.views`.
     """
     blobs = watched.blobs.copy()
     for way in result.ways:

@@ -96,7 +96,10 @@ class Ruler(PixelScale):
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Return ln(`other` / `one`) of two scales, divided by its standard uncertainty."""
+    """Return the logarithm of the ratio of two scales, `other` / `one`, in standard uncertainties.
+
+    The standard uncertainty combines the relative u of both scales.
+    """
     apart = float(np.log(other.metres_per_pixel / one.metres_per_pixel))
     return apart / float(np.hypot(one.relative_u, other.relative_u))
 
@@ -109,17 +112,17 @@ def rulers_of(
     step: float,
     where: str,
 ) -> list[Ruler]:
-    """Return the available rulers, with the preferred one first; empty if there is none.
+    """Return the available rulers (sources of the scale), the preferred one first.
 
-    The preferred ruler is a stated scale, otherwise the requested ruler, otherwise the ruler with
-    the smallest u.
+    A stated scale is preferred, then the requested ruler, then the ruler with the smallest u. The
+    list is empty if there is no ruler.
 
     Parameters
     ----------
     knowledge
         Stated scale, ball size and g, and the requested ruler.
     blobs
-        Blobs of the ball, `find.blobs.BLOB`.
+        Blobs of the ball, an array of `find.blobs.BLOB`.
     model
         Fit of the ball's flights; None without flights.
     ways
@@ -127,7 +130,7 @@ def rulers_of(
     step
         Duration of a time step [s].
     where
-        Name of the clip for an error message.
+        Name of the clip in an error message.
 
     Raises
     ------

@@ -43,12 +43,10 @@ class FlightsFound:
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
     """Return the flights of the ball, and the scene with the frame times that fit them best.
 
-    Frame times are the time stamps, or a count of the frames without repeats. With fewer than two
-    repeats the time stamps are used. With more than 40 % repeats the count is used, because most
-    frames are then stored twice. Otherwise the times are used that give more positions with less
-    scatter.
-
-    `same`, (frame,), is the mask of the repeated frames.
+    `same`, (frame,), is the mask of the repeated frames. With fewer than two repeats, the frame
+    times are the time stamps. With more than 40 % repeats, most frames are stored twice, so the
+    times are a count of the other frames. Otherwise both kinds of times are tried, and the kind
+    with more positions on flights and less scatter is used.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
@@ -60,19 +58,20 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
 def clip_scene(
     clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask, *, squeezed: bool
 ) -> FlightScene:
-    """Return blobs [pixels], frame times [frames], and knowledge of camera and scale.
+    """Return the scene of a clip: blobs, frame times, and properties of camera and scale.
 
-    The unit of length of g (`fall`) and of drag is the pixel if the scale of the picture is known,
-    and otherwise the radius of the ball (`in_radii` is True). Both are None if neither scale nor
-    diameter is known. `fall` is also None if most frames are stored twice.
+    Positions are in pixels and times in frames. The unit of length of g (`fall`) and of drag is the
+    pixel if the scale of the picture is known. Otherwise it is the radius of the ball, and
+    `in_radii` is True. Both are None if neither scale nor diameter is known. `fall` is also None if
+    most frames are stored twice.
 
     Parameters
     ----------
     same
         Mask of the repeated frames, (frame,). The time of a repeated frame is NaN.
     squeezed
-        Whether a repeated frame takes no time, so that the frames after it are one frame earlier.
-        Otherwise they keep their times.
+        Whether a repeated frame takes no time, so that later frames move one frame earlier.
+        Otherwise later frames keep their times.
     """
     stamped = np.arange(clip.count, dtype=float)
     if uneven(clip.times):
@@ -146,11 +145,11 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 
 
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
-    """Return the duration of a time step of `scene.time` [s].
+    """Return the duration of one time step of `scene.time` [s].
 
-    It is 1 / rate if every frame takes one time step, and longer if repeated frames take no time.
-    The share of repeats is counted in the frames of the flights `ways`, or in all frames without
-    flights. With fewer than two frames the result is 1 / rate.
+    It is the frame interval, 1 / rate, if every frame takes one time step. It is longer if repeated
+    frames take no time. The share of repeats is counted during the flights `ways`, or in the whole
+    clip without flights. With fewer than two frames the result is 1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

@@ -87,11 +87,11 @@ class SharpBall:
 
 
 def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
-    """Return whether to try the sharp location of the ball by `sharpen`, which may still fail.
+    """Return whether the ball should be located sharply, by its outline (`sharpen`).
 
-    It is tried if the calibration states a camera, the lens blur or the exposure, the camera does
-    not move, the clip is not interlaced, there are one or two flights, and gravity is not the
-    requested ruler.
+    This needs a calibration that states a camera, the lens blur or the exposure. The camera must
+    not move, and the clip must not be interlaced. There must be one or two flights, and gravity
+    must not be the requested ruler. The location may still fail.
     """
     calibration = knowledge.calibration
     # A file that only states rate or scale replaces options and is not a reason for an outline fit.
@@ -110,9 +110,16 @@ def sharpen(
     search: FlightsFound,
     progress: Callable[[str], None],
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Locate the ball by its outline, and return scene, flights and ball with the sharp positions.
+    """Locate the ball by its outline in each frame of its flights.
 
-    The ball is located in each frame of the flights of `search`.
+    Return the scene, the flights, and the located ball, as in `settle`.
+
+    Parameters
+    ----------
+    search
+        Scene and flights made of blobs.
+    progress
+        Function that is called with a message about the work.
 
     Raises
     ------
@@ -120,7 +127,7 @@ def sharpen(
         The calibration lacks the lens blur or the exposure time, no object has the size of the
         ball, the ball is located in too few frames, or their time stamps contradict the positions.
     InputError
-        Nothing sets the scale.
+        The scale is unknown.
     """
     calibration, scene, ways = knowledge.calibration, search.scene, search.ways
     assert calibration is not None
@@ -186,17 +193,23 @@ def _background(clip: Clip, moving: Blobs) -> Array:
 def settle(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Return scene, flights and ball for the fit of the sharp positions.
+    """Return scene, flights and located ball with the positions of the outlines.
 
     The scene has the gravity and drag of the calibration. The flights have the positions of `ball`,
-    corrected for the height of the ball above the plane. Unusable positions, outliers and positions
-    near a contact are left out. `ball` must have one position per position of `ways`, in their
-    order.
+    corrected for the height of the ball above the plane. They have no unusable positions, outliers,
+    or positions near a contact.
 
-    The returned ball has all positions. Usable positions that were left out have the flag
-    `OFF_WAY`. The notes of the ball name each flight that leaves the plane or does not fit the
-    model of a flight, and its `aside` has fits with other slopes to the plane. Raises
-    `NotSharpError` if too few positions of a flight remain.
+    The returned ball has all positions. A usable position that is in no flight gets the flag
+    `OFF_WAY`. Notes name each flight that leaves the plane or does not fit the model of a flight.
+    `aside` of the ball has fits with other slopes to the plane, from which the u is computed.
+    Raises `NotSharpError` if too few positions of a flight remain.
+
+    Parameters
+    ----------
+    ways
+        Flights made of blobs, in the order of time.
+    ball
+        The located ball, with one position per position of `ways` in the same order.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None

@@ -84,11 +84,11 @@ def fit_edge(
     oval: ArrayLike = 0.0,
     oval_u: float = RIM_FIT.oval_u,
 ) -> Located:
-    """Return the position and radius of the ball in each region, from a fit of its outline.
+    """Return position and radius of the ball in each region, from a fit of its outline.
 
-    The radius is in pixels, and positions are in pixels of the full frame. `x_u` and `y_u` only
-    include noise; `pattern_u` is the u of x, and of y, caused by the pattern of the ball. A ball
-    that cannot be fitted has the flag `NOT_FOUND`, and its values are NaN except for the blur.
+    Positions are in pixels of the full frame, and the radius is in pixels. `x_u` and `y_u` only
+    include noise. `pattern_u` is the u that the pattern of the ball causes in x, and also in y. A
+    ball that cannot be fitted has the flag `NOT_FOUND`, and all its values except the blur are NaN.
 
     Parameters
     ----------
@@ -99,11 +99,12 @@ def fit_edge(
         Position of the ball to about a pixel, its radius, and its motion blur. The blur is not
         fitted.
     noise, lens
-        Noise of the camera, and standard deviation of the blur of its lens [pixel].
+        Noise of the camera, and standard deviation of the blur of its lens [pixels].
     oval
-        Known deviation of the outlines from circles: c and s of r = R (1 + c cos 2a + s sin 2a), of
-        a shape that broadcasts to (region, 2). The outline of a sphere at an angle b from the
-        camera's axis is longer by 1 / cos b in the direction away from the axis.
+        Known deviation of the outlines from circles: the numbers c and s of the outline r = R (1 +
+        c cos 2a + s sin 2a), in a shape that broadcasts to (region, 2). The outline of a sphere at
+        an angle b from the camera's axis is longer by 1 / cos b in the direction away from the
+        axis.
     oval_u
         Standard uncertainty of c and s. It may be 0 only if c and s are known to 0.0005, because a
         wrong ellipse looks like a pattern.
@@ -254,13 +255,20 @@ def _like(sectors: int) -> float:
 
 
 def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
-    """Return the solution of a symmetric cyclic block-tridiagonal system, in the shape of `right`.
+    """Return the solution of a symmetric, cyclic, block-tridiagonal system of equations.
 
-    `blocks`, (block, n, n), are on the diagonal. `links`, (block, n, n), are beside it:
-    ``links[k]`` is in the rows of block k and the columns of block k + 1. The last link is in the
-    columns of the first block. The transposed links are on the other side of the diagonal. `right`
-    is (block, n, m). There must be at least three blocks. Raises `LinAlgError` if the matrix is not
-    positive definite.
+    Raises `LinAlgError` if the matrix is not positive definite.
+
+    Parameters
+    ----------
+    blocks
+        Blocks on the diagonal of the matrix, (block, n, n); at least three.
+    links
+        Blocks beside the diagonal, (block, n, n). ``links[k]`` is in the rows of block k and the
+        columns of block k + 1, and the last link in the columns of the first block. The transposed
+        links are on the other side of the diagonal.
+    right
+        Right-hand sides, (block, n, m). The solution has the same shape.
     """
     from scipy.linalg import solveh_banded
 
@@ -325,8 +333,8 @@ def hidden_share(view: View, p: Array, noise: Noise) -> float:
 
     An object that covers part of the ball, such as a bat or a cable, belongs to the background
     because it was in the picture before the ball. The share is 0 if the ball looks like its
-    background, or if no pixel of the rim is in the picture. `p` are the fitted parameters, in the
-    order of `AT`.
+    background, or if no pixel of the rim is in the picture. `p` are the fitted parameters of the
+    outline, in the order of `AT`.
     """
     row, col = np.ogrid[: view.pixels.shape[0], : view.pixels.shape[1]]
     u, v = col - p[AT.x], row - p[AT.y]

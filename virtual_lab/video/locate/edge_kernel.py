@@ -121,21 +121,21 @@ def _weigh(
 def sector_sums(
     view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
 ) -> Array:
-    """Add up the normal equations of a region for each sector of the rim, and count its pixels.
+    """Fill `sums` with the normal equations of a region, and return counts of its pixels.
 
-    Return an array of counts and other sums over the pixels, in the order of `TALLY`.
+    The returned array has counts and other sums over the pixels, in the order of `TALLY`.
 
     Parameters
     ----------
     p
-        Shared parameters, in the order of `AT`.
+        Parameters shared by all sectors, in the order of `AT`.
     pattern
-        Brightness of the pattern at the beginning of each sector, (sector, knot).
+        Brightness of the pattern at the beginning of each sector of the rim, (sector, knot).
     first
         Whether this is the first evaluation, with an inaccurate model. The noise is then computed
         from the gray values of the pixels instead of the model, and only some of the rows are used.
     sums
-        Overwritten with the equations, (sector + 1, n, n). The last row of the first axis is for
+        Overwritten with one set of equations per sector, (sector + 1, n, n). The last set is for
         pixels off the rim. The n variables are the shared parameters, the knots of the pattern at
         the beginning and at the end of the sector, and the residual of the pixel.
     """

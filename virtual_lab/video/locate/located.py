@@ -94,17 +94,17 @@ Parts = TypeVar("Parts", Located, Regions)
 
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
-    """Return the regions of `whole` with the indices `which`."""
+    """Return the rows of all arrays of `whole` with the indices `which`, (region,)."""
     return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 
 def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, int]]:
-    """Return the upper left corners of square regions around the balls, and their shape.
+    """Return the corners of square regions around the balls, and the shape of a region.
 
-    All regions have the same shape, (rows, columns), which fits the largest ball with a margin. A
-    region that would extend beyond the frame is moved inside, and the ball is then not in its
-    middle. The corners, (region, 2), are x and y in pixels of the frame. `shape` is that of the
-    frame.
+    The corners, (region, 2), are x and y of the upper left pixel in the frame. All regions have the
+    same shape, (rows, columns), which contains the largest ball with a margin. A region that would
+    extend beyond the frame is moved inside, and the ball is then not in its middle. `shape` is the
+    number of rows and columns of the frame.
     """
     blur = np.hypot(start.blur_x, start.blur_y)
     half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN
@@ -114,10 +114,10 @@ def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, i
 
 
 def cut(picture: Frame, corners: Array, shape: tuple[int, ...]) -> NDArray[np.float32]:
-    """Return the regions of a gray picture with these upper left corners, (region, row, col).
+    """Return regions of a gray picture, (region, row, column).
 
-    `corners`, (region, 2), are x and y [pixels], and `shape` is that of one region. Each region
-    must be inside the picture.
+    `corners`, (region, 2), are x and y of the upper left pixel of each region, and `shape` is the
+    number of rows and columns of a region. Each region must be inside the picture.
     """
     left, top = corners.astype(int).T
     views = np.lib.stride_tricks.sliding_window_view(picture, shape)

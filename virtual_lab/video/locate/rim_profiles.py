@@ -59,7 +59,7 @@ class Profiles(NamedTuple):
 
 
 def blurred_profiles(radius: float, width: float, inside: float, blur: float) -> Profiles:
-    """Return tables of the brightness near the rim of a ball, for the fit of its outline.
+    """Return tables of the brightness near the rim of a blurred ball, for the fit of its outline.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     width
         Standard deviation of the blur by lens and pixel together [pixels].
     inside
-        Largest depth inside the outline at which pixels are used, if there is no motion blur
+        Largest depth inside the outline at which pixels are used if there is no motion blur
         [pixels].
     blur
         Shift of the ball during the exposure [pixels]. It is added to `inside`, up to the radius.

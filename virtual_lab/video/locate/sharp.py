@@ -32,10 +32,9 @@ SHARP = SharpSettings()
 
 
 def noise_of_clip(clip: Clip) -> Noise:
-    """Return the noise of a clip's pixels from frame to frame.
+    """Return the model of a clip's pixel noise, from the differences between its sampled frames.
 
-    It is estimated from the frames that were sampled for the background, of which there must be at
-    least two.
+    At least two frames must have been sampled.
     """
     every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
     return Noise.from_frames(clip.grey_samples(every), clip.full_scale)
@@ -44,9 +43,10 @@ def noise_of_clip(clip: Clip) -> Noise:
 def sharp_places(
     clip: Clip, regions: Regions, start: Located, *, lens: float, ball_radius: float | None = None
 ) -> Located:
-    """Return the ball in regions of a clip, with its positions in pixels of the full frame.
+    """Return position and radius of the ball in regions of a clip, from fits of its outline.
 
-    A ball that cannot be fitted has the flag `NOT_FOUND`, and its position is NaN.
+    Positions are in pixels of the full frame. A ball that cannot be fitted has the flag
+    `NOT_FOUND`, and its position is NaN.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def sharp_places(
     lens
         Standard deviation of the blur of the lens [pixels].
     ball_radius
-        Radius of the ball, if the scale of the clip is known [pixels]. With it, a ball that is lit
-        from the side is located by its lit limb.
+        Radius of the ball [pixels]; None if the scale of the clip is unknown. With it, a ball that
+        is lit from the side is located by its lit edge.
     """
     if ball_radius and float(np.median(start.radius)) < SHARP.lit_share * ball_radius:
         start = on_the_limb(regions, replace(start, radius=np.full(len(start.x), ball_radius)))
@@ -73,21 +73,26 @@ def place(
     middle: tuple[float, float],
     oval: tuple[float, float] = (0.0, RIM_FIT.oval_u),
 ) -> Located:
-    """Return the ball in regions, with its positions in pixels of the full frame.
+    """Return position and radius of the ball in regions, from fits of its outline.
 
-    A ball that cannot be fitted has the flag `NOT_FOUND`, and its position is NaN.
+    Positions are in pixels of the full frame. A ball that cannot be fitted has the flag
+    `NOT_FOUND`, and its position is NaN. The fit is repeated if it moves the ball by more than 0.3
+    pixels.
 
     Parameters
     ----------
     start
         Position of the ball to about a pixel, its radius, and its motion blur.
+    noise
+        Noise of the camera.
     lens
         Standard deviation of the blur of the lens [pixels].
     middle
         Position (x, y) of the camera's axis in the frame [pixels].
     oval
-        The factor k [1/px²], and the standard uncertainty of k d². A sphere at the distance d from
-        `middle`, in the direction a_d, has the outline r = R (1 + k d² cos 2(a - a_d)).
+        Two numbers: a factor k [1/px²], and the standard uncertainty of k d². A sphere at the
+        distance d from `middle`, in the direction a_d, has the outline r = R (1 + k d² cos 2(a -
+        a_d)).
     """
     x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval
@@ -107,9 +112,10 @@ def place(
 
 
 def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return a mask (1: set) of the pixels brighter than the background, by Otsu's threshold.
+    """Return a mask of the pixels with a large difference from the background; 1 is set.
 
-    `off` is the difference of a picture from its background [DN]; the mask has its shape.
+    `off` is this difference [DN]; negative values count as 0. The limit is Otsu's threshold. The
+    mask has the shape of `off`.
     """
     import cv2
 
@@ -118,13 +124,13 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def on_the_limb(regions: Regions, start: Located) -> Located:
-    """Return `start` with positions from the lit limb of the ball, correct to a pixel or two.
+    """Return `start` with the positions of balls that are lit from the side, to a pixel or two.
 
-    A lamp at the side lights only part of a ball. One side of the outline of this part is the limb
-    of the ball, and the other side is the border of the shade. The position is the center of the
-    circle with the radius in `start` that contains most of the outline. A region without a limb
-    keeps the position of `start`. The motion during an exposure must be small compared with the
-    radius, which must be correct to 3 %.
+    A lamp at the side lights only part of a ball. The outline of this part is the edge of the ball
+    (the limb) on one side, and the border of the shade on the other side. The position is the
+    center of the circle that contains most of the outline. The circle has the radius in `start`,
+    which must be correct to 3 %. The shift of the ball during an exposure must be small compared
+    with the radius. If no limb is found in a region, its position stays that of `start`.
     """
     import cv2
 

@@ -35,7 +35,7 @@ lens_blur_px = {blur:.3g}  # standard deviation, in the plane view
 
 
 def calibration_toml(result: Calibrated) -> str:
-    """Return the calibration as the text of a calibration file (TOML)."""
+    """Return the text of a calibration file (TOML) for `virtual-lab track`."""
     entries = asdict(result.model)
     fit = entries.pop("fit")
     lines = [*map(_entry, entries, entries.values()), "", "[camera.fit]"]
@@ -58,7 +58,7 @@ def calibration_document(result: Calibrated) -> dict[str, Any]:
 
 
 def calibration_text(result: Calibrated) -> str:
-    """Return the calibration as lines of text, with a line per warning at the end."""
+    """Return the calibration as lines of text, with one line per warning at the end."""
     model, fit = result.model, result.model.fit
     assert fit is not None
     (fx, _, cx), (_, fy, cy), _ = model.matrix
@@ -96,7 +96,7 @@ def _entry(key: str, value: Any) -> str:
 
 
 def draw_calibration(result: Calibrated) -> PageFigure:
-    """Return a figure of the residual of each corner, an arrow at its position in the picture."""
+    """Return a figure with the residual of each corner: an arrow at the corner's position."""
     solved, (wide, high) = result.solved, result.model.image_size
     with page_figure(6.6 * high / wide + 0.8, 7.6) as figure:
         axes = figure.add_subplot()

@@ -30,11 +30,11 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 
 
 def course_of(track: FollowedClip) -> Places:
-    """Return the course of a ball, one record (`PLACE`) per position, in the order of frames.
+    """Return one record of the type `PLACE` per position of the ball, in the order of frames.
 
-    The positions are the refined (sharp) positions if there are any, otherwise those of the
-    flights, otherwise those of all track fragments. If there are none, the result has up to 12
-    evenly spaced frames of the clip, with positions NaN.
+    The sharp positions are used if there are any, otherwise the positions of the flights, otherwise
+    those of all pieces of smooth motion. If there are none, the result has up to 12 evenly spaced
+    frames of the clip with the position NaN.
     """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
     values: dict[str, Any]
@@ -94,7 +94,10 @@ def course_of(track: FollowedClip) -> Places:
 
 
 def course_table(places: Places) -> pd.DataFrame:
-    """Return the table track.csv, one row per position that is known or has a flag."""
+    """Return the table of the file track.csv, with one row per position.
+
+    Positions that are unknown and have no flag are left out.
+    """
     import pandas as pd
 
     rows = places[np.isfinite(places["x_px"]) | (places["flag_names"] != "")]
@@ -102,7 +105,7 @@ def course_table(places: Places) -> pd.DataFrame:
 
 
 def spots(places: Places) -> Array:
-    """Return the positions in the still frame, (position, 2) [pixels]; NaN if unknown."""
+    """Return the ball's positions in the still frame, (position, 2) [pixels]; NaN if unknown."""
     return np.stack([places["x_px"], places["y_px"]], axis=1)
 
 

@@ -26,10 +26,10 @@ Row = dict[str, Any]
 
 
 def flight_rows(track: FollowedClip) -> list[Row]:
-    """Return one row per flight, with the contact at its end; a row is a dictionary by column name.
+    """Return one dictionary per flight, with its values and those of the contact at its end.
 
-    Measured values are estimates, or None if unknown. The values of the contact are None if there
-    is no contact at the end of the flight.
+    The keys are column names. A measured value is an estimate, or None if it is unknown. Without a
+    contact at the end of the flight, the values of the contact are None.
     """
     contacts = {each.before: each for each in track.contacts}
     return [
@@ -53,10 +53,10 @@ def flight_rows(track: FollowedClip) -> list[Row]:
 
 
 def contact_rows(track: FollowedClip) -> list[Row]:
-    """Return one row per contact; a row is a dictionary by column name.
+    """Return one dictionary per contact; its keys are column names.
 
     ``frame`` is the time of the contact in frames, not rounded. ``restitution`` is an estimate, or
-    None if the track has no estimate for this contact.
+    None if no restitution is stated for this contact.
     """
     return [
         {
@@ -70,7 +70,10 @@ def contact_rows(track: FollowedClip) -> list[Row]:
 
 
 def in_columns(row: Mapping[str, Any]) -> Row:
-    """Return a row with value and standard uncertainty of each estimate in separate columns."""
+    """Return a row in which each estimate is replaced by its value and its standard uncertainty.
+
+    The value has the name of the column. The uncertainty of ``speed_mph`` is in ``speed_u_mph``.
+    """
     cells: Row = {}
     for name, each in row.items():
         estimate = isinstance(each, Estimate)
@@ -79,7 +82,7 @@ def in_columns(row: Mapping[str, Any]) -> Row:
 
 
 def estimate_table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return rows as a table, with value and u of an estimate in adjacent columns."""
+    """Return a table of rows, with value and standard uncertainty of an estimate in two columns."""
     import pandas as pd
 
     return pd.DataFrame([in_columns(row) for row in rows])
@@ -88,17 +91,16 @@ def estimate_table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 def track_document(track: FollowedClip) -> Row:
     """Return the result as a dictionary that can be written as JSON.
 
-    An estimate is a dictionary of ``value`` and ``u``. The values of ``contact``, ``restitution``
-    and ``restitution_of`` are None unless the clip has exactly one contact. ``speed_in_m_per_s``
-    and ``angle_in_deg`` are those at the end of the incoming flight, ``speed_out_m_per_s`` and
-    ``angle_out_deg`` those at the start of the outgoing flight. These flights are:
+    An estimate is a dictionary of ``value`` and ``u``. ``contact``, ``restitution`` and
+    ``restitution_of`` are None unless the clip has exactly one contact. ``speed_in_m_per_s`` and
+    ``angle_in_deg`` are the values at the end of the incoming flight. ``speed_out_m_per_s`` and
+    ``angle_out_deg`` are the values at the start of the outgoing flight. They are None if this
+    flight is missing. The two flights are:
 
     * with exactly one contact, the flights before and after it;
-    * otherwise, with a single flight, only this flight, as the incoming one;
+    * otherwise, with a single flight, this flight as the incoming one, and no outgoing one;
     * otherwise, if the ball was located sharply, the first and the second flight;
     * otherwise, neither.
-
-    If a flight is missing, its values are None.
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
@@ -244,10 +246,10 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
 
 
 def track_title(track: FollowedClip) -> str:
-    """Return a title of one or more lines: the name of the clip and its result, then the flags.
+    """Return a title of one or more lines: name of the clip and result, then flags and warnings.
 
-    The result is ``flights`` or ``none``, with the restitutions. Without flags their line is left
-    out. Without a flight, a line per warning follows.
+    The result is ``flights`` or ``none``, followed by the restitutions. The line of flags is left
+    out without flags. Warnings, one per line, are only shown for a clip without a flight.
     """
     ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
     parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]

@@ -53,12 +53,14 @@ def track_clip(
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
-    """Track the ball through a clip: a file, a folder, or an array of its frames.
+    """Track the ball through a clip, and return its flights, contacts, scale and doubts.
 
     A clip without a ball gives a result without flights, with a warning.
 
     Parameters
     ----------
+    file
+        A file, a folder of pictures, or an array of frames.
     said
         Statements of the user by name (see `Said`), in SI units.
     progress
@@ -67,9 +69,9 @@ def track_clip(
     Raises
     ------
     InputError
-        A file cannot be read, a statement is not allowed or does not fit the clip, nothing sets the
-        scale, gravity is to set the scale but no flight shows it, or the frame rate implies an
-        impossible value of g.
+        A file cannot be read, a statement is not allowed or does not fit the clip, the scale is
+        unknown, gravity was requested for the scale but no flight shows it, or the frame rate
+        implies an impossible value of g.
     """
     # The file is opened first, because a file that is not a clip needs no scale.
     source = open_source(file)
@@ -171,9 +173,9 @@ def save_track(
     progress
         Function that is called with messages about the work.
     film
-        Whether the film track.webp is written too.
+        Whether to write the film track.webp too.
     settings
-        Text of the file settings.toml; without text it is not written.
+        Text of the file settings.toml. If it is empty, the file is not written.
     overwrite
         Whether `folder` may replace an earlier result folder that has a settings.toml.
 
