@@ -39,10 +39,10 @@ def fill(
     normal: bool,
     out: Floats,
 ) -> bool:
-    """Fill `out` with random numbers. Return False if a slot does not fit into 32 bits.
+    """Fill `out` with random numbers. Return True if all slots fit into 32 bits.
 
-    Otherwise the result is True. If it is False, `out` is not complete. Number i of a slot is word
-    i % 2 of the Philox counter (i // 2, slot, laboratory, third word of the key).
+    If a slot does not fit, the result is False and `out` is not complete. Number i of a slot is
+    word i % 2 of the Philox counter (i // 2, slot, laboratory, third word of the key).
 
     Parameters
     ----------

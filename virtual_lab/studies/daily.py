@@ -211,7 +211,7 @@ def daily(
         Daily loss of rebound speed at the wall, as a fraction of the rebound speed from a rigid
         wall, such as 0.0005.
     step
-        Sudden loss of rebound speed at the wall, as the same fraction.
+        Sudden loss of rebound speed at the wall, as a fraction of the same rebound speed.
     faults
         Fault of the impact rig.
 

@@ -194,7 +194,7 @@ def faults(
     Returns
     -------
     Rows
-        One row per procedure and fault; the first row of a procedure is the day without a fault.
+        One row per procedure and fault. The first row of a procedure is a day without a fault.
 
     Raises
     ------

@@ -164,7 +164,7 @@ class Collisions:
 
 
 def concatenate(parts: Sequence[Collisions]) -> Collisions:
-    """Return the collisions of several parts of a batch, one after another, as one batch.
+    """Join the collisions of several parts of a batch, in order, and return them as one batch.
 
     All parts must come from the same model. A single part is returned as it is.
     """

@@ -47,10 +47,10 @@ def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Return the balance point measured from the knob [m], as if it were measured from the tip.
+    """Return the balance point as a distance from the knob [m], instead of from the tip.
 
-    The laboratory enters this distance by mistake. The result is a mapping with the key
-    ``readings``, an array of the shape of the readings in the record.
+    The laboratory uses it by mistake as the distance from the tip. The result is a mapping with the
+    key ``readings``, an array of the shape of the readings in the record.
     """
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
@@ -123,9 +123,9 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times of balls that are out of round by up to 1.5 mm.
 
     The front and the back radius of a ball differ, and both change from gate to gate. Therefore the
-    ball breaks and clears a beam early or late. A ball that barely breaks a beam if it is round can
-    miss the beam; both times are then NaN. The result is a mapping with the key ``times`` [s], an
-    array of the shape of the times in the record.
+    ball breaks and clears a beam early or late. If the ball only grazes a beam, it can miss it;
+    both times are then NaN. The result is a mapping with the key ``times`` [s], an array of the
+    shape of the times in the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -179,9 +179,10 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
 
 
 def scraps_of_beams(station: Station) -> Station:
-    """Return the station with sabot fragments ahead of 60 % of the balls at its light boards.
+    """Return the station with sabot fragments that fly ahead of 60 % of the balls.
 
-    A station without light boards is returned unchanged.
+    The fragments break beams of the light boards. A station without light boards is returned
+    unchanged.
     """
     return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
 

@@ -110,7 +110,7 @@ def sheet_off(part: str, **values: float) -> Standing:
 
 
 def instrument_of(station: Station, part: str) -> Any:
-    """Return the instrument of a station with the name `part`, or None if there is none.
+    """Return the instrument `part` of a station, or None if the station does not have it.
 
     The result is also None if the station is not a `FittedStation`.
     """

@@ -159,7 +159,7 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     uncertainties:
 
     * u of the time of the passage divided by u of the time at which a beam is broken or cleared;
-    * u of the height divided by u of the ball's position at such a time, along its path;
+    * u of the height divided by u of the ball's position when a beam is broken or cleared;
     * u of the height divided by u of the threshold of a beam.
 
     The ratios are NaN if fewer than four beams were broken. The position of the ball's center

@@ -73,14 +73,15 @@ def sum_up_gates(
 ) -> None:
     """Compute the recorded times of the passages in one direction, in place.
 
-    An incoming ball is detected at any height, a rebounding ball only within the height of the
-    gates.
+    An incoming ball is detected at any height. A rebounding ball is detected only within the height
+    of the gates.
 
     Parameters
     ----------
     records
-        Standard normal numbers on input, recorded times [s] on output, NaN if the ball was not
-        detected, (shot, direction, gate). Only one direction is changed.
+        Array (shot, direction, gate). Before the call it holds standard normal numbers. After the
+        call it holds recorded times [s], NaN if the ball was not detected. Only the direction `out`
+        is changed.
     flights
         Trajectory parameters from `Passage.way`, (5, shot).
     start

@@ -26,8 +26,8 @@ from virtual_lab.units import Array
 def quantise(values: ArrayLike, step: float) -> Array:
     """Return `values` rounded to whole multiples of `step`, in their shape and unit.
 
-    A value midway between two multiples becomes the even one. With a step of 0 the values are
-    returned unrounded. NaN remains NaN.
+    A value midway between two multiples is rounded to the even multiple. With a step of 0 the
+    values are returned unrounded. NaN remains NaN.
     """
     exact = np.asarray(values, dtype=float)
     return np.rint(exact / step) * step if step else exact

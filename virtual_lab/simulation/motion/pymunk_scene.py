@@ -68,9 +68,9 @@ USUAL = PymunkSettings()
 def longest_step(scene: ShotScene, state: ShotState) -> float:
     """Return the longest safe time step [s], the same for all shots of the scene.
 
-    It is so short that a ball cannot pass through the bat, a frame or the stop in one step: their
-    distance decreases by at most the sum of their radii. The step is infinite if nothing moves.
-    `state` is the state of the shots, (n,).
+    In one step, the distance between the ball and the bat, a frame or the stop decreases by at most
+    the sum of their radii, so the ball cannot pass through them. The step is infinite if nothing
+    moves. `state` is the state of the shots, (n,).
     """
     bat, ball = scene.bat, np.hypot(state.vx, state.vz)
     # largest lever arm at which ball and bat can meet within a step
@@ -101,7 +101,7 @@ def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedSho
 
 
 def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
-    """Return the motion of the shots as `play_pymunk` does, without its checks."""
+    """Return the result of `play_pymunk` without checking the settings and the start."""
     shots = [_Shot(scene.alone(shot), settings) for shot in range(scene.shots)]
     pieces = [
         piece._replace(shot=np.array([number]))

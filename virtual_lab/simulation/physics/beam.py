@@ -109,7 +109,7 @@ def outer_diameter(profile: Profile, z: Array) -> Array:
 def wall_thickness(profile: Profile, z: Array) -> Array:
     """Return the wall thickness [m] of a hollow bat at positions `z` from the barrel tip [m].
 
-    The result has the shape of `z`, with the interpolation of `outer_diameter`. Raises
+    The result has the shape of `z`. It is interpolated like `outer_diameter`. Raises
     `AssertionError` for a solid bat.
     """
     assert profile.wall is not None
@@ -117,7 +117,10 @@ def wall_thickness(profile: Profile, z: Array) -> Array:
 
 
 def barrel_radius(profile: Profile) -> Array:
-    """Return the outer radius [m] 6 in from the tip, where a laboratory measures it, shape ()."""
+    """Return the outer radius [m] 6 in from the tip, as an array of shape ().
+
+    A laboratory measures the radius at this position.
+    """
     return outer_diameter(profile, np.array(6 * INCH)) / 2
 
 

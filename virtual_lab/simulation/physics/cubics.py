@@ -69,10 +69,10 @@ def _end_slope(width: float, next_width: float, slope: float, next_slope: float)
 
 
 def smooth_cubic(knots: Array, values: Array) -> PiecewiseCubic:
-    """Return the cubic spline through values (n,) or (n, columns), n of at least 4.
+    """Return the cubic spline through `values`, (n,) or (n, columns), with n of at least 4.
 
-    `knots`, (n,), must increase. The second derivative is continuous. At the second knot from each
-    end the third derivative is continuous, too ("not a knot").
+    `knots`, (n,), must increase. The second derivative is continuous. The third derivative is
+    continuous at the second knot from each end ("not a knot").
     """
     from scipy.linalg import solve_banded
 

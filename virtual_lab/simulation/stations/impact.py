@@ -67,7 +67,7 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
 
     `place` is the impact position from the barrel tip, and `across` the height of the ball's center
     above the bat's axis, both (shot,) [m]. The angle has the sign of `across`. It is NaN if the
-    ball passes the bat.
+    ball misses the bat.
     """
     barrel = outer_diameter(specimen.bat.body.profile, place) / 2
     return np.arcsin(across / (specimen.balls.spec.radius + barrel))
@@ -115,7 +115,7 @@ def thrown_back(
     efficiency
         e_A of each contact.
     tilt
-        Contact angle [rad]. The slope has its sign if the ball rebounds.
+        Contact angle [rad]. The slope has the sign of this angle if the ball rebounds.
     relative_speed
         Speed of the ball relative to the bat, along the line of fire [m/s].
     bat_speed

@@ -226,7 +226,7 @@ class Rig(Protocol):
 def knows_blocks(rig: Rig) -> bool:
     """Return whether all laboratories of a block can be commissioned at once with this rig.
 
-    They can if the rig has an attribute `blocks` that is True.
+    The result is True if the attribute `blocks` of the rig is True.
     """
     return getattr(rig, "blocks", False) is True
 

@@ -155,8 +155,8 @@ def profile(
 ) -> BatProfile | BatComparison:
     """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
 
-    For one bat: curves, modal frequencies and nodes. For several bats: the largest e, BPF, e_A and
-    v_f of each, up to 12 in from the tip, and their differences.
+    For one bat, the result has curves, modal frequencies and nodes. For several bats, it has the
+    largest e, BPF, e_A and v_f of each, up to 12 in from the tip, and their differences.
 
     Parameters
     ----------
@@ -167,8 +167,8 @@ def profile(
     more
         Further bats, instead of a list.
     swings
-        Exponent n of the power law, 0 to 0.5. One bat takes a single exponent, by default 0;
-        several bats take several, by default 0 and 0.5.
+        Exponent n of the power law, 0 to 0.5. For one bat only one exponent is allowed, by default
+        0. For several bats the default is 0 and 0.5.
     swing_law
         Swing law. With ``power`` the bat speed is proportional to I^-n, where I is the moment of
         inertia. With ``energy`` the total kinetic energy of bat and batter is the same for every
@@ -187,7 +187,8 @@ def profile(
     Raises
     ------
     InputError
-        Several exponents are stated for one bat; also in the cases of `compare`.
+        Several exponents are stated for one bat, two bats have the same name, or a bat, a ball, an
+        exponent or the moment of inertia cannot be used.
     """
     several, exponents = entry_names(bats) + entry_names(more), values_of(swings)
     reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)

@@ -16,7 +16,9 @@ COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose
 
 
 def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> PageFigure:
-    """Draw errors of e_A, shifts of e_A, and loads on the axis against the impact position.
+    """Draw three panels against the impact position: errors of e_A, shifts of e_A, and impulses.
+
+    The shifts are caused by the bearing of the pivot. The impulses act on its axis.
 
     Parameters
     ----------

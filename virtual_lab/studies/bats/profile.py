@@ -176,9 +176,9 @@ def profiles(
     bat
         Name in the catalog or path of a .toml file.
     swings
-        Exponents n of the swing law, Eq. (14), from 0 (same speed for all bats) to 0.5 (same
-        energy). None means that the total kinetic energy of bat and batter is the same for all
-        bats.
+        Exponents n of the swing law, Eq. (14), from 0 (same speed of all bats) to 0.5 (same kinetic
+        energy of all bats). None means that the total kinetic energy of bat and batter is the same
+        for all bats.
     reference_inertia
         Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit such as
         ``17000 oz in^2``. By default the I0 of the game conditions.

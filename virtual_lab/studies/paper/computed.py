@@ -101,8 +101,8 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
 def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
     """Return the largest value of a curve along a bat, and its position [in from the tip].
 
-    The game conditions are standard, and positions from 0.5 to 12 in are searched. Raises
-    `KeyError` for an unknown curve or exponent, and `InputError` for an unknown bat.
+    The bat is swung under standard game conditions. Positions from 0.5 to 12 in are searched.
+    Raises `KeyError` for an unknown curve or exponent, and `InputError` for an unknown bat.
 
     Parameters
     ----------
@@ -122,9 +122,9 @@ def peak_value(bat: str, curve: str) -> float:
     """Return the largest value of a curve along a bat, for swing exponent 0.
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` (all
-    dimensionless) or ``batted_speed_mph`` [mph]. The game conditions are standard. Positions from
-    0.5 to 12 in from the tip are searched. Raises `KeyError` for an unknown curve, and `InputError`
-    for an unknown bat.
+    dimensionless) or ``batted_speed_mph`` [mph]. The bat is swung under standard game conditions.
+    Positions from 0.5 to 12 in from the tip are searched. Raises `KeyError` for an unknown curve,
+    and `InputError` for an unknown bat.
     """
     return top(bat, curve).value
 
@@ -133,8 +133,9 @@ def peak_place(bat: str, curve: str) -> float:
     """Return the position [in from the tip] of the largest value of a curve, for swing exponent 0.
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
-    ``batted_speed_mph``. The game conditions are standard. Positions from 0.5 to 12 in from the tip
-    are searched. Raises `KeyError` for an unknown curve, and `InputError` for an unknown bat.
+    ``batted_speed_mph``. The bat is swung under standard game conditions. Positions from 0.5 to 12
+    in from the tip are searched. Raises `KeyError` for an unknown curve, and `InputError` for an
+    unknown bat.
     """
     return top(bat, curve).place
 
@@ -150,9 +151,9 @@ def ball_restitution(name: str, speed: float) -> float:
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
     """Return the peak v_f of the first bat minus the peak v_f of the second bat [mph].
 
-    The game conditions are standard. `swing` is the exponent n of the swing law, 0 to 0.5 in steps
-    of 0.1; None means the law of constant energy. Raises `KeyError` for another exponent, and
-    `InputError` for an unknown bat.
+    The bat is swung under standard game conditions. `swing` is the exponent n of the swing law, 0
+    to 0.5 in steps of 0.1; None means the law of constant energy. Raises `KeyError` for another
+    exponent, and `InputError` for an unknown bat.
     """
     return (
         top(first, "batted_speed_mph", swing).value - top(second, "batted_speed_mph", swing).value
@@ -239,8 +240,8 @@ def energy_loss(collisions: Collisions) -> Array:
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
     """Return the recoil factor r of a bat at positions `z` [in from the tip], in the shape of `z`.
 
-    The ball has the standard mass of the paper. `support_name` is pivoted (6 in from the knob) or
-    clamped (r is 0). For any other name the bat is free. Raises `InputError` for an unknown bat.
+    The ball is ``game-2003``. `support_name` is pivoted (6 in from the knob) or clamped (r is 0).
+    For any other name the bat is free. Raises `InputError` for an unknown bat.
     """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
@@ -264,7 +265,7 @@ def restitution(
 
     `support_name` is free, pivoted or clamped. `speed` is the relative speed of ball and bat [mph],
     and `with_ball` is the ball's name in the catalog. Raises `InputError` for an unknown bat or
-    ball, and for a position beyond the bat.
+    ball, and for a position beyond the bat, and `KeyError` for an unknown support.
     """
     efficiency = collide_at(
         bat, z, support_name=support_name, speed=speed, with_ball=with_ball
@@ -300,10 +301,10 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
 def game_bat_speed(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat speed [mph] at positions `z` [in from the tip], in the shape of `z`.
 
-    The game conditions are standard. The speed is interpolated from 0.5 to 16 in. Positions outside
-    this range have the speed at its nearest end. `swing` is the exponent n of the swing law, 0 to
-    0.5 in steps of 0.1; None means the law of constant energy. Raises `KeyError` for another
-    exponent, and `InputError` for an unknown bat.
+    The bat is swung under standard game conditions. The speed is interpolated from 0.5 to 16 in.
+    Positions outside this range have the speed at its nearest end. `swing` is the exponent n of the
+    swing law, 0 to 0.5 in steps of 0.1; None means the law of constant energy. Raises `KeyError`
+    for another exponent, and `InputError` for an unknown bat.
     """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(

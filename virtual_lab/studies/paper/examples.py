@@ -46,7 +46,7 @@ from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
 def table_one() -> Iterator[Claim]:
     """Yield the claims of Table I, nine for each of the four bats, with tolerances of 0.5 %.
 
-    The printed numbers are those on the data sheets of the bats.
+    The printed numbers are taken from the data sheets of the bats.
     """
     for bat in BATS:
         published = catalog.load_bat(bat).spec.published
@@ -180,7 +180,7 @@ def _thickness() -> float:
 
 
 def node_shift(i: int) -> float:
-    """Return the node position of EA70 minus the node position of R161, on the barrel [in].
+    """Return the position of a barrel node on EA70 minus its position on R161 [in].
 
     The result is positive if the node of EA70 is farther from the tip. `i` is 0 for the first
     bending mode and 1 for the second.
@@ -241,8 +241,8 @@ def by_restitution_alone() -> float:
 def contradictions(curve: str) -> float:
     """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
 
-    The bats are ranked by their peaks under standard game conditions with swing exponent 0. `curve`
-    is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
+    The bats of the paper are ranked by their peaks under standard game conditions with swing
+    exponent 0. `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
     ``batted_speed_mph``. Pairs with a tie are not counted. Raises `KeyError` for an unknown curve.
     """
     return sum(

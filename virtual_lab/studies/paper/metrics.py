@@ -98,12 +98,11 @@ def _peak_at(bat: str, speed: float) -> float:
 
 
 def explicit_share(v: str) -> float:
-    """Return the direct part of the change of v_f with a speed, by Eq. (3), as a share from 0 to 1.
+    """Return the share of the direct effect in the total effect of a speed on v_f, 0 to 1.
 
-    `v` is ``ball`` for the speed of the ball or ``bat`` for the speed of the bat. The direct part
-    is the factor of this speed in Eq. (3): e_A for the ball, and 1 + e_A for the bat. The other
-    part is indirect: e_A depends on the relative speed. It is taken as positive. The bat is R161,
-    at its peak e_A.
+    `v` is ``ball`` or ``bat``, for the speed of the ball or of the bat. The direct effect is the
+    factor of this speed in Eq. (3), e_A or 1 + e_A. The indirect effect is the change of e_A with
+    the relative speed; it is taken as positive. The bat is R161, at its peak e_A.
     """
     e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -128,7 +127,7 @@ def node_gap() -> float:
     """Return the largest distance between the peak of e_A and the closest barrel node [in].
 
     The distance is computed for each of the paper's four bats, and the largest one is returned. The
-    peaks are those under standard game conditions.
+    peaks are computed under standard game conditions.
     """
     return max(
         min(
@@ -239,7 +238,7 @@ def parallel_axes() -> float:
 
 
 def nearer_is_heavier() -> float:
-    """Return the smallest relative increase of the effective mass between neighboring positions.
+    """Return the smallest relative increase of the effective mass from one position to the next.
 
     On each of the paper's four bats there are 30 positions, from the tip to the center of mass. A
     result of 0.01 means 1 %. A negative result means that the effective mass decreases somewhere.
@@ -278,20 +277,20 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return the error of v_f [mph] at 160 mph if it is computed with e measured at `speed` [mph].
+    """Return the error of v_f [mph] if it is computed with the e measured at `speed` [mph].
 
-    The values are an example: e decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph, and r is
-    0.25.
+    v_f is the speed at a relative speed of 160 mph. The numbers are an example: e decreases
+    linearly from 0.55 at 60 mph to 0.45 at 160 mph, and r is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
 
 def overestimate_of_model(speed: float) -> float:
-    """Return the error of v_f [mph] of R161 at 160 mph if it is computed with e_A at `speed` [mph].
+    """Return the error of v_f [mph] of R161 if it is computed with the e_A at `speed` [mph].
 
-    e_A is the largest value 3 to 8 in from the tip of the free bat. The e0 of the ball decreases
-    with speed.
+    v_f is the speed at a relative speed of 160 mph. e_A is the largest value 3 to 8 in from the tip
+    of the free bat. The e0 of the ball decreases with speed.
     """
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
