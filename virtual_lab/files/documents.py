@@ -69,9 +69,9 @@ def read_text(path: Path) -> str:
 def read_json(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file.
 
-    Raises `InputError` if the file cannot be read, is larger than 20 MB, or does not contain
-    exactly one object. Also raises it for a key that occurs twice, for NaN, Infinity or a decimal
-    number too large for a float (such as 1e999), and for more than 32 levels of nesting.
+    Raises `InputError` if the file cannot be read, is larger than 20 MB, does not contain exactly
+    one object, or is nested more than 32 levels deep. Also raises it for a key that occurs twice,
+    and for NaN, Infinity or a decimal number too large for a float, such as 1e999.
     """
     return parse_json(read_text(path), str(path))
 

@@ -74,9 +74,9 @@ class Laboratory:
         Raises
         ------
         InputError
-            The rig or the collision model is unknown, the rig does not have the motion model, a
-            record that the procedure needs, or the camera for a film, or bat or ball do not fit the
-            procedure.
+            The rig or the collision model is unknown. The rig does not have the motion model, the
+            camera for a film, or a record that the procedure needs. Or the bat or the ball does not
+            fit the procedure.
         """
         setup.require_seeded()
         rules, bat, ball = setup.rules.spec, setup.bat.spec, setup.ball.spec

@@ -163,8 +163,9 @@ def true_curve(
     """Return the true e_A, e, r and e0 at positions along a bat, arrays (place,).
 
     The speeds are the nominal speeds of the procedure. `places` are distances from the barrel tip
-    [m]. For a block of laboratories, `owner` is the index of the laboratory whose bat and balls are
-    used at each position, (place,). For a single laboratory `owner` is `...`, the default.
+    [m]. For a block of laboratories, `owner`, (place,), is the index of the laboratory that each
+    position belongs to. The bat and the balls of this laboratory are used. For a single laboratory
+    `owner` is `...`, the default.
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

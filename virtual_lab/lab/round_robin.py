@@ -52,12 +52,12 @@ class RoundRobin:
 
     @classmethod
     def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
-        """Return the round robin in which all laboratories test a bat by a procedure.
+        """Return a round robin with the same bat and the same procedure in all laboratories.
 
         With `summed` the instruments record only summary values, and all laboratories test the
         nominal bat with a surrogate of its collision. With `individual`, or without `summed`, each
-        laboratory has an individual bat, whose modes must be computed. Raises `InputError` in the
-        same cases as `TestSetup.of`.
+        laboratory has an individual bat, so the modes of each bat must be computed. Raises
+        `InputError` in the same cases as `TestSetup.of`.
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
@@ -65,9 +65,10 @@ class RoundRobin:
 
     @classmethod
     def with_common_model(cls, setup: TestSetup) -> Self:
-        """Return the round robin of a setup, with a common collision model for a nominal bat.
+        """Return the round robin of a setup, with a common collision model if the bat is nominal.
 
-        A common model has one stiffness of the ball, so lots of different stiffness have none.
+        The common model has a single stiffness of the ball. It is left out if the stiffness of the
+        balls varies.
         """
         rules, ball, bat = setup.rules.spec, setup.ball.spec, setup.bat.spec
         if setup.made or ball.stiffness_spread:
@@ -81,7 +82,11 @@ class RoundRobin:
 
     @property
     def in_blocks(self) -> bool:
-        """Whether laboratories can be simulated side by side, which all rigs must support."""
+        """Whether several laboratories can be simulated together.
+
+        All rigs must support it. The instruments must record summary values only, and the setup
+        must have neither faults nor a control bat.
+        """
         setup = self.setup
         rigs = (find_rig(name, stage) for stage, name in setup.rigs.items())
         plain = not setup.faults.names and not setup.rules.spec.controlled
@@ -98,8 +103,8 @@ class RoundRobin:
     def blocks(self, laboratories: int, seed: int, first: int = 0) -> Iterator[BlockTest]:
         """Yield the tests of `laboratories` laboratories of a seed, in blocks.
 
-        If laboratories cannot be simulated side by side, each block has one. Raises `InputError` in
-        the same cases as `certify_block`.
+        If laboratories cannot be simulated together, each block has one. Raises `InputError` in the
+        same cases as `certify_block`.
         """
         numbers, setup = np.arange(first, first + laboratories), replace(self.setup, seed=seed)
         if not self.in_blocks:
@@ -128,10 +133,10 @@ class RoundRobin:
     def each_block(
         self, take: Callable[[BlockTest], Taken], laboratories: int, seed: int, processes: int = 1
     ) -> Iterator[Taken]:
-        """Yield the result of `take`, a module-level function, for each block in turn.
+        """Yield the result of the function `take` for each block, in the order of the blocks.
 
-        `processes` processes of this computer share the blocks. Raises `InputError` in the same
-        cases as `blocks`.
+        `take` must be a module-level function. `processes` processes of this computer share the
+        blocks. Raises `InputError` in the same cases as `blocks`, and if `processes` is below 1.
         """
         if processes < 1:
             raise InputError("", "workers", processes, "allowed: at least 1")
@@ -178,7 +183,7 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
     The variables are impact position, relative speed, and e0 and mass of the ball. The range of
     each variable extends six standard deviations beyond its nominal values. The lower limit of the
     speed is a further 1 % lower. The limits of e0 are at least the smallest e0 of the ball's data
-    sheet and at most 1. The scatter of position and speed is that of the cannons in the catalog.
+    sheet and at most 1. The scatter of position and speed is taken from the cannons in the catalog.
     The same arguments always give the same range, so the surrogate is always the same.
     """
     either = np.array([-1.0, 1.0])

@@ -208,8 +208,9 @@ class Reduction(AlignedArrays):
     ) -> MeasurementModel:
         """Return the results of `hits` as functions of the constants, (laboratory, k, hit).
 
-        `hits` are shot numbers of the `laboratories`, (laboratory, hit), negative where there is no
-        shot; None means all shots. `readings` are those of all shots in firing order, (shot,).
+        `hits` are the indices of shots of the `laboratories`, (laboratory, hit), negative for no
+        shot. None means all shots. `readings` are the readings of all shots in firing order,
+        (shot,).
         """
         preparation, hits = self.preparation, self.shot_numbers if hits is None else hits
         chosen = np.arange(preparation.laboratories)[laboratories]

@@ -75,8 +75,8 @@ class _Status:
     def line(self, counted: str, width: int | None = None, *, plain: bool = False) -> str:
         """Return the line of the current task.
 
-        `counted` is the format of tqdm for a task that is counted; any other shows its duration.
-        A bar is as wide as `width` leaves room, and drawn in ASCII if `plain`.
+        `counted` is tqdm's format for a task that is counted. Any other task shows its duration. A
+        bar fills the line of `width` characters. It is drawn in ASCII if `plain`.
         """
         from tqdm import tqdm
 

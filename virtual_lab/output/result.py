@@ -86,12 +86,12 @@ class StudyResult(ABC):
         return table_text(self.rows)
 
     def plot(self, path: str | Path | None = None) -> PageFigure:
-        """Return the picture, which a notebook shows, and write it into a file if one is named.
+        """Return the picture, which a notebook shows, and write it into a file if `path` is stated.
 
         Parameters
         ----------
         path
-            File to write; its name ends in .png, .svg or .pdf.
+            File to write; its name ends in .png, .svg or .pdf. By default no file is written.
 
         Raises
         ------

@@ -8,7 +8,7 @@ LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
 
 def decimals(u: float) -> int:
-    """Return the number of decimal places with which `u` has two significant digits, at least 0.
+    """Return the number of decimal places that prints `u` with two significant digits, at least 0.
 
     The number is 0 if `u` rounds to 10 or more. A `u` of 100 or more therefore keeps all its digits
     before the decimal point. The number is 6 if `u` is NaN or at most `LEAST`. Raises

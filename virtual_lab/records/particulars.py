@@ -188,7 +188,7 @@ class Particulars(Spec):
     def list_statements(self, *, simulated: bool) -> Iterator[tuple[str, str]]:
         """Yield the printed name and the value of each stated particular, in the order of a report.
 
-        Nobody authorizes a simulated test, so its line is marked as simulated.
+        In a simulated test, the line of the authorizing person is marked as simulated.
         """
         for row in PRINTED:
             if value := row.of(self):
@@ -255,10 +255,11 @@ def read_particulars(
     """Return the particulars of a test from a file, after replacing some of its values.
 
     `file` is the path of the file, or its keys and values. If it is None, only the values in
-    `changes` are stated. The values in `changes` replace those in the file. Their keys have the
-    form ``laboratory.name``, and empty values are ignored. The logo is the name of a file in the
-    folder of `file`. If `file` is not a path, it is in the current folder. `replaces` is the
-    earlier report that the new report replaces. By default it is read from the file.
+    `changes` are stated. The values in `changes` replace the values in the file. The keys of
+    `changes` have the form ``laboratory.name``, and its empty values are ignored. The logo is the
+    name of a file in the folder of `file`. If `file` is not a path, the logo is in the current
+    folder. `replaces` is the earlier report that the new report replaces. By default it is read
+    from the file.
 
     Raises
     ------

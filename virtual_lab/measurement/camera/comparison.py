@@ -80,7 +80,8 @@ def compare_camera(
     """Return e_A, e and BPF from camera and gates for the same hits of one laboratory.
 
     The result also holds both combined, their difference, and the camera's readings of each shot.
-    It is None if there is no camera record, or if neither gates nor light boards timed the balls.
+    It is None if there is no camera record, or if the balls were not timed by gates or light
+    boards.
 
     Raises
     ------

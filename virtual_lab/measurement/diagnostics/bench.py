@@ -379,7 +379,7 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def store(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised in the laboratories whose ball store is too dry or too humid.
+    """Yield one flag, raised in the laboratories with a ball store that is too dry or too humid.
 
     The mean relative humidity of each laboratory is compared with the limits of the procedure. A
     mean of NaN raises the flag. Nothing is yielded if the procedure states no conditioning, or if

@@ -130,7 +130,7 @@ def check(evidence: Evidence) -> Checked:
 
 
 def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
-    """Yield a flag for each instrument whose calibration was due before the day of the test.
+    """Yield a flag for each instrument with a calibration that was due before the day of the test.
 
     The day of the test is read from the particulars. If they do not state it, it is `date`. Both
     have the ISO form, such as 2026-05-31. Nothing is yielded for an instrument without a due date.

@@ -33,7 +33,7 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
 
 
 def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
-    """Return the balls of one lot whose mass or e0 is outside the window, each with the reason.
+    """Return the balls of one lot with a mass or e0 outside the window, each with the reason.
 
     `balls` has arrays (ball,). e0 is computed for the speed that the procedure states for its
     window. If both mass and e0 are outside, the reason is the mass. The tuple is empty if all balls

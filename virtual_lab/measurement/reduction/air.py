@@ -27,7 +27,7 @@ def climate_readings(block: SessionBlock, channel: str = "climate") -> ClimateRe
 
     The readings of all laboratories follow one another, (reading,). Return None if there is no such
     record. Raises `InputError` for another kind of record, and for a reading outside the ranges
-    `ALLOWED`, in which the formula of the air density is valid.
+    `ALLOWED`. In these ranges the formula of the air density is valid.
     """
     record = block.records.get("bench", {}).get(channel)
     if record is None:

@@ -100,12 +100,15 @@ class FlightReadings(Protocol):
         x
             Constants, numbers or columns (..., 1).
         drag
-            κ of each ball, (..., shot) [1/m].
+            Drag rate κ of each ball, (..., shot) [1/m].
         """
         ...
 
     def clock(self, x: Constants) -> Array:
-        """Return the rate of the rig's clock, recorded over true time, which an encoder shares."""
+        """Return the rate of the rig's clock: recorded time divided by true time.
+
+        The encoders use the same clock.
+        """
         ...
 
     def part(self, chosen: Shots) -> Self:

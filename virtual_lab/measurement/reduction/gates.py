@@ -117,9 +117,9 @@ class GateReadings:
     ) -> Self:
         """Return the readings of the gates or boards of a stage ("balls" or "impact").
 
-        Raises `InputError` if the number of gates differs from that in the calibration, or if the
-        gates are not in the order of decreasing distance, and `KeyError` for a constant that the
-        calibration lacks.
+        Raises `InputError` if the record and the calibration have different numbers of gates, or if
+        the gates are not in the order of decreasing distance. Raises `KeyError` if the calibration
+        lacks a constant.
         """
         of_boards = (
             {name: calibration[f"{stage}.gates.{name}"].value for name in ("lowest", "pitch")}

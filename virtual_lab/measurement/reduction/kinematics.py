@@ -51,8 +51,8 @@ def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
     """Return e_A = (v_f - v_bat) / (v_ball + v_bat), dimensionless. Eq. (2).
 
     The arguments are the speeds at impact [m/s], each positive. `v_ball` is the speed of the ball
-    toward the bat, `v_bat` the speed of the bat toward the ball, and `v_f` the speed of the batted
-    ball away from the bat. The arguments broadcast, and NaN gives NaN.
+    toward the bat, and `v_bat` is the speed of the bat toward the ball. `v_f` is the speed of the
+    batted ball away from the bat. The arguments broadcast, and NaN gives NaN.
     """
     return (v_f - v_bat) / (v_ball + v_bat)
 
@@ -150,7 +150,7 @@ def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats)
     """Return the distance of the center of percussion from the barrel tip [m]. Eq. (11).
 
     An impact there exerts no force on the pivot. `z_cm` and `z_pivot` are the distances of center
-    of mass and pivot from the barrel tip [m], `I_cm` is the bat's moment of inertia about its
+    of mass and pivot from the barrel tip [m]. `I_cm` is the bat's moment of inertia about its
     center of mass [kg m²], and `M` is its mass [kg]. The position tends to infinity as the pivot
     approaches the center of mass.
     """

@@ -41,7 +41,7 @@ class RateFit(AlignedArrays):
 
     @property
     def misfit(self) -> Array:
-        """Residual divided by the noise of counting and at rest, NaN: not recorded, (shot,)."""
+        """Residual divided by the noise of counting and at rest, (shot,). NaN: not recorded."""
         return np.asarray(self.residual / self.noise)
 
     @property
