@@ -138,7 +138,8 @@ class Sheet:
         try:
             changed._check(changed.name)
         except InputError as fault:
-            raise self._nested_key_error(every) or fault from fault
+            fault = self._nested_key_error(every) or fault
+            raise fault.with_traceback(None) from None  # only the caller's line helps
         return changed
 
     def _nested_key_error(self, every: Mapping[str, Any]) -> InputError | None:

@@ -139,7 +139,11 @@ def test_show_refuses_a_certificate_that_contradicts_itself(
 ) -> None:
     """An unknown metric and a PASS above the limit give one line and exit code 2."""
     document = json.loads((tested / "certificate.json").read_text())
-    assert run("show", str(tested / "certificate.json"))[0] == 0
+    code, shown, _ = run("show", str(tested / "certificate.json"))
+    assert (code, shown) == (0, run("show", str(tested))[1])
+    code, _, err = run("show", str(tested / "records"))
+    assert code == 2
+    assert "certificate.json" in err
     for key, value, words in (
         ("name", "bat_factor", "metric.name = 'bat_factor'; did you mean bat_performance_factor?"),
         ("limit", 0.8, "verdict = 'PASS'"),

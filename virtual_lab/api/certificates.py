@@ -682,9 +682,9 @@ def sweep(
         ``value``, ``u``, ``low`` and ``high`` (95 % interval), ``true`` and ``error`` (value minus
         true) are in this unit. e_A, e, r and e0 have three columns each: value, u and true value,
         such as ``restitution``, ``restitution_u`` and ``restitution_true``. Numbers are NaN for a
-        test without a result. If sheets with changed values are compared, each changed number has a
-        column named by its key and unit, such as ``windows.speed_tolerance_mph``.
-        ``attrs["units"]`` has the unit of each column.
+        test without a result. Each changed number of a sheet has a column named by its key and
+        unit, such as ``windows.speed_tolerance_mph``. ``attrs["units"]`` has the unit of each
+        column.
 
     Raises
     ------

@@ -183,13 +183,14 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
     Parameters
     ----------
     name
-        A name in the catalog, the .toml file of a bat, or a ``certificate.json``.
+        A name in the catalog, the .toml file of a bat, a result folder, or its
+        ``certificate.json``.
 
     Raises
     ------
     InputError
         An unknown name (similar names are suggested), a .toml file that is missing or is not a bat,
-        or a .json file without a certificate.
+        or a folder or .json file without a certificate.
     """
     name = str(name)
     if name.endswith(".json"):
@@ -199,9 +200,11 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
             return _sheet(kind, name)
     if name.endswith(".toml"):
         return _sheet("bats", name)
+    if Path(name).is_dir():
+        return ShownCertificate(certificate=read_document(Path(name) / "certificate.json"))
     suggestion = nearest(name, [entry for kind in catalog.KINDS for entry in catalog.names(kind)])
     raise InputError(
-        "", "name", name, f"{suggestion}not in the catalog; 'virtual-lab list' lists it"
+        "", "name", name, f"{suggestion}no folder, and not in the catalog (virtual-lab list)"
     )
 
 

@@ -105,7 +105,7 @@ def sweep_tests(
 def changed_numbers(
     kind: str, names: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Return the changed numbers in data sheets that differ between the sheets, and their units.
+    """Return the numbers that are changed in one or more data sheets, and their units.
 
     The first mapping has a mapping from column to number for each sheet. The second mapping has the
     unit of each column. The name of a column is the key of the number, followed by its unit unless
@@ -135,15 +135,10 @@ def changed_numbers(
     units = {}
     for key in changed:
         unit = next(datums[key].unit for datums in found.values() if key in datums)
-        values = {
-            name: float(datums[key].in_unit(unit)) if key in datums else nan
-            for name, datums in found.items()
-        }
-        if len({*values.values()}) > 1:
-            column = name_with_unit(key, unit)
-            units[column] = unit
-            for name, value in values.items():
-                columns[name][column] = value
+        column = name_with_unit(key, unit)
+        units[column] = unit
+        for name, datums in found.items():
+            columns[name][column] = float(datums[key].in_unit(unit)) if key in datums else nan
     return columns, units
 
 

@@ -218,7 +218,8 @@ class Procedure(Spec):
     def __post_init__(self) -> None:
         _require_positive(self, "limit", "speed_limit", "largest_u", "largest_speed_u")
         if self.attempts < self.valid_hits:
-            raise ValueError(f"{self.attempts} attempts cannot give {self.valid_hits} valid hits")
+            impossible = f"{self.attempts} attempts cannot give {self.valid_hits} valid hits"
+            raise ValueError(f"{impossible}; change attempts too")
         if (self.place == "scan") != (self.scan is not None):
             raise ValueError("place = 'scan' needs a table [scan], and [scan] needs place = 'scan'")
         if self.scan is not None and (self.place_slope or self.place_slope_u):
