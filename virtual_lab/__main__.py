@@ -1,4 +1,4 @@
-"""``virtual-lab`` and ``python -m virtual_lab``: the command line, which a signal ends at once."""
+"""The command line, ``virtual-lab`` or ``python -m virtual_lab``. A signal ends it at once."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def main() -> None:
 def _end(number: int, _: object) -> None:
     """Remove partly written files and end at once.
 
-    An exception is not used, because in a callback of compiled code, a finaliser or an import it
-    would be lost or become another exception.
+    No exception is raised. In a callback of compiled code, a finalizer or an import, it would be
+    lost or become another exception.
     """
     remove_drafts()
     with suppress(OSError):

@@ -13,7 +13,7 @@ DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the in
 
 
 class InputError(ValueError):
-    """Input that cannot be used; the message is one line that says how to correct it."""
+    """Input that cannot be used. The message is one line that tells the user how to correct it."""
 
     def __init__(self, where: str, key: str, value: object, allowed: str) -> None:
         self.where, self.key, self.value, self.allowed = where, key, value, allowed
@@ -31,7 +31,7 @@ class InputError(ValueError):
 
 
 class IncompleteError(Exception):
-    """A result was saved without some of its files; the message is one line."""
+    """A result was saved without some of its files. The message is one line."""
 
     def __init__(self, where: str, missing: list[str]) -> None:
         self.missing = missing

@@ -1,4 +1,4 @@
-"""The camera: follow a ball through a clip, calibrate, and simulate pictures of a board."""
+"""Functions for a camera: track a ball in a clip, calibrate, and simulate pictures of a board."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Track:
         return with_units(course_table(course_of(self.clip)))
 
     def plot(self, path: str | Path | None = None) -> PageFigure:
-        """Return the picture of the course, as in ``track.png``, which a notebook shows.
+        """Return the plot of the track, as in ``track.png``. A notebook displays it.
 
         It shows a frame with the ball's positions, and below it positions, speeds and residuals
         against time.
@@ -129,8 +129,8 @@ class Track:
         Raises
         ------
         InputError
-            The folder is not empty, is not a result folder if it is to be overwritten, or cannot be
-            written.
+            The folder is not empty, or is to be overwritten but is not a result folder, or cannot
+            be written.
         """
         from virtual_lab.video.show.tracked_clip import save_track
 
@@ -311,7 +311,7 @@ class Calibration:
         return calibration_text(self.camera)
 
     def plot(self, path: str | Path | None = None) -> PageFigure:
-        """Return the picture of the residuals of the board's corners, which a notebook shows.
+        """Return a plot of the residuals of the board's corners. A notebook displays it.
 
         Parameters
         ----------

@@ -204,8 +204,8 @@ class Certificate:
         The folder also contains ``datapackage.json`` (Frictionless) with meaning and unit of every
         column, ``ro-crate-metadata.json`` (RO-Crate) with every file, and ``SHA256SUMS``.
 
-        A film is lossless with time stamps; a preview and the calibration file for
-        ``virtual-lab track`` are beside it. If an `InputError` is raised, no partial files
+        A film is saved without loss, with time stamps. A preview of the film and its calibration
+        file for ``virtual-lab track`` are beside it. If an `InputError` is raised, no partial files
         are left.
 
         Parameters
@@ -399,7 +399,7 @@ def certify(
     motion
         Motion of ball and bat: closed form for all shots, or one pymunk scene per shot.
     faults
-        Fault of the test day; only the sealed truth contains it.
+        Fault of the test day. Only the sealed truth states it.
 
         One name of ``vl.shelf("faults")``, or a list.
     control_bat

@@ -51,7 +51,7 @@ def stability(
     Parameters
     ----------
     part
-        Part whose numerical methods are mapped.
+        Part of the laboratory: ``collision``, ``motion`` or ``camera``.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -1,7 +1,7 @@
 """Types of the statements about a clip, `73mm±0.5mm`, `17:52`, `x,y@frame`, with their rules.
 
 The rule of a type rejects a string of another form. The function that reads the string converts it
-to SI units, and returns None for None: nothing is stated.
+to SI units. It returns None for None, which means that nothing is stated.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Two digests in the footer of a Parquet file: of the data before it, and of the footer itself.
+"""Two digests in the footer of a Parquet file, one of the data and one of the footer itself.
 
 A Parquet file ends with a footer (the columns and the positions of their data), the length of the
 footer in four bytes, and a mark. The digest of the footer is stored in the footer itself and is
-computed with zeros at its position. A changed footer is therefore detected from the footer alone,
-and a change of any other byte from data and footer together.
+computed with zeros at its position. A changed footer is therefore detected from the footer alone.
+Any other change is detected from data and footer together.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def with_digests(file: bytes) -> bytes:
 
 
 def checked_file(path: Path) -> bytes:
-    """Return the bytes of a Parquet file whose data and footer agree with their digests.
+    """Return the bytes of a Parquet file after a check of its digests.
 
     Raises `InputError` if the file cannot be read, and `ChangedPartError` if data or footer differ
     from their digests in the footer.

@@ -150,7 +150,7 @@ class Campaign:
         return Block(number, self.cases[case], repeat, first, rows, name)
 
     def share(self, text: str | None) -> range:
-        """Return the numbers of the blocks of a share, such as ``3/40``; None stands for all.
+        """Return the numbers of the blocks of a share, such as ``3/40``; None means all blocks.
 
         Raises `InputError` if the string is not a share.
         """
@@ -283,7 +283,7 @@ class Campaign:
 
 
 def read_study(path: Path) -> Study:
-    """Return the study in a .toml file.
+    """Return the study that a .toml file describes.
 
     Raises `InputError` for a file that cannot be read, an unknown or missing key, or a value that
     is not allowed.

@@ -108,7 +108,8 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
 def meaning_of(column: str) -> str:
     """Return the meaning of a table column of a campaign, in words.
 
-    An unknown column holds the value of a key that the study changes. Its name is this key.
+    A column that is not in the dictionary has the name of a key that the study changes. It holds
+    the value of this key.
     """
     known = column_meaning(column)
     return known.meaning if known else f"value of {column}"
@@ -149,7 +150,10 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
 
 def _kind(value: Value) -> Any:
-    """Return the text of a value, or for a number whether it is 0, which determines the columns."""
+    """Return a value unchanged, or for a number whether it is 0.
+
+    Two cases have the same columns if these results are equal.
+    """
     if isinstance(value, tuple):
         return tuple(map(_kind, value))
     number = str(value).split(" ", maxsplit=1)[0]  # number in a string such as "0.1 mm"

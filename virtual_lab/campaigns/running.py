@@ -55,8 +55,8 @@ def campaign(
         Compute only share N of M of the campaign, for example ``3/40`` in a job array. By default
         all of it.
     dask
-        Address of a Dask scheduler, ``tcp://HOST:8786``, whose workers can access the same folder
-        (extra ``dask``). The workers replace the processes on this machine.
+        Address of a Dask scheduler, ``tcp://HOST:8786`` (needs the extra ``dask``). Its workers
+        replace the processes on this machine. They must have access to the same folder.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 
@@ -71,8 +71,8 @@ def campaign(
     ------
     InputError
         The study or the share is not valid, `workers` is below 1, the folder belongs to another
-        study or version, contains a foreign file or cannot be written, the scheduler does not
-        answer, or the extra ``campaign`` or ``dask`` is missing.
+        study or version, contains a file that does not belong to it or cannot be written, the
+        scheduler does not answer, or the extra ``campaign`` or ``dask`` is missing.
     """
     folder = Path(folder)
     parquet()  # raises an error if the extra is missing

@@ -141,7 +141,7 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
 
 
 def count_unverified(kind: str, name: str) -> dict[str, str]:
-    """Return the number of unverified values of a catalog entry. For a rig, add its instruments.
+    """Return the numbers of unverified values of a catalog entry and of a rig's instruments.
 
     The result has one item per sheet, in the form ``{"rigs/astm-pivot": "4 of 5", …}``. Here 4 of 5
     values are unverified. A sheet without unverified values is left out. Raises the errors of

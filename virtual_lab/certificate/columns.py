@@ -55,7 +55,7 @@ def _reading(which: str, name: str) -> Getter:
 
 
 def _with(which: str, name: str) -> Getter:
-    """Return a getter of the values `name` that is None unless an encoder measured them."""
+    """Return a function that returns the values `name`, or None if no encoder measured them."""
     return lambda c: None if getattr(c.readings, which) is None else getattr(c.shots, name)
 
 

@@ -700,7 +700,8 @@ def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated
 def statement_of(laboratory: str | None) -> str:
     """Return the sentence on the origin of a result, printed on every page.
 
-    `laboratory` is the name of the laboratory that supplied the records; None: they are simulated.
+    `laboratory` is the name of the laboratory that supplied the records, or None if they are
+    simulated.
     """
     return SIMULATED if laboratory is None else SUPPLIED.format(laboratory)
 

@@ -37,7 +37,9 @@ def text_of_descriptor(descriptor: Mapping[str, Any]) -> str:
 def descriptors(
     document: CertificateDocument, session: Session, shots: Mapping[str, ArrayLike], folder: Path
 ) -> dict[str, Mapping[str, Any]]:
-    """Return ``datapackage.json`` and ``ro-crate-metadata.json`` of a result folder, by file name.
+    """Return the metadata files of a result folder: their content, keyed by file name.
+
+    The files are ``datapackage.json`` and ``ro-crate-metadata.json``.
 
     Parameters
     ----------

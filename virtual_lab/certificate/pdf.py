@@ -186,7 +186,7 @@ def _logo(address: str) -> dict[str, Any] | None:
 
 
 def _day(document: CertificateDocument) -> list[int]:
-    """Return year, month and day of the document, which PDF/A requires."""
+    """Return year, month and day of the document. PDF/A requires them."""
     course = document.particulars.test
     for text in (course.issued, course.ended, course.begun, document.date):
         try:

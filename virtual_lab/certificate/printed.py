@@ -1,6 +1,6 @@
-"""The values of a certificate as they are printed: rounded once, for all forms.
+"""The values of a certificate as printed. They are rounded once, for all printed forms.
 
-All come from the certificate's document.
+All values come from the certificate's document.
 """
 
 from __future__ import annotations
@@ -532,10 +532,14 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     """Return the printed rows of the uncertainty budget. All values are strings.
 
     Each component with at least 1 % of the variance has a row. If there are smaller components, a
-    last row combines them. The keys of a row are ``words`` (name of the input), ``u`` (of the
-    input, with its unit), ``type`` (A, B or both), ``contribution`` (to u of the metric, in the
-    printed unit of the metric) and ``share`` (of the variance [%]). The list is empty without a
-    result, without a budget, or if u is printed as 0.
+    last row combines them. The list is empty without a result, without a budget, or if u is printed
+    as 0. A row has these keys:
+
+    * ``words``: name of the input.
+    * ``u``: uncertainty of the input with its unit; "" in the last row of smaller components.
+    * ``type``: type of the evaluation, A, B or both.
+    * ``contribution``: contribution to u of the metric, in the printed unit of the metric.
+    * ``share``: share of the variance [%].
     """
     unit_si = METRICS[document.metric.name].unit_si
     rows, u = document.budget, (document.metric.u or 0.0) / unit_si

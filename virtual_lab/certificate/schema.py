@@ -55,7 +55,7 @@ def field_meanings(kind: type) -> dict[str, str]:
 
     The meaning is the string below the field in the source code of the class or of one of its
     bases, joined to one line. A field without such a string is left out. For `ShotRow`, the
-    meanings are those of the columns of the table of shots.
+    meanings come from the columns of the table of shots.
     """
     if kind is ShotRow:
         return {column.row: column.meaning for column in SHOTS if column.row}

@@ -152,10 +152,9 @@ class Verification(StudyResult):
 def verify(folder: Folder, *, key: File | None = None) -> Verification:
     """Check a result folder: reduce its records again, and list the differences.
 
-    The result also covers the certificate and the other files. The truth is not read; only its
-    digest is compared. The exit code is 3 if anything was altered. It is 4 if a part could not be
-    checked, or if another version made the folder and this version computes other results from its
-    records.
+    The certificate and the other files are compared too. Of the truth, only the digest is compared.
+    The exit code is 3 if anything was altered. It is 4 if a part could not be checked, or if
+    another version made the folder and this version computes other results from its records.
 
     Parameters
     ----------
@@ -195,10 +194,10 @@ def reduced_document(
 ) -> CertificateDocument:
     """Return the certificate that this program makes from a test result, for a comparison.
 
-    `stated` are the JSON values of the certificate to compare with. Its digest of the truth is
-    copied. Its versions and its commit are copied too, if they have the keys that this program
-    writes. Otherwise the result has the versions of this program, and no commit. `session_digest`
-    is the SHA-256 of ``session.json``.
+    `stated` are the JSON values of the certificate to compare with. The digest of the truth is
+    copied from them. The versions and the commit are copied too, if they have the keys that this
+    program writes. Otherwise the result has the versions of this program, and no commit.
+    `session_digest` is the SHA-256 of ``session.json``.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
@@ -279,10 +278,10 @@ def _report_fault(file: str, fault: InputError) -> Mismatch:
 def _document(
     folder: Path, stated: Mapping[str, Any], certification: Certification, elsewhere: bool
 ) -> Generator[FolderFinding, None, CertificateDocument | None]:
-    """Yield the keys of a certificate whose values differ from the document computed here.
+    """Yield the keys of a certificate with values that differ from the document computed here.
 
-    Return the document with which page and PDF are to be compared. It is None if the certificate is
-    not valid, or if another program made it and its values differ.
+    Return the document to compare page and PDF with. It is None if the certificate is not valid, or
+    if another program made it and its values differ.
     """
     digest = digest_of_text(read_bytes(folder / RECORDS / SESSION))
     expected = reduced_document(certification, stated, digest)
@@ -361,7 +360,7 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
 def _control(
     folder: Path, certification: Certification, elsewhere: bool
 ) -> Iterator[FolderFinding]:
-    """Yield differences between the control bat's test and the one that the records name."""
+    """Yield differences of the control bat's test from the control test named in the records."""
     session, there = certification.session, folder / CONTROL
     ratio, stated_digest = session.calibration.get(RATIO), session.control_sha256
     if not there.exists():
@@ -442,7 +441,7 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
 
 
 def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    """Yield values of the document that the page and PDF of another program do not state."""
+    """Yield values of the document that are missing in the page and PDF of another program."""
     number = number_of(stated)
     for path in sorted(folder.glob("*.pdf")):
         if number not in path.name:
@@ -467,7 +466,8 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
 def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     """Yield alterations in the chain of replaced reports, and remarks on it.
 
-    The folder of a replaced report is beside the folder of its replacement, which states its name.
+    The folder of a replaced report is beside the folder of its replacement. The replacement states
+    the name of this folder.
     """
     earlier = at(stated, "particulars", "replaces")
     if not earlier:

@@ -75,7 +75,10 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
 
 
 class Flag(click.Option):
-    """A flag whose ``--no-`` form, which overrides a file, is shown in the help only if needed."""
+    """A flag with a ``--no-`` form, which overrides a value from a file.
+
+    The help shows this form only if it is needed.
+    """
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
         """Return the help, with the ``--no-`` form for a flag that is on by default."""
@@ -97,19 +100,19 @@ class FunctionCommand(click.Command):
     name
         Name of the command.
     place
-        Public name of the function, or its module and its name there. By default the public name is
-        that of the command with underscores.
+        Public name of the function, or its module and its name in this module. By default the name
+        of the command, with underscores.
     example
         Arguments of an example, which is printed at the end of the help.
     fixed
-        Arguments that the command decides.
+        Arguments that the command sets itself.
     options
         Positional parameters that are options of the command.
     variants
-        Options that call another public function instead, and the name of that function. The option
-        is a flag, or it takes the value of the parameter with its name.
+        Options that call another public function instead, with the name of this function. The
+        option is a flag, or it takes the value of the parameter of the same name.
     flags
-        Parameter for which each value except the default is also a flag.
+        Parameter with a fixed set of values. Each value except the default is also a flag.
     saving
         Method that saves the result, as ``Class.method``. Its parameters are options too.
     output
@@ -196,7 +199,7 @@ class FunctionCommand(click.Command):
 
     @cached_property
     def _flags(self) -> dict[str, str]:
-        """The values that are flags, by the flag's name."""
+        """The option values that are also flags, keyed by the flag's name."""
         each = self.parameters.get(self.flags)
         values = each.rule.complete() if each else ()
         return {v.replace("-", "_"): v for v in values if each and v != each.default}

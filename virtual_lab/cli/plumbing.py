@@ -1,8 +1,8 @@
 """Common parts of all commands: output folders, JSON, tables, figures, progress, completion.
 
-A command is a function that returns its result: an object with a `document` for JSON and a `text`
-for the terminal, like every `StudyResult`, and with `save`, `table` and `plot` if the command has
-the options for them.
+A command is a function that returns its result. The result is an object with a `document` for JSON
+and a `text` for the terminal, like every `StudyResult`. It also has `save`, `table` and `plot` if
+the command has the options for them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """Result of a command that is no `StudyResult`."""
+    """Result of a command that is not a `StudyResult`."""
 
     document: Any
     text: str
@@ -81,11 +81,11 @@ class Output:
     Parameters
     ----------
     folder
-        Name of the default folder in ``out/``, with parameters of the command in braces, or a
-        function of the parameters that returns its path; ``--out`` overrides it. Without a
-        default folder, results are written only with ``--out``.
+        Name of the default folder in ``out/``, with parameters of the command in braces. Or a
+        function that returns the folder's path from the parameters. ``--out`` overrides it. Without
+        a default folder, results are written only with ``--out``.
     page
-        File in the folder whose path is printed at the end, instead of the folder's.
+        File in the folder. Its path is printed at the end, instead of the path of the folder.
     keeps
         Whether the command has the option ``--out``. With a default folder it always has it.
     table, picture
@@ -93,7 +93,7 @@ class Output:
     file
         Description of the .toml file that the command writes instead of a folder.
     into
-        Parameter of a function that writes its results itself; it gets the folder.
+        Name of the parameter that receives the folder, if the function writes its results itself.
     answer
         Function that converts the result to the `Answer` to print.
     """
@@ -197,7 +197,7 @@ def _usual_folder(
     values: Mapping[str, Any],
     request: Mapping[str, Any],
 ) -> Path:
-    """Return the default folder, whose name contains seed and number only if the user gave them."""
+    """Return the default folder. Its name has seed and number only if the user gave them."""
     if not isinstance(folder, str):
         return folder(values)
     parts = {key: _part(value) for key, value in values.items() if isinstance(value, str)}
@@ -216,8 +216,8 @@ def _part(value: str) -> str:
 def check_new_file(path: Path, endings: Sequence[str]) -> None:
     """Raise `InputError` for a file that exists, cannot be written, or has another ending.
 
-    `endings` are the allowed endings with the dot, in the same case. A missing folder is allowed if
-    it can be created.
+    `endings` are the allowed endings, such as ``.toml``, in the same case. A missing folder is
+    allowed if it can be created.
     """
     if path.suffix not in endings:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Chart of accuracy against run time of the methods to locate a ball: those of OpenCV and ours.
+"""Chart of error against run time of methods to locate a ball, from OpenCV and this package.
 
 All methods use the same pictures: a ball with a radius of 30 pixels that moves 2 pixels during the
 exposure, at positions spread over one pixel, with a contrast of 96 times the noise of a pixel.

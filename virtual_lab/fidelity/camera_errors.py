@@ -1,4 +1,4 @@
-"""Errors of located positions: rms error, bias, and shares of lost, flagged or wrong ones."""
+"""Errors of located positions: rms error, bias, and shares of lost, flagged or wrong positions."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""Methods to locate a ball in a picture: those of OpenCV, each used as well as possible, and ours.
+"""Methods to locate a ball in a picture, from OpenCV and from this package.
 
-The methods of OpenCV get the matte, which is the share of each pixel that the ball covers: the
-difference from the background, divided by the same difference for the ball. With the plain
-difference they would be less accurate on a background with a gradient.
+Each method of OpenCV is used as well as possible. It gets the matte, which is the share of each
+pixel that the ball covers. The matte is the difference from the background, divided by the same
+difference for the ball. With the plain difference the methods would be less accurate on a
+background with a gradient.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def _means(case: Case, centres: Array, draws: Streams, slots: Slots) -> tuple[Ar
 
 
 def _light(name: str) -> Light:
-    """Return the light by name: that of a camera in the catalog, or uniform light."""
+    """Return the light with this name: the light of a camera in the catalog, or uniform light."""
     if name in ("even", "back"):
         return Light()
     camera = {"soft": "camera-overhead", "hard side": "camera-side-lit"}[name]
@@ -151,7 +151,10 @@ def _expose(
 
 
 def _corners(case: Case, draws: Streams, shape: tuple[int, int], slots: Slots) -> Array:
-    """Return the corners of the regions [px], (picture, 2); at the frame's edge for a cut ball."""
+    """Return the upper left corners of the regions [px], shape (picture, 2).
+
+    For a cut ball, the regions are at the edge of the frame.
+    """
     space = np.array([CASE.frame[1] - shape[1], CASE.frame[0] - shape[0]])
     share = draws.uniform("corners", 2, slots) + 0.5
     corners: Array = np.floor(share * (space + 1))
@@ -167,7 +170,7 @@ def _start(case: Case, x: Array, y: Array, draws: Streams, slots: Slots) -> Loca
 
 
 def _clip(samples: NDArray[np.uint8]) -> Clip:
-    """Return a clip without frames, which has only sample pictures for the noise estimate."""
+    """Return a clip without frames. It has only sample pictures for the noise estimate."""
     return Clip(
         source=Source(path=Path("made"), declared=0, read=lambda _: iter(())),
         times=np.zeros(0),

@@ -3,7 +3,7 @@
 A cell consists of a few pictures of a plain ball, or of a stitched ball in one light, at positions
 spread over a pixel. A position is *wrong without a flag* if its error exceeds five stated standard
 uncertainties and the method raised no flag. For dropped frames a cell consists of a few flights
-without time stamps, and the error is that of the speed.
+without time stamps, and the error is the error of the speed.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
     """Return the stability maps of locating a ball in pictures, one row per cell of a map.
 
-    The keys of a row are those of `picture_cells`. An additional map shows the effect of dropped
+    A row has the same keys as in `picture_cells`. An additional map shows the effect of dropped
     frames. In this map, ``rms_unflagged`` is the relative error of a speed, and balls are counted
     instead of pictures.
     """

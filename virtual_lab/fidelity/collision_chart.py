@@ -3,9 +3,9 @@
 A scene is one collision: impact position, speeds and ball. The chart has two panels with different
 references. For the total error of a model (number of modes, mesh, interpolation and integration)
 the reference has 120 modes and is integrated one scene at a time. For the error of the integration
-alone it has the same modes as the model and is integrated one scene at a time with steps four times
-smaller. Errors are the largest of random scenes on the barrel, and times are the shortest of
-repeated batches. Scenes along the whole bat show where a model fails.
+alone, the reference has the same modes as the model and is integrated one scene at a time with
+steps four times smaller. An error is the largest error over random scenes on the barrel. A time is
+the shortest time of repeated batches. Scenes along the whole bat show where a model fails.
 """
 
 from __future__ import annotations
@@ -104,9 +104,10 @@ def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> Sp
     """Return the chart of the collision models, one row per model and setting.
 
     A row refers to random scenes on the barrel, 2 to 12 in from the tip. It holds the largest and
-    the rms error of e_A, and the processor time per shot [µs]. It also holds two shares, 0 to 1, of
-    the same number of scenes along the whole bat: scenes in which the error of e_A exceeds its
-    standard uncertainty on a certificate, and scenes that the model rejects.
+    the rms error of e_A, and the processor time per shot [µs]. It also holds two shares, 0 to 1,
+    which refer to the same number of scenes along the whole bat. The first is the share of scenes
+    in which the error of e_A exceeds its standard uncertainty on a certificate. The second is the
+    share of scenes that the model rejects.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):
@@ -216,7 +217,10 @@ def _of(model: CollisionModel) -> Efficiency:
 
 
 def _cache_exact(efficiency: Efficiency) -> Callable[[Ends, int], Array]:
-    """Return a function of a range [in] and a number of scenes that computes e_A once."""
+    """Return a function of a range [in] and a number of scenes that returns e_A.
+
+    The function computes e_A once for each pair of arguments.
+    """
     return cache(lambda ends_in, count: efficiency(_scenes(ends_in, count)))
 
 
@@ -252,7 +256,11 @@ def _box() -> Box:
 
 @cache
 def _scenes(ends_in: Ends, count: int) -> Scenes:
-    """Return `count` random scenes, uniform over positions [in] and over 60 to 160 mph."""
+    """Return `count` random scenes, uniformly distributed over positions [in] and speeds.
+
+    `ends_in` are the ends of the range of positions from the tip [in]. The speeds are 60 to 160
+    mph.
+    """
     draws = Streams(1)
 
     def uniform(ends: Ends, name: str) -> Array:

@@ -108,7 +108,7 @@ def decide(day: Day, action: Action) -> float:
     """Return the laboratory time that an action takes [s], if the action is allowed now.
 
     `day` is not changed. An action is rejected only if it is impossible now or would change reduced
-    results. Mistakes of the trainee are allowed, and so are their consequences.
+    results. An action that is only a mistake is allowed.
 
     Raises
     ------
@@ -232,7 +232,10 @@ def evolve(day: Day, event: DayEvent) -> Day:
 
 
 def replay_events(morning: Day, events: Iterable[DayEvent]) -> Day:
-    """Return the state of a day after all `events`, given its state before the first of them."""
+    """Return the state of a day after all `events`.
+
+    `morning` is the state before the first event.
+    """
     return reduce(evolve, events, morning)
 
 

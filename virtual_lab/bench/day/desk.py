@@ -41,7 +41,7 @@ def session_of(day: Day) -> Session:
     """Return the session of a day: its records and the calibration constants now in use.
 
     Records of struck-out entries are left out. If a reading was repeated, the session has only the
-    last one. It has no impact records before the first shot or aim paper.
+    last one. Before the first shot or the first use of aim paper, it has no impact records.
     """
     records: dict[str, dict[str, Record]] = {}
     calibration = dict(day.morning.calibration)

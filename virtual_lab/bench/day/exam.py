@@ -1,4 +1,4 @@
-"""An exam: a class of trainees who take the same scenario together, and their progress."""
+"""An exam: a class of trainees with the same scenario at the same time, and their progress."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def load_class(path: Path) -> ClassSheet:
 
 
 class WatchedDay(Protocol):
-    """A day whose progress a trainer can watch."""
+    """A day in an exam. A trainer can watch its progress."""
 
     @property
     def desk(self) -> Desk: ...

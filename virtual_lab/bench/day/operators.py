@@ -46,7 +46,7 @@ class Habits:
     wants: bool = False  # whether the operator rejects high hits to get a low result
 
     def looks_for(self, listed: Mapping[str, float]) -> set[str]:
-        """Return the names of the checks that the operator makes; empty without `checks`."""
+        """Return the names of the checks that the operator makes; empty if `checks` is False."""
         detection = detectable()
         faults = [name for name in listed if name in detection] if self.listed else list(detection)
         return (

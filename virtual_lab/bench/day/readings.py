@@ -109,9 +109,9 @@ def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
     """Yield one row per suspected fault.
 
     A fault is suspected if a reading that indicates it is beyond its limits. The row is the first
-    such reading. A fault is left out if a fault in its list ``unless`` is suspected too, because
-    that fault explains the same readings. Nothing is yielded if all readings are within their
-    limits.
+    such reading. The list ``unless`` of a fault names other faults that explain the same readings.
+    The fault is left out if one of these is suspected too. Nothing is yielded if all readings are
+    within their limits.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):
@@ -374,7 +374,7 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
 def shots_before_repair(desk: Desk) -> int:
     """Return the number of shots that were fired before the last repair; 0 without a repair.
 
-    A repair that removed no fault is a repair too.
+    A repair that removed no fault counts too.
     """
     fired = 0
     before = 0

@@ -118,7 +118,7 @@ def rehearse(
     script
         Path of a .json file with actions, instead of an operator.
     seed
-        Seed of the laboratory; None draws a random one.
+        Seed of the laboratory. By default a random seed.
     operator_seed
         Seed that determines which mistakes the operator makes.
     instruments

@@ -28,7 +28,7 @@ TRIED = (1, 2, 3)  # seeds of the days with which a scenario is checked
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassDay:
-    """One day of a trainee, with its scores, which are None until the day is handed in."""
+    """One day of a trainee with its scores. The scores are None until the day is handed in."""
 
     trainee: str = column("trainee")  # name of the folder
     day_title: str = column("day")
@@ -105,8 +105,8 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
 
     Each trainee has one curve per score and one curve per fault. A point is the value of one day.
     For a fault that was present, it is 1 if the trainee named it and 0 if not. All days of a
-    trainee must be in one folder, sorted by their names. Practice days are left out. Raises
-    `InputError` if there is no day, or if the files of a day cannot be used.
+    trainee must be in one folder. The names of the days determine their order. Practice days are
+    left out. Raises `InputError` if there is no day, or if the files of a day cannot be used.
     """
     root, points = Path(folder), list[CurvePoint]()
     before: dict[tuple[str, str], list[float]] = {}

@@ -110,7 +110,8 @@ class CheckStandards:
 def reopen_with(laboratory: Laboratory, faults: FaultSet) -> Laboratory:
     """Return a copy of the laboratory with other faults.
 
-    Its seed, salt, calibration certificates and date are unchanged.
+    Its seed, the salt for the digest of the seed, its calibration certificates and its date are
+    unchanged.
     """
     setup = replace(
         laboratory.setup, faults=faults, seed=laboratory.seed, collision=laboratory.collision
@@ -136,7 +137,7 @@ def _chart_rows(name: str, today: float, mornings: Array, places: int, unit: str
 def speed_ratio(gates: Record) -> Array:
     """Return the ratio of rebound speed to incoming speed of each shot, shape (shot,).
 
-    Both speeds are averages between the first and the last gate. The ratio is NaN if one of these
+    Both are the average speed between the first and the last gate. The ratio is NaN if one of these
     two gates missed the ball. Raises `AssertionError` for a record of anything but light gates or
     light boards.
     """

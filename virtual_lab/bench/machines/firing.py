@@ -226,7 +226,10 @@ def _trip_probability(shot: ShotConditions) -> float:
 
 
 def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
-    """Return the true bat and balls at a stage of the test, including the effects of the faults."""
+    """Return the true bat and balls at a stage of the test, including the effects of the faults.
+
+    A stage is the bench, the balls or the impact.
+    """
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
     plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
     return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]

@@ -1,8 +1,9 @@
 """The top view of a shot that a trainee may see: the events are true, the numbers are blurred.
 
 An animation with a resolution of 5 mm would reveal e_A to 0.0003. The sketch therefore adds a
-random error to e_A and to the rotation rate of the bat: one of the day, which averaging over shots
-does not reduce, and one of the shot. After the hand-in `scene_of_shot` returns the true shot.
+random error to e_A and to the rotation rate of the bat. One part of this error is the same for all
+shots of the day, so averaging over shots does not reduce it. The other part differs from shot to
+shot. After the hand-in `scene_of_shot` returns the true shot.
 
 Camera frames are treated in the same way. Before the hand-in they show nominal machines, a nominal
 bat and a nominal ball with the e_A of the sketch, so a fit to them reveals no more than the sketch.
@@ -70,8 +71,8 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
     """Return blurred values of e_A and of the angular rate of the bat after the hit [rad/s].
 
-    `efficiency` is the true e_A. The results are rounded to 0.01 and 0.1 rad/s. Each call for the
-    same shot gives the same values.
+    `efficiency` is the true e_A. e_A is rounded to 0.01, and the rate to 0.1 rad/s. Each call for
+    the same shot gives the same values.
     """
     draws = firing.laboratory.draws
     day_draws = draws.normal("rehearsal.sketch-day", 2)
@@ -151,9 +152,9 @@ def has_camera(laboratory: Laboratory) -> bool:
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
     """Return six camera frames of a shot as one PNG, drawn from its sketch.
 
-    The frames depend only on the sketch, the set impact position, and data sheets. They reveal no
-    true value. `event` is the notebook entry of the shot. The result is empty if the ball missed
-    the bat or the rig has no camera.
+    The frames depend only on the sketch, on the impact position that was set, and on data sheets.
+    They reveal no true value. `event` is the notebook entry of the shot. The result is empty if the
+    ball missed the bat or the rig has no camera.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):

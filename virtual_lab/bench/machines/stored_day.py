@@ -45,9 +45,9 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
     """Return the simulated laboratory of a day, with the faults of `scenario`.
 
     `seed` determines the true values of the laboratory. `salt` is hashed together with the seed, to
-    prove later that the seed was not changed. There are no faults if the faults of the scenario are
-    None. Raises `InputError` if the scenario names an unknown sheet, or sheets that do not fit
-    together.
+    prove later that the seed was not changed. If the faults of the scenario are None, the
+    laboratory has no faults. Raises `InputError` if the scenario names an unknown sheet, or sheets
+    that do not fit together.
     """
     setup = TestSetup.of(
         scenario.bat,
@@ -245,7 +245,7 @@ def run_operator(
     morning
         The day to continue. By default a new day.
     listed
-        Possible faults of a new day, with their probabilities. Ignored with `morning`.
+        Possible faults of a new day, with their probabilities. Ignored if `morning` is given.
 
     Raises
     ------

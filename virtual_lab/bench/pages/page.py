@@ -105,7 +105,7 @@ def day_page(
     refusal
         The rejected action to report at the top of the page. By default none.
     shot
-        Number of the shot to draw, from 1; by default the last shot.
+        Number of the shot to draw, from 1. By default the last shot.
     true_motion
         The true motion of this shot. The trainee may see it after handing in the day. By default
         the page draws the sketch of the shot.

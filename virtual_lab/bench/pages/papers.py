@@ -72,7 +72,10 @@ def rules_of(desk: Desk) -> list[PrintedRule]:
 
 
 def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
-    """Yield each instrument with its printed calibration constants, in the order of the session."""
+    """Yield one row per instrument, with its printed calibration constants.
+
+    The order is the order of the constants in the session of the day.
+    """
     morning, session = desk.day.morning, desk.session
     groups: dict[tuple[str, str], list[PrintedConstant]] = {}
     for key, stated in morning.calibration.items():
@@ -93,7 +96,8 @@ def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
 def prices(day: Day) -> list[tuple[str, str, str]]:
     """Return one row of strings per action: title, time [min], and effect of its omission.
 
-    Repairs and actions whose instrument the rig does not have are left out.
+    Repairs are left out. Actions that need an instrument that the rig does not have are left out
+    too.
     """
     return [
         (each.title, f"{each.minutes / 60:g}", each.skipped)

@@ -189,9 +189,9 @@ def debrief(
     scenario
         The scenario with the faults of the day.
     seal
-        Statement about the seal of the truth.
+        Sentence about the seal of the truth, printed in the debrief.
     expert
-        The day of the simulated expert; by default it is computed.
+        The day of the simulated expert. By default it is simulated.
     scores_only
         Whether to skip the effects of faults and decisions, which take most of the time.
 
@@ -305,8 +305,8 @@ def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
     """Return the day of the simulated expert in the trainee's laboratory.
 
-    Machines, bat and balls are those of the trainee's `day`. If another laboratory supplied the
-    first entries of `day`, the expert continues after these entries.
+    Machines, bat and balls are the same as in the trainee's `day`. If another laboratory supplied
+    the first entries of `day`, the expert continues after these entries.
     """
     return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 

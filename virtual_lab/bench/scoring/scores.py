@@ -46,10 +46,10 @@ def right_verdict(
 ) -> RightVerdict:
     """Return the correct verdict of a day, its reason, and the true metric.
 
-    The verdict is normally the one that the rules give for the true metric. It is INVALID if the
-    day is `spoilt` by a fault and the error of the result is larger than U = 2 u. If the day has no
-    result, the verdict is INVALID on a spoilt day and MEASURED on any other day, and the true
-    metric is None.
+    Normally, the verdict follows from the true metric by the rules of the procedure. It is INVALID
+    instead if the day is `spoilt` by a fault and the error of the result is larger than U = 2 u. If
+    the day has no result, the verdict is INVALID on a spoilt day and MEASURED on any other day, and
+    the true metric is None.
 
     `value` is the result of the day and `u` its standard uncertainty, both in SI units. They are
     None without a result.

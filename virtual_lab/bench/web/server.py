@@ -1,8 +1,9 @@
 """The web server, which shows the pages of days and carries out the actions of their forms.
 
 The server receives each day as a `TraineeDay` and opens no file, so it can show only what that day
-shows. Every request is checked first: its host name, its origin, which must be a page of this
-server, and its cookie, which a one-time token in the first address has set.
+shows. Every request is checked first. Its host name must be allowed, its origin must be a page of
+this server, and it must have the cookie. The first address contains a one-time token, and the
+server sets the cookie when this address is opened.
 """
 
 from __future__ import annotations
@@ -72,7 +73,10 @@ class TraineeDay(Protocol):
     def briefing(self) -> Mapping[str, Any]: ...
     @property
     def open_book(self) -> bool:
-        """Whether the truth may be shown: once the day is handed in; in an exam, to trainers."""
+        """Whether the truth may be shown.
+
+        It may be shown after the day is handed in, but in an exam only to trainers.
+        """
         ...
 
     def do(self, action: Action, number: int | None = None) -> DayEvent: ...

@@ -1,4 +1,4 @@
-"""Cells of commands: readers see the command, not the word that starts a shell in a notebook."""
+"""Cells with commands. A page shows the command without the line that starts a shell."""
 
 from docutils import nodes
 from sphinx.application import Sphinx

@@ -1,4 +1,4 @@
-"""The figures of the gallery: their look, and how the gallery finds them."""
+"""The figures of the gallery: their style, and the function with which the gallery saves them."""
 
 import ast
 from pathlib import Path

@@ -1,7 +1,8 @@
 """Pages that the build writes into ``generated``: the reference, and pages kept beside the code.
 
-Functions and commands are described by the docstrings and signatures that also make the program's
-help; the catalog by the sheets; columns and keys by the fields that write them.
+The descriptions of functions and commands come from docstrings and signatures, as in the program's
+help. The catalog pages come from the sheets. The descriptions of columns and keys come from the
+fields that write them.
 """
 
 import json
@@ -55,7 +56,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def relink(text: str, home: str, page: str) -> str:
-    """Return a page's text with its links to files of the repository changed to links in the site.
+    """Return a page's text with links within the site instead of links to files.
 
     `home` is the folder of the text in the repository. `page` is the path of the page in the site,
     relative to DOCS. A link to a file that is not a page of the site becomes a link to its path in
@@ -292,7 +293,7 @@ def _write(_app: Sphinx) -> None:
 
 
 def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
-    """Let the links of a page that leave the docs lead to their pages of the site."""
+    """Change a page's links to files outside the docs to links to their pages of the site."""
     if not page.startswith("generated/"):
         home = posixpath.normpath(posixpath.join("virtual_lab/docs", posixpath.dirname(page)))
         source[0] = relink(source[0], home, f"{page}.md")

@@ -1,6 +1,7 @@
 """The output of a command as one text.
 
-A kernel sends it in pieces of a hundred characters, between which a page would break the line.
+A notebook kernel sends the output in pieces of a hundred characters. Without this change, a page
+would break the line between two pieces.
 """
 
 from functools import partial
