@@ -61,7 +61,7 @@ class Sheet:
 
     @classmethod
     def of(cls, kind: str, name: str | Path) -> Sheet:
-        """Return the sheet of a catalog name or .toml file. Raises `InputError` without one."""
+        """Return the sheet of a catalog name or .toml file; `InputError` if there is none."""
         from virtual_lab import catalog
 
         catalog.require_kind(kind)
@@ -155,7 +155,7 @@ class Sheet:
     def _rename(self, document: dict[str, Any], every: Mapping[str, Any]) -> Sheet:
         """Return the sheet of a changed document, with a name that contains the changes.
 
-        A name among the changes is used instead.
+        If the changes contain a name, this name is used.
         """
         from virtual_lab import catalog
 

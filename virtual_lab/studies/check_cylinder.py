@@ -35,7 +35,9 @@ from virtual_lab.units import Array
 def check_cylinder(
     days: int, hits: int, *, seed: int, faults: Sequence[str] = (), since: int = 1
 ) -> Array:
-    """Return the mean measured e_A of the valid hits at the check cylinder on each day, (day,).
+    """Return the mean measured collision efficiency at the check cylinder on each day, (day,).
+
+    Only the valid hits are used.
 
     Parameters
     ----------

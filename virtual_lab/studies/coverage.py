@@ -168,8 +168,8 @@ def coverage(
     One bat design is certified in each laboratory. The table has one row per quantity, the metric
     first. INVALID tests have no result and are counted separately.
 
-    Results of two bats with the same seed are not independent: their errors, in units of u, have a
-    correlation of 0.98.
+    Results of two bats with the same seed are not independent: their errors, in units of the
+    standard uncertainty u, have a correlation of 0.98.
 
     Parameters
     ----------

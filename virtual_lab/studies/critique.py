@@ -329,7 +329,8 @@ def misranking(field: float, differences: Array) -> Ranking:
     Parameters
     ----------
     field
-        Difference of the peak v_f of the two bats in the field [mph], first minus second bat.
+        Difference of the peak batted-ball speed of the two bats in the field [mph], first minus
+        second bat.
     differences
         Differences of the metrics in any unit, first minus second bat, shape (laboratory,); NaN if
         a test has no result.

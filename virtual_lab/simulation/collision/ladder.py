@@ -105,13 +105,15 @@ def choose(
 ) -> Choice:
     """Return the collision model for a bat, an upper estimate of its error, and the reason.
 
-    The estimate is the largest error of e_A in the scenes `probe`, times a safety factor. The
-    scenes should be similar to the shots of the test. Two arguments select the model:
+    The estimate is the largest error of the collision efficiency e_A in the scenes `probe`, times a
+    safety factor. The scenes should be similar to the shots of the test. Two arguments select the
+    model:
 
     * `rung` names one of `COLLISION_RUNGS`, which is used even if its error is large. The rung
       ``modal`` has the default number of modes.
-    * `standard_uncertainty` is the u of the e_A that will be measured. The fastest model with an
-      error of at most `SHARE` times this u is used. If there is none, the reference model is used.
+    * `standard_uncertainty` is the standard uncertainty u of the e_A that will be measured. The
+      fastest model with an error of at most `SHARE` times this u is used. If there is none, the
+      reference model is used.
     * If both are None, the modal rung is used.
 
     Raises `InputError` for an unknown rung, for an uncertainty that is not positive, for a support
@@ -350,11 +352,11 @@ def probing_scenes(
 ) -> Scenes:
     """Return the scenes that measure the error of a collision model, one per impact position.
 
-    In each scene the nominal `ball` hits the bat at the relative `speed` [m/s], with the e0 of the
-    ball at this speed. The positions are about `PROBING.every` apart. They cover the range
-    `PROBING.places`, which is extended to include `places`, the lowest and highest distance from
-    the tip [m]. Raises `InputError` for a negative position, and for a speed that is not positive,
-    not finite, or above 1e6 m/s.
+    In each scene the nominal `ball` hits the bat at the relative `speed` [m/s], with the ball-wall
+    restitution e0 of the ball at this speed. The positions are about `PROBING.every` apart. They
+    cover the range `PROBING.places`, which is extended to include `places`, the lowest and highest
+    distance from the tip [m]. Raises `InputError` for a negative position, and for a speed that is
+    not positive, not finite, or above 1e6 m/s.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

@@ -92,8 +92,8 @@ def collide_bats(
     splines must be built first.
 
     Raises `InputError` for a position beyond the bat. It is also raised for a scene that does not
-    end, that violates the energy balance, or for which e_A does not converge as the steps are
-    halved.
+    end, that violates the energy balance, or for which the collision efficiency does not converge
+    as the steps are halved.
     """
     for model, scenes in batch:
         scenes.require_on(model.modes.length)

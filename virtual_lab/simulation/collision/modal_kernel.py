@@ -65,7 +65,7 @@ LIMITS = Limits()
 
 @njit(cache=True)
 def _copy(source: Array, target: Array) -> None:
-    """Copy `source` into `target`. A slice would do, and takes seconds more to compile."""
+    """Copy `source` into `target`. An assignment to a slice takes seconds more to compile."""
     for i in range(source.size):
         target[i] = source[i]
 
@@ -270,7 +270,7 @@ def _follow(
 ) -> tuple[float, float]:
     """Integrate one collision with all its contacts. Return its duration [s] and loss [J].
 
-    The duration is that from first touch to last release.
+    The duration is the time from first touch to last release.
     """
     n = bat[1].size
     state = (y[:n], y[n : 2 * n], y[2 * n :])

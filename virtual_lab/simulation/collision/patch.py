@@ -78,9 +78,10 @@ class PatchTable:
     """Cubic splines of functions of the impact position, built on demand.
 
     The function `values` returns (n, columns) for positions (n,) [m]. It is smooth except where the
-    patch starts to shrink. `length` and `width` are those of the bat and of the patch [m]. The
-    result at a position does not depend on the other positions, because the knots are fixed for the
-    whole bat, and each spline extends so far beyond its tile that its ends have no effect.
+    patch starts to shrink. `length` is the length of the bat, and `width` is the width of the patch
+    [m]. The result at a position does not depend on the other positions, because the knots are
+    fixed for the whole bat, and each spline extends so far beyond its tile that its ends have no
+    effect.
     """
 
     values: Callable[[Array], Array]

@@ -77,9 +77,9 @@ def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]
 
 
 def livelier(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen in which the e0 of all balls is 0.02 higher.
+    """Return a copy of the specimen in which the ball-wall restitution e0 is 0.02 higher.
 
-    These balls are used for the hits at the bat, but not for the wall test of e0.
+    All balls are changed. They are used for the hits at the bat, but not for the wall test of e0.
     """
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))
@@ -88,17 +88,18 @@ def livelier(specimen: Specimen) -> Specimen:
 def not_conditioned(specimen: Specimen) -> Specimen:
     """Return a copy of the specimen in which the balls were kept in a damp room.
 
-    The relative humidity of the room is 75 %. If the e0 of the balls does not depend on the
-    humidity, they are unchanged.
+    The relative humidity of the room is 75 %. If the ball-wall restitution of the balls does not
+    depend on the humidity, they are unchanged.
     """
     return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:
-    """Return a copy of the specimen in which ball 3, counted from 0, is worn: its e0 is 0.04 lower.
+    """Return a copy of the specimen in which ball 3, counted from 0, is worn.
 
-    The specimen must belong to one laboratory; a specimen of a block of laboratories is not
-    allowed. Raises `IndexError` if it has fewer than four balls.
+    Its ball-wall restitution e0 is 0.04 lower. The specimen must belong to one laboratory; a
+    specimen of a block of laboratories is not allowed. Raises `IndexError` if it has fewer than
+    four balls.
     """
     restitution = specimen.balls.restitution.copy()
     restitution[3] -= 0.04
@@ -206,8 +207,9 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
 def drifting(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times of the wall test, with rebound speeds that rise from hit to hit.
 
-    The apparent e0 rises by 6 % from the first to the last hit of the plan. The result is a mapping
-    with the key ``times`` [s], an array of the shape of the times in the record.
+    The apparent ball-wall restitution e0 rises by 6 % from the first to the last hit of the plan.
+    The result is a mapping with the key ``times`` [s], an array of the shape of the times in the
+    record.
     """
     times, slot = record.times.copy(), written.plan.slot
     rebounds = times[:, Edge.OUT]

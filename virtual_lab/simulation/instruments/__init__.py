@@ -119,10 +119,10 @@ class FittedStation:
         }
 
     def equipped(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> Self:
-        """Return the station with what its raw records show beside the numbers of instruments.
+        """Return the station with further settings that are taken from its raw records.
 
-        `measured` are values that a reduction found: ``turn_rate_scatter``, the relative scatter of
-        the bat's angular rate before contact.
+        The constants of the instruments do not change. `measured` holds results of the reduction:
+        ``turn_rate_scatter`` is the relative scatter of the bat's angular rate before contact.
         """
         return self
 

@@ -57,7 +57,7 @@ class CalibratedSpec(Spec):
         return cast("Self", replace(cast("Any", self), **changes))
 
     def restated(self, records: Sequence[Record], known: Mapping[str, float]) -> Self:
-        """Return the data sheet with `known` values [SI], and with the numbers in raw `records`.
+        """Return the data sheet with `known` values and with numbers from raw `records` [SI].
 
         Names of `known` that are not on the sheet are ignored.
         """
@@ -69,7 +69,7 @@ class CalibratedSpec(Spec):
     def numbers_in(
         self, records: Sequence[Record], known: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the sheet's numbers that the raw records show [SI], keyed by name."""
+        """Return numbers of the sheet that are estimated from raw records [SI], keyed by name."""
         return {}
 
     def certificate(self) -> dict[str, Estimate]:
@@ -137,8 +137,8 @@ def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | flo
     """Return `constant` for one laboratory, or repeated for each laboratory of a block.
 
     `laboratories` is the shape of the block: (n,), or () for one laboratory. The result is
-    `Estimates` for a block and an `Estimate` for one laboratory. Its u is multiplied by `share`, a
-    number, or an array (n,) for a block.
+    `Estimates` for a block and an `Estimate` for one laboratory. Its standard uncertainty u is
+    multiplied by `share`, a number, or an array (n,) for a block.
     """
     if not laboratories:
         return constant if share == 1.0 else replace(constant, u=constant.u * float(share))
@@ -183,9 +183,9 @@ class CalibratedInstrument(Generic[S]):
     def restated(
         self, records: Sequence[Record], known: Mapping[str, Estimate], draws: Draws, name: str
     ) -> Self:
-        """Return an instrument of this kind as its raw records and `known` constants show it.
+        """Return an instrument of this kind that fits its raw records and `known` constants.
 
-        The true constants are drawn about the known ones, under `name`.
+        The true constants are drawn about the known constants. `name` selects the random numbers.
         """
         values = {key: each.value for key, each in known.items()}
         fresh = self.commission(self.spec.restated(records, values), draws, name)

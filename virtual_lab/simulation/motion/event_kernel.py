@@ -187,7 +187,7 @@ def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[
 def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     """Return the time of the first touch of ball and bat before `until` [s], inf if there is none.
 
-    The steps are bounded as in `touch.first_touch`, so that no touch is missed, however short.
+    The steps are bounded as in `touch.first_touch`, so that even a very short touch is found.
     """
     near, time = _nearness(state, shot, scene), 0.0
     fast = hypot(state.vx, state.vz)
@@ -270,7 +270,7 @@ def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log
     """Simulate `shots` until their next contact with the bat, or until their end.
 
     The events are added to `log`, which is changed in place. A shot pauses at a contact, because
-    the caller must compute its e_A. `log.waits` is then True for this shot.
+    the caller must compute its collision efficiency e_A. `log.waits` is then True for this shot.
 
     `shots` are indices. `efficiency`, (len(shots),), is the e_A of the contact at which each shot
     was paused. It is ignored for a shot that was not paused.

@@ -112,9 +112,9 @@ def rebound(
     """Return the states of the `shots` after frictionless contacts with the bat, (n,).
 
     `state` is the state at the contact, and `near` holds its gap and relative motion. `efficiency`
-    is the e_A of each contact, (n,). The normal speed of the ball relative to the bat is reversed
-    and multiplied by e_A. The speed of the ball along the surface does not change. The bat receives
-    the angular momentum about its pivot that the ball loses.
+    is the collision efficiency e_A of each contact, (n,). The normal speed of the ball relative to
+    the bat is reversed and multiplied by e_A. The speed of the ball along the surface does not
+    change. The bat receives the angular momentum about its pivot that the ball loses.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain

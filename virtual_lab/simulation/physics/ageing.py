@@ -14,11 +14,11 @@ from virtual_lab.units import Array
 def loss_of_restitution(
     ageing: BallAgeing, ball: NDArray[np.int_], speed: Array, rest: float
 ) -> Array:
-    """Return the loss of e0 before each hit, dimensionless, caused by earlier hits on the ball.
+    """Return the loss of restitution e0 before each hit, caused by earlier hits on the ball.
 
-    The result is (shot,), and 0 at the first hit of a ball. The hits are in the order of time.
-    `ball` holds the number of the ball of each hit and `speed` its speed [m/s], both (shot,).
-    `rest` is the time between two hits of the same ball [s].
+    e0 is the ball-wall restitution. The result is dimensionless, (shot,), and 0 at the first hit of
+    a ball. The hits are in the order of time. `ball` holds the number of the ball of each hit and
+    `speed` its speed [m/s], both (shot,). `rest` is the time between two hits of the same ball [s].
     """
     in_turn = np.argsort(ball, kind="stable")  # sorts the hits by ball
     _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)
@@ -37,7 +37,10 @@ def loss_of_restitution(
 
 
 def lasting_loss(ageing: BallAgeing, speed: Array) -> Array:
-    """Return the permanent loss of e0 by one hit at `speed` [m/s], in the shape of `speed`."""
+    """Return the permanent loss of ball-wall restitution e0 by one hit at `speed` [m/s].
+
+    The result is dimensionless and has the shape of `speed`.
+    """
     return (1 - ageing.recovering) * _loss_by_hit(ageing, speed)
 
 

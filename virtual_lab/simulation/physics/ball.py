@@ -203,7 +203,7 @@ def _solve_release(x: float) -> float:
 
 
 def _wall_damping(restitution: float) -> float:
-    """Return c v of a Hunt-Crossley ball whose restitution on a wall is e0."""
+    """Return c v of a Hunt-Crossley ball from its restitution e0 on a wall."""
     from scipy.optimize import brentq
 
     e = restitution

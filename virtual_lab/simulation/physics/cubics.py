@@ -22,7 +22,7 @@ class PiecewiseCubic:
     coefficients: Array
 
     def __call__(self, x: Array) -> Array:
-        """Return the values at `x`, in the shape of `x` followed by that of the value at a knot."""
+        """Return the values at `x`, shape (*x.shape, *shape of the value at a knot)."""
         piece = np.clip(np.searchsorted(self.knots, x, side="right") - 1, 0, self.knots.size - 2)
         third, second, first, constant = self.coefficients[:, piece]
         step = np.asarray(x - self.knots[piece])

@@ -272,9 +272,10 @@ def _spec_of_owners(spec: BallSpec, owner: Any) -> BallSpec:
 def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
     """Return a copy of a ball's data sheet with the properties of a lot, drawn at random [SI].
 
-    The properties are radius, stiffness, and level and slope of e0. For a block of laboratories
-    they are arrays (laboratory,), because each laboratory has its own lot. `store` is the relative
-    humidity in which the lot was kept, 0 to 1, (laboratory,); None means the humidity of the sheet.
+    The properties are radius, stiffness, and level and slope of the ball-wall restitution e0. For a
+    block of laboratories they are arrays (laboratory,), because each laboratory has its own lot.
+    `store` is the relative humidity in which the lot was kept, 0 to 1, (laboratory,); None means
+    the humidity of the sheet.
     """
     wider, steeper = draws.normal("lot", 2).T
     line, law = spec.restitution, spec.humidity
@@ -299,12 +300,12 @@ def draw_balls(
     lot: Draws | None = None,
     store: Array | None = None,
 ) -> TrueBalls:
-    """Return `number` balls of a lot, drawn at random, with the mass [kg] and e0 of each, (ball,).
+    """Return `number` balls of a lot, drawn at random, with mass and restitution, each (ball,).
 
-    The e0 refers to the reference speed of the sheet. For a block of laboratories the arrays are
-    (laboratory, ball). The properties of the lot are drawn from `lot`, by default from `draws`.
-    `store` is the relative humidity in which the lot is kept, 0 to 1, (laboratory,); None means the
-    humidity of the sheet.
+    The mass is in kg. The ball-wall restitution e0 refers to the reference speed of the sheet. For
+    a block of laboratories the arrays are (laboratory, ball). The properties of the lot are drawn
+    from `lot`, by default from `draws`. `store` is the relative humidity in which the lot is kept,
+    0 to 1, (laboratory,); None means the humidity of the sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread

@@ -132,7 +132,7 @@ def scene_of(
 
     A scene starts when the ball is 1 m ahead of the contact. It ends `after` [s], a number or
     (shot,), after the time of the contact in the closed form. All contacts of a shot have the same
-    e_A, from `bat`. `around` are the objects around the bat.
+    collision efficiency e_A, from `bat`. `around` are the objects around the bat.
     """
     pivoted = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((pivoted.radius(bat.place) + passage.radius) ** 2 - bat.across**2)

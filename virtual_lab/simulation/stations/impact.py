@@ -80,9 +80,10 @@ def blows_of(
 
     The pivot is at the true distance `at` from the knob [m].
 
-    If `detail` requests only summary values, only e_A is computed. The contact time is then a
-    typical value, and there is no vibration. The pivot is then at the surveyed distance `surveyed`
-    from the knob [m], because a shift by a fraction of a millimeter does not change e_A.
+    If `detail` requests only summary values, only the collision efficiency e_A is computed. The
+    contact time is then a typical value, and there is no vibration. The pivot is then at the
+    surveyed distance `surveyed` from the knob [m], because a shift by a fraction of a millimeter
+    does not change e_A.
 
     Raises `InputError` for a position beyond the bat, or a scene that gives no result.
     """
@@ -108,7 +109,7 @@ def thrown_back(
     line of fire divided by the rebound speed. It is NaN if the rebound speed is 0.
 
     There is no friction. The speed along the surface of the barrel does not change. The normal
-    speed relative to the bat is reversed and multiplied by e_A.
+    speed relative to the bat is reversed and multiplied by the collision efficiency e_A.
 
     Parameters
     ----------
@@ -133,9 +134,10 @@ def error_free(
 ) -> TrueOutcome:
     """Return the true results at the positions of the plan, for the mean ball of the lot, (shot,).
 
-    The results are the relative speed, e_A, the e0 of the ball, and e and r. The relative speed is
-    the nominal ball speed of the plan plus the speed of a swinging bat. In the collision that gives
-    e_A, the bat is held by `support`.
+    The results are the relative speed, the collision efficiency e_A, the ball-wall restitution e0,
+    the bat-ball restitution e and the recoil factor r. The relative speed is the nominal ball speed
+    of the plan plus the speed of a swinging bat. In the collision that gives e_A, the bat is held
+    by `support`.
 
     The impulse of this collision gives e and r twice: for a rigid free bat (`free`), and for a
     rigid bat on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). Both are returned for
@@ -184,10 +186,10 @@ def _recoil(
 
 
 def wall_restitution(scenes: Scenes) -> Array:
-    """Return the e0 of the balls on a rigid wall, computed from the force law, (n,).
+    """Return the ball-wall restitution e0 of the balls, computed from the force law, (n,).
 
     e0 is the square root of the work of the force during unloading divided by its work during
-    loading. It does not depend on the stiffness of the ball.
+    loading. It does not depend on the stiffness of the ball. The wall is rigid.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # dense near zero compression

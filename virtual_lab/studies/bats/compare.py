@@ -155,8 +155,10 @@ def profile(
 ) -> BatProfile | BatComparison:
     """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
 
-    For one bat, the result has curves, modal frequencies and nodes. For several bats, it has the
-    largest e, BPF, e_A and v_f of each, up to 12 in from the tip, and their differences.
+    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, v_f the
+    batted-ball speed, and BPF the bat performance factor. For one bat, the result has curves, modal
+    frequencies and nodes. For several bats, it has the largest e, BPF, e_A and v_f of each, up to
+    12 in from the tip, and their differences.
 
     Parameters
     ----------

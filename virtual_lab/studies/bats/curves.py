@@ -22,7 +22,8 @@ PLACE = "impact position from the barrel tip $z$, in"
 def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
     """Draw Fig. 2 of the paper: e, r and e_A in the upper panel, e_A, v_bat and v_f in the lower.
 
-    The positions are 1 to 12 in from the tip, and the speeds are in mph.
+    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
+    batted-ball speed. The positions are 1 to 12 in from the tip, and the speeds are in mph.
 
     Parameters
     ----------
@@ -41,8 +42,9 @@ def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
     """Plot e, r and e_A in `above`, and e_A, v_bat and v_f in `below`.
 
-    `table` is the `BatProfile.table`. The speeds are in mph. Only positions 1 to 12 in from the tip
-    are plotted.
+    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
+    batted-ball speed. `table` is the `BatProfile.table`. The speeds are in mph. Only positions 1 to
+    12 in from the tip are plotted.
     """
     rows = table[table["impact_position_in"].between(*SHOWN_IN)]
     z = rows["impact_position_in"]
@@ -72,9 +74,10 @@ def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
 def draw_comparison(curves: pd.DataFrame) -> PageFigure:
     """Draw BPF, e_A and v_f of several bats in three panels (the paper's Figs. 3 and 4).
 
+    BPF is the bat performance factor, e_A the collision efficiency, and v_f the batted-ball speed.
     The positions are 1 to 12 in from the tip, and v_f is in mph. BPF and e_A are drawn for the
-    first swing exponent n only. With the standard ball they do not depend on n, because the e0 of
-    this ball does not depend on speed.
+    first swing exponent n only. With the standard ball they do not depend on n, because the
+    ball-wall restitution of this ball does not depend on speed.
 
     Parameters
     ----------
@@ -92,6 +95,7 @@ def draw_comparison(curves: pd.DataFrame) -> PageFigure:
 def plot_comparison(panels: Sequence[Axes], curves: pd.DataFrame) -> None:
     """Plot BPF, e_A and v_f [mph] of several bats in three panels, from top to bottom.
 
+    BPF is the bat performance factor, e_A the collision efficiency, and v_f the batted-ball speed.
     `curves` are the `BatComparison.curves`. BPF and e_A are plotted for the first swing exponent
     only. Only positions 1 to 12 in from the tip are plotted.
     """

@@ -180,9 +180,9 @@ def percussion(
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> PercussionStudy:
-    """Show the errors of e_A for hits away from the center of percussion of a pivoted bat.
+    """Show the errors of the collision efficiency e_A away from the center of percussion.
 
-    The table has one row per impact position.
+    The bat is on a pivot. The table has one row per impact position.
 
     Parameters
     ----------

@@ -18,7 +18,8 @@ COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose
 def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> PageFigure:
     """Draw three panels against the impact position: errors of e_A, shifts of e_A, and impulses.
 
-    The shifts are caused by the bearing of the pivot. The impulses act on its axis.
+    e_A is the collision efficiency. The shifts are caused by the bearing of the pivot. The impulses
+    act on its axis.
 
     Parameters
     ----------

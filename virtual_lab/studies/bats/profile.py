@@ -79,8 +79,8 @@ class GameConditions(Spec):
     def swing(self, exponent: float | None, reference_inertia: float | None = None) -> SwingLaw:
         """Return the swing law: Eq. (14) with an exponent, or constant energy for None.
 
-        `reference_inertia` is about the axis of the law [kg m^2]; by default it is that of the game
-        conditions.
+        `reference_inertia` is about the axis of the law [kg m^2]; by default it is the moment of
+        inertia of the game conditions.
         """
         if exponent is not None:
             return PowerLawSwing(
@@ -248,9 +248,9 @@ def curves_of(
     Parameters
     ----------
     scenes
-        Collisions along the bat, with impact positions and e0 of the ball.
+        Collisions along the bat, with impact positions and ball-wall restitution.
     e_A, recoil
-        e_A and the recoil factor r at each position, (position,).
+        Collision efficiency and recoil factor at each position, (position,).
     pitch
         Speed of the pitched ball [m/s].
     moving
@@ -272,11 +272,12 @@ def curves_of(
 def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
     """Return the largest e, BPF, e_A and v_f [mph] on the barrel, each with its position.
 
-    `curves` is the result of `curves_of`. The keys of the result are ``restitution``,
-    ``bat_performance_factor``, ``collision_efficiency`` and ``batted_speed_mph``. A position is in
-    inches from the tip. The peaks are the maxima of cubic splines through the curves. Positions
-    beyond 12 in are not searched: there a heavy ball may touch the bat twice, and e_A may then be
-    larger than on the barrel.
+    These are the bat-ball restitution, the bat performance factor, the collision efficiency and the
+    batted-ball speed. `curves` is the result of `curves_of`. The keys of the result are
+    ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` and ``batted_speed_mph``.
+    A position is in inches from the tip. The peaks are the maxima of cubic splines through the
+    curves. Positions beyond 12 in are not searched: there a heavy ball may touch the bat twice, and
+    e_A may then be larger than on the barrel.
     """
     barrel = curves["impact_position_in"] <= BARREL_END
     return {

@@ -74,7 +74,7 @@ def peak_entries(peaks: Mapping[str, Peak]) -> dict[str, float]:
 
     Each curve has two keys, for example ``peak_restitution`` and ``peak_restitution_position_in``
     for the curve ``restitution``. The units are the units of `peaks`: positions in inches from the
-    tip, v_f in mph.
+    tip, batted-ball speed in mph.
     """
     return {
         key: number
@@ -194,8 +194,9 @@ def comparison_text(
 def spread_of(rows: Sequence[LawRow]) -> str:
     """Return a sentence with the variation of the peaks and their positions between force laws.
 
-    For each peak (e, BPF, e_A and v_f) it states the largest minus the smallest value, and the same
-    for its position [in]. `rows` has one row per force law, at least one.
+    For each peak (bat-ball restitution e, bat performance factor BPF, collision efficiency e_A and
+    batted-ball speed v_f) it states the largest minus the smallest value, and the same for its
+    position [in]. `rows` has one row per force law, at least one.
     """
     spreads = (
         f"{symbol} {_spread(rows, f'peak_{name}'):{form}}{f' {unit}' if unit else ''} "

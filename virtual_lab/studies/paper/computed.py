@@ -109,8 +109,8 @@ def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
     bat
         Name in the catalog.
     curve
-        ``restitution`` (e), ``bat_performance_factor`` (BPF), ``collision_efficiency`` (e_A) or
-        ``batted_speed_mph`` (v_f in mph).
+        ``restitution`` (bat-ball restitution e), ``bat_performance_factor``,
+        ``collision_efficiency`` (e_A) or ``batted_speed_mph`` (mph).
     swing
         Exponent n of the swing law, 0 to 0.5 in steps of 0.1. None means the law of constant
         energy.
@@ -141,19 +141,19 @@ def peak_place(bat: str, curve: str) -> float:
 
 
 def ball_restitution(name: str, speed: float) -> float:
-    """Return e0 of a ball of the catalog on a rigid wall, at an impact speed [mph].
+    """Return the ball-wall restitution e0 of a ball of the catalog at an impact speed [mph].
 
-    Raises `InputError` for an unknown ball.
+    The wall is rigid. Raises `InputError` for an unknown ball.
     """
     return float(paper_ball(name).restitution.at(speed * MPH))
 
 
 def lead(first: str, second: str, swing: float | None = 0.0) -> float:
-    """Return the peak v_f of the first bat minus the peak v_f of the second bat [mph].
+    """Return the peak batted-ball speed of one bat minus the peak speed of another bat [mph].
 
-    The bat is swung under standard game conditions. `swing` is the exponent n of the swing law, 0
-    to 0.5 in steps of 0.1; None means the law of constant energy. Raises `KeyError` for another
-    exponent, and `InputError` for an unknown bat.
+    The result is `first` minus `second`. The bats are swung under standard game conditions. `swing`
+    is the exponent n of the swing law, 0 to 0.5 in steps of 0.1; None means the law of constant
+    energy. Raises `KeyError` for another exponent, and `InputError` for an unknown bat.
     """
     return (
         top(first, "batted_speed_mph", swing).value - top(second, "batted_speed_mph", swing).value
@@ -286,13 +286,13 @@ def centre_of_percussion_in(bat: str) -> float:
 
 
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
-    """Return the largest v_f by Eq. (3) [mph] and its position [in from the tip].
+    """Return the largest batted-ball speed v_f by Eq. (3) [mph] and its position [in].
 
-    `z` are at least four increasing positions [in from the tip], shape (position,). `e_A` and
-    `bat_speed` are the values at these positions; `bat_speed` may be a single number. The speeds of
-    pitch and bat are in mph. Between positions v_f is interpolated by a spline. The maximum may be
-    at an end. Raises `ValueError` for positions that do not increase, and for values that are not
-    finite.
+    `z` are at least four increasing positions [in from the tip], shape (position,). Positions are
+    distances from the tip. `e_A`, the collision efficiency, and `bat_speed` are the values at these
+    positions; `bat_speed` may be a single number. The speeds of pitch and bat are in mph. Between
+    positions v_f is interpolated by a spline. The maximum may be at an end. Raises `ValueError` for
+    positions that do not increase, and for values that are not finite.
     """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))

@@ -150,10 +150,11 @@ def mass_share(light: str, heavy: str) -> float:
 
 
 def thinner_is_livelier() -> float:
-    """Return the increase of the peak BPF of EA70 if its wall were as thin as in the loaded bats.
+    """Return the increase of the peak performance factor (BPF) of EA70 by a thinner wall.
 
-    The peak with the thin wall is computed for a free bat at rest, 3 to 8 in from the tip, at 160
-    mph. The peak with the original wall is computed under standard game conditions.
+    The thinner wall is the wall of the loaded bats. The peak with the thinner wall is computed for
+    a free bat at rest, 3 to 8 in from the tip, at 160 mph. The peak with the original wall is
+    computed under standard game conditions.
     """
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
@@ -204,11 +205,11 @@ def centre_farther() -> float:
 
 
 def least_lead(first: str, second: str, *swings: float) -> float:
-    """Return the smallest lead of the first bat in peak v_f over several swing exponents [mph].
+    """Return the smallest lead of the first bat over several swing exponents [mph].
 
-    The lead is the peak v_f of the first bat minus the peak v_f of the second, under standard game
-    conditions. `swings` are 0 to 0.5 in steps of 0.1. Raises `ValueError` without an exponent,
-    `KeyError` for another exponent, and `InputError` for an unknown bat.
+    The lead is the peak batted-ball speed of the first bat minus the peak of the second, under
+    standard game conditions. `swings` are 0 to 0.5 in steps of 0.1. Raises `ValueError` without an
+    exponent, `KeyError` for another exponent, and `InputError` for an unknown bat.
     """
     return min(lead(first, second, n) for n in swings)
 
@@ -216,19 +217,19 @@ def least_lead(first: str, second: str, *swings: float) -> float:
 def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
     """Return the decrease of the first bat's lead [mph] if the swing exponent rises to `n_second`.
 
-    The lead is the peak v_f of the first bat minus the peak v_f of the second, under standard game
-    conditions. The result is the lead at exponent `n` minus the lead at exponent `n_second`. Both
-    are 0 to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an
-    unknown bat.
+    The lead is the peak batted-ball speed of the first bat minus the peak of the second, under
+    standard game conditions. The result is the lead at exponent `n` minus the lead at exponent
+    `n_second`. Both are 0 to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and
+    `InputError` for an unknown bat.
     """
     return lead(first, second, n) - lead(first, second, n_second)
 
 
 def by_restitution_alone() -> float:
-    """Return the absolute error of v_f of R161 [mph] if its r is replaced by the r of EA70.
+    """Return the absolute error of the batted-ball speed of R161 with the recoil factor of EA70.
 
-    r is the recoil factor. The e of R161 is used. The impact is 6 in from the tip, the pitch speed
-    is 90 mph, and the bat speed is 70 mph.
+    The result is in mph. The bat-ball restitution of R161 is used. The impact is 6 in from the tip,
+    the pitch speed is 90 mph, and the bat speed is 70 mph.
     """
     e = restitution(WOOD, [6.0])
     speeds = [
@@ -252,20 +253,20 @@ def contradictions(curve: str) -> float:
 
 
 def with_speed() -> float:
-    """Return the peak e of free R161 at 60 mph minus its peak e at 160 mph.
+    """Return the peak bat-ball restitution e of free R161 at 60 mph minus its peak at 160 mph.
 
-    The peak is the largest e 3 to 8 in from the tip. The ball is ``baseball-2003``; its e0
-    decreases with speed.
+    The peak is the largest e 3 to 8 in from the tip. The ball is ``baseball-2003``; its ball-wall
+    restitution decreases with speed.
     """
     slow, fast = (restitution(WOOD, Z, speed=v, with_ball=BALL).max() for v in (60.0, 160.0))
     return float(slow - fast)
 
 
 def with_ball() -> float:
-    """Return the increase of the peak e of free R161 if e0 of the ball rises from 0.525 to 0.555.
+    """Return the increase of the peak bat-ball restitution e of free R161 with a livelier ball.
 
-    0.525 and 0.555 are the limits of the NCAA for e0. The peak is the largest e 3 to 8 in from the
-    tip, at a relative speed of 60 mph.
+    The ball-wall restitution e0 rises from 0.525 to 0.555, the limits of the NCAA. The peak is the
+    largest e 3 to 8 in from the tip, at a relative speed of 60 mph.
     """
 
     def peak_e(e0: float) -> float:

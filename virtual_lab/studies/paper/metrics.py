@@ -48,11 +48,11 @@ def _worst(values: Array) -> float:
 
 
 def frames() -> float:
-    """Return the largest absolute difference of e_A between two frames of reference.
+    """Return the largest difference of the collision efficiency e_A between two reference frames.
 
     e_A is computed by Eq. (2) from the speeds in the frame of the field, and compared with e_A in
-    the frame of the bat. The difference is a rounding error. R161 is hit 3 to 8 in from the tip at
-    a relative speed of 160 mph, for bat speeds from -50 to 160 mph.
+    the frame of the bat. The absolute difference is returned; it is a rounding error. R161 is hit 3
+    to 8 in from the tip at a relative speed of 160 mph, for bat speeds from -50 to 160 mph.
     """
     e_A = collide_at(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
@@ -61,10 +61,11 @@ def frames() -> float:
 
 
 def round_trip() -> float:
-    """Return the largest absolute error of e_A after a conversion to v_f and back.
+    """Return the largest error of e_A after a conversion to batted-ball speed v_f and back.
 
-    v_f is computed from e_A by Eq. (3), and e_A from v_f by Eq. (2). The error is a rounding error.
-    e_A is -0.2 to 0.6. The pitch speed is 90 mph, and the bat speed is 70 mph.
+    v_f is computed from e_A by Eq. (3), and e_A from v_f by Eq. (2). The absolute error is
+    returned; it is a rounding error. The collision efficiency e_A is -0.2 to 0.6. The pitch speed
+    is 90 mph, and the bat speed is 70 mph.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
     v_f = batted_speed(e_A, 90.0, 70.0)
@@ -72,10 +73,10 @@ def round_trip() -> float:
 
 
 def symmetrical() -> float:
-    """Return the largest absolute difference between v_f from BESR and v_f from e_A [mph].
+    """Return the largest absolute difference of the batted-ball speed from BESR and from e_A [mph].
 
-    e_A is -0.2 to 0.6. The pitch speed is 90 mph, and the bat speed is 70 mph. The result is a
-    rounding error.
+    BESR is the ball exit speed ratio. The collision efficiency e_A is -0.2 to 0.6. The pitch speed
+    is 90 mph, and the bat speed is 70 mph. The result is a rounding error.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
     factor = np.asarray(besr(e_A))
@@ -86,8 +87,9 @@ def symmetrical() -> float:
 def speed_slope(bat: str) -> float:
     """Return the absolute slope of the peak e_A of a free bat against relative speed [1/mph].
 
-    It is the difference of the peak e_A between 140 and 160 mph, divided by 20 mph. The e0 of the
-    ball decreases with speed. Raises `InputError` for an unknown bat.
+    e_A is the collision efficiency. The slope is the difference of the peak e_A between 140 and 160
+    mph, divided by 20 mph. The ball-wall restitution decreases with speed. Raises `InputError` for
+    an unknown bat.
     """
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
@@ -98,11 +100,13 @@ def _peak_at(bat: str, speed: float) -> float:
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the direct effect in the total effect of a speed on v_f, 0 to 1.
+    """Return the share of the direct effect of a speed on the batted-ball speed, 0 to 1.
 
-    `v` is ``ball`` or ``bat``, for the speed of the ball or of the bat. The direct effect is the
-    factor of this speed in Eq. (3), e_A or 1 + e_A. The indirect effect is the change of e_A with
-    the relative speed; it is taken as positive. The bat is R161, at its peak e_A.
+    It is the direct effect divided by the sum of the direct and the indirect effect. `v` is
+    ``ball`` or ``bat``, for the speed of the ball or of the bat. The direct effect is the factor of
+    this speed in Eq. (3), e_A or 1 + e_A. The indirect effect is caused by the change of the
+    collision efficiency e_A with the relative speed; it is taken as positive. The bat is R161, at
+    its peak e_A.
     """
     e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -126,8 +130,8 @@ def drop(bat: str, curve: str, side: float) -> float:
 def node_gap() -> float:
     """Return the largest distance between the peak of e_A and the closest barrel node [in].
 
-    The distance is computed for each of the paper's four bats, and the largest one is returned. The
-    peaks are computed under standard game conditions.
+    e_A is the collision efficiency. The distance is computed for each of the paper's four bats, and
+    the largest one is returned. The peaks are computed under standard game conditions.
     """
     return max(
         min(
@@ -139,11 +143,11 @@ def node_gap() -> float:
 
 
 def effect_of_support(bat: str, support_name: str) -> float:
-    """Return the largest absolute change of e_A of a bat when the free bat gets a support.
+    """Return the largest absolute change of e_A if a free bat gets a support.
 
-    The bat is hit 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held
-    (by a spring), as in `support`. Raises `KeyError` for another support, and `InputError` for an
-    unknown bat.
+    e_A is the collision efficiency. The bat is hit 3 to 8 in from the tip, at 160 mph.
+    `support_name` is pivoted, clamped or held (by a spring), as in `support`. Raises `KeyError` for
+    another support, and `InputError` for an unknown bat.
     """
     gap = (
         collide_at(bat, Z, support_name=support_name).collision_efficiency
@@ -153,10 +157,11 @@ def effect_of_support(bat: str, support_name: str) -> float:
 
 
 def firmness() -> float:
-    """Return the largest absolute difference of v_f of R161 between two handle supports [mph].
+    """Return the largest difference of the batted-ball speed between two handle supports [mph].
 
-    One support is a clamp. The other is a pivot on a spring (``held`` in `support`). The bat is at
-    rest and is hit 3 to 8 in from the tip at 160 mph.
+    The absolute difference is returned. The bat is R161. One support is a clamp. The other is a
+    pivot on a spring (``held`` in `support`). It is at rest and is hit 3 to 8 in from the tip at
+    160 mph.
     """
     on_spring = collide_at(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(
@@ -165,10 +170,10 @@ def firmness() -> float:
 
 
 def lost_in_cm_frame() -> float:
-    """Return the largest absolute deviation of the energy loss from 1 - e², in free R161.
+    """Return the largest absolute deviation of the energy loss of free R161 from 1 - e².
 
-    The loss is divided by the initial energy of ball and bat in their center-of-mass frame. The bat
-    is hit 2 to 10 in from the tip, at 160 mph.
+    e is the bat-ball restitution. The loss is divided by the initial energy of ball and bat in
+    their center-of-mass frame. The bat is hit 2 to 10 in from the tip, at 160 mph.
     """
     z = np.linspace(2, 10, 9)
     collisions, r = collide_at(WOOD, z), recoil(WOOD, z)
@@ -201,8 +206,8 @@ def fractions(name: str) -> float:
 def sum_of_shares() -> float:
     """Return the sum of the three energy shares of Eqs. (10).
 
-    The sum is computed for e from 0 to 1 and r from 0 to 0.5. The value farthest from 1 is
-    returned.
+    The sum is computed for a bat-ball restitution e from 0 to 1 and a recoil factor r from 0 to
+    0.5. The value farthest from 1 is returned.
     """
     shares = energy_fractions(*E_AND_R)
     total = np.ravel(np.asarray(shares.ball) + shares.bat + shares.dissipated)
@@ -251,10 +256,10 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest change of e_A if r decreases by 0.05.
+    """Return the smallest change of e_A if the recoil factor r decreases by 0.05.
 
-    It is positive if e_A always rises. e_A is computed by Eq. (6) for e from 0 to 1 and r from 0 to
-    0.5.
+    It is positive if the collision efficiency e_A always rises. e_A is computed by Eq. (6) for a
+    bat-ball restitution e from 0 to 1 and r from 0 to 0.5.
     """
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
@@ -263,7 +268,8 @@ def rise_with_lighter_recoil() -> float:
 def below_restitution() -> float:
     """Return the largest difference e_A - e of the four bats, 0.5 to 16 in from the tip.
 
-    It is negative if e_A is less than e at all of these positions.
+    e_A is the collision efficiency and e the bat-ball restitution. The result is negative if e_A is
+    less than e at all of these positions.
     """
     curves = [profiles_by_swing(bat)[0.0].table for bat in BATS]
     return max(
@@ -272,33 +278,39 @@ def below_restitution() -> float:
 
 
 def efficiency(e: float, r: float) -> float:
-    """Return e_A from e and r by Eq. (6); it is negative for e < r."""
+    """Return the collision efficiency e_A = (e - r) / (1 + r), Eq. (6), dimensionless.
+
+    `e` is the bat-ball restitution and `r` the recoil factor. The result is negative for e < r.
+    """
     return float(efficiency_from_restitution(e, r))
 
 
 def overestimate(speed: float) -> float:
-    """Return the error of v_f [mph] if it is computed with the e measured at `speed` [mph].
+    """Return the error of the batted-ball speed v_f [mph] due to an e measured at `speed` [mph].
 
-    v_f is the speed at a relative speed of 160 mph. The numbers are an example: e decreases
-    linearly from 0.55 at 60 mph to 0.45 at 160 mph, and r is 0.25.
+    e is the bat-ball restitution. v_f is the speed at a relative speed of 160 mph. The numbers are
+    an example: e decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph, and the recoil factor
+    is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
 
 
 def overestimate_of_model(speed: float) -> float:
-    """Return the error of v_f [mph] of R161 if it is computed with the e_A at `speed` [mph].
+    """Return the error of the batted-ball speed v_f [mph] due to an e_A measured at `speed` [mph].
 
-    v_f is the speed at a relative speed of 160 mph. e_A is the largest value 3 to 8 in from the tip
-    of the free bat. The e0 of the ball decreases with speed.
+    The bat is R161, and e_A its collision efficiency. v_f is the speed at a relative speed of 160
+    mph. e_A is the largest value 3 to 8 in from the tip of the free bat. The ball-wall restitution
+    decreases with speed.
     """
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
 
 def speed_gain(v_rel: float) -> float:
-    """Return the increase of v_f [mph] if e increases from 0.50 to 0.55 at a recoil factor of 0.25.
+    """Return the increase of the batted-ball speed [mph] if e increases from 0.50 to 0.55.
 
-    `v_rel` is the relative speed of ball and bat [mph].
+    e is the bat-ball restitution. The recoil factor is 0.25. `v_rel` is the relative speed of ball
+    and bat [mph].
     """
     return float(batted_speed_gain(v_rel, 0.05, 0.25))
 

@@ -62,8 +62,8 @@ class RenderedBalls:
     def over(self, background: ArrayLike, white: ArrayLike) -> Pixels:
         """Return the photoelectrons of each pixel.
 
-        `background` is the number without a ball, broadcast to (region, row, column) [e]. `white`
-        is the number for a white surface, () or (region,) [e].
+        `background` is the number of electrons without a ball, broadcast to (region, row, column)
+        [e]. `white` is the number for a white surface that faces the lamp, () or (region,) [e].
         """
         hidden = np.asarray(background, np.float32) * (1 - self.cover)
         return hidden + np.asarray(white, np.float32).reshape(-1, 1, 1) * self.radiance

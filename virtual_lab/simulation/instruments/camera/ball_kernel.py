@@ -50,7 +50,7 @@ class KernelLook(NamedTuple):
 
 
 class ShownBall(NamedTuple):
-    """Properties of one ball; the arrays of a batch have a leading axis of regions."""
+    """Properties of one ball. The arrays of a batch have a leading axis of regions."""
 
     warp: Array  # (2, 5), map from the unit disk to the picture [px]
     path: Array  # (point, 2), from the first pixel of the region [px]
