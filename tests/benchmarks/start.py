@@ -72,13 +72,16 @@ def _rows(other: Path | None) -> Iterator[Row]:
 
 
 def _warm(folder: Path, other: Path | None) -> Iterator[Row]:
-    made, numbers = folder / "made", count()
-    _run(ROOT, f"certify r161 --seed 7 --out {made}")
+    checkouts = [ROOT, other] if other else [ROOT]
+    made = {checkout: folder / f"made-{i}" for i, checkout in enumerate(checkouts)}
+    numbers = count()
+    for checkout, records in made.items():  # each reads the records that it wrote itself
+        _run(checkout, f"certify r161 --seed 7 --out {records}")
     for name, (words, ratio, most) in WARM.items():
-        spent: dict[Path, list[float]] = {ROOT: []} | ({other: []} if other else {})
+        spent: dict[Path, list[float]] = {checkout: [] for checkout in checkouts}
         for _ in range(ROUNDS):
             for checkout, times in spent.items():
-                command = words.format(made=made, new=folder / str(next(numbers)))
+                command = words.format(made=made[checkout], new=folder / str(next(numbers)))
                 used = _run(checkout, command)
                 times.append(used.ru_utime + used.ru_stime)
                 if name == "certify" and checkout == ROOT:
