@@ -208,6 +208,14 @@ def test_a_certificate_loads_only_what_it_uses(tmp_path: Path) -> None:
     shown = {"tqdm"} if done.stderr else set()
     used = {"numba", "pydantic", "scipy"} | shown
     assert loaded & (HEAVY - used | slow | locator) == set()
+    # what reads records of another laboratory has no simulation beside it
+    commands = [["reduce", str(out / "records"), "--out", str(tmp_path / "alone")], commands[2]]
+    code = f"for words in {commands}: cli(words, standalone_mode=False)"
+    done = python("-c", f"import sys\nfrom virtual_lab.cli import cli\n{code}\nprint(*sys.modules)")
+    loaded = set(done.stdout.splitlines()[-1].split())
+    assert (tmp_path / "alone/certificate.html").is_file()
+    simulated = ("rigs", "virtual_lab.lab", "virtual_lab.simulation")
+    assert not [name for name in loaded if name.startswith(simulated)]
 
 
 def draws_of_its_own(tree: ast.AST) -> Iterator[int]:

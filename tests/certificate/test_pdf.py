@@ -26,9 +26,9 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
 from virtual_lab.certificate.printed import NONE, printed_values
+from virtual_lab.certificate.seal import alterations
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import IncompleteError, InputError
-from virtual_lab.lab.seal import alterations
 from virtual_lab.records.particulars import NOTHING_STATED, Customer, particulars_of
 
 

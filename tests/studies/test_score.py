@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from virtual_lab.certificate.seal import write_seal
 from virtual_lab.errors import InputError
-from virtual_lab.lab.seal import write_seal
 from virtual_lab.studies.score import score_folder
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}

@@ -242,10 +242,10 @@ class Certificate:
             require_paper,
             require_pdf,
         )
+        from virtual_lab.certificate.seal import TRUTH, write_seal
         from virtual_lab.certificate.signing import require_key, write_sums
         from virtual_lab.files import new_folder
         from virtual_lab.files.tables import write_csv
-        from virtual_lab.lab.seal import TRUTH, write_seal
 
         target = Path(folder)
         pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper

@@ -9,10 +9,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from virtual_lab.certificate.seal import TRUTH, Alteration, alterations
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
-from virtual_lab.lab.seal import TRUTH, Alteration, alterations
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.result import Json, StudyResult

@@ -14,8 +14,8 @@ import pytest
 from tests.conftest import Play
 from tests.records.digests import channel_digest
 from virtual_lab.api import Certificate
+from virtual_lab.certificate.seal import alterations, write_seal
 from virtual_lab.errors import InputError
-from virtual_lab.lab.seal import alterations, write_seal
 
 EDITS: dict[str, Any] = {
     "schema": 9,
