@@ -524,3 +524,8 @@ def test_a_bat_based_on_itself_is_refused(tmp_path: Path) -> None:
     path.write_text(MODIFIED.replace("ea70", str(path)), encoding="utf-8")
     with pytest.raises(InputError, match="base"):
         catalog.load_bat(str(path))
+
+
+def test_an_unknown_kind_is_named() -> None:
+    with pytest.raises(InputError, match=r"^kind = 'bat'; did you mean bats"):
+        catalog.find("bat", "r161")

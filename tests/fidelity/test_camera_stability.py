@@ -58,6 +58,7 @@ def test_dropped_frames_are_detected(rows: list[Row]) -> None:
         if ball == "error of positions 0.02 px":
             assert row["state"] == PictureState.GOOD
             assert row["flagged"] == (4 if count else 0)
+        assert (row["rms_unflagged"] is None) is (row["flagged"] == row["pictures"])
 
 
 def test_the_text_and_the_files_have_every_row(rows: list[Row], tmp_path: Path) -> None:

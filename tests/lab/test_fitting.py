@@ -7,7 +7,7 @@ import pytest
 from tests.laboratories import certify
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.lab.fitting import require_camera
+from virtual_lab.lab.fitting import identities, require_camera
 from virtual_lab.simulation.stations.rig import Reality, Stage, find_rig
 
 
@@ -97,3 +97,9 @@ def test_a_rig_without_a_camera_films_nothing() -> None:
     with pytest.raises(InputError, match="filmed-cannon") as caught:
         require_camera(find_rig("ball-cannon", Stage.IMPACT))
     assert (caught.value.key, caught.value.value) == ("rig", "ball-cannon")
+
+
+def test_an_instrument_of_two_rigs_has_one_identity() -> None:
+    one, both = identities(["astm-pivot"]), identities(["astm-pivot", "bench", "astm-pivot"])
+    assert both == one | identities(["bench"])
+    assert one["pivot-gates"].identity == "PG-1"

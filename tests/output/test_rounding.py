@@ -53,6 +53,11 @@ def test_an_uncertainty_of_the_computers_own_arithmetic_is_none(u: float) -> Non
     assert decimals(u) == 6
 
 
+@pytest.mark.parametrize("u", [float("inf"), float("nan")])
+def test_an_uncertainty_that_is_not_finite_is_printed_as_such(u: float) -> None:
+    assert with_uncertainty(0.5, u) == f"0.500000 (u {u})"
+
+
 @pytest.mark.parametrize("power", range(-6, 3))
 def test_any_uncertainty_is_printed_within_half_its_second_digit(power: int) -> None:
     for mantissa in range(100, 1000):

@@ -16,7 +16,17 @@ import pandas as pd
 import pytest
 
 from virtual_lab.catalog.reading import DATA
-from virtual_lab.studies.paper import CLAIMS, Claim, Findings, examples, metrics, models, procedures
+from virtual_lab.errors import InputError
+from virtual_lab.studies.paper import (
+    CLAIMS,
+    Claim,
+    Findings,
+    computed,
+    examples,
+    metrics,
+    models,
+    procedures,
+)
 from virtual_lab.studies.paper.claim import read_claims
 from virtual_lab.studies.paper.findings import FINDERS
 
@@ -116,6 +126,11 @@ def test_every_finder_of_a_section_finds_something() -> None:
         own = {name for name in own if FINDERS[name].__module__ == section.__name__}
         once = {name for name in own if len(re.findall(rf"\b{name}\(", text)) == 1}
         assert once - named <= {"table_one", "of_drawing"}
+
+
+def test_an_unknown_support_is_refused() -> None:
+    with pytest.raises(InputError, match="'held'; allowed: free, pivoted, clamped"):
+        computed.recoil("r161", 6.0, "held")
 
 
 def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:

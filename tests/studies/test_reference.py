@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from virtual_lab.errors import InputError
+from virtual_lab.studies.paper.models import bending_frequency
 from virtual_lab.studies.reference import findings, results
 from virtual_lab.studies.reference.findings import FINDERS, ReferenceResult, compare_number
 from virtual_lab.studies.reference.published import Published, read_published
@@ -141,6 +143,18 @@ def test_inertia_and_speeds_by_hand() -> None:
     assert results.limit_in_feet_per_second("asa") == pytest.approx(85 * 5280 / 3600)
     # swing by n = 0: the same angular speed, so that the metal bat is slower by its length
     assert results.cage_speed(0.0) == pytest.approx(67.9 * (33 - 7) / (34 - 7))
+
+
+def test_the_nearest_of_three_gates() -> None:
+    """As surveyed: 0.5002, 0.3499 and 0.2001 m."""
+    assert results.nearest_gate("light-boards") == pytest.approx(0.2001 / 0.3048)
+
+
+@pytest.mark.parametrize("mode", [-1, 0, 99])
+def test_a_mode_that_the_model_does_not_have_is_refused(mode: int) -> None:
+    for find in (results.frequency, results.node, lambda bat, mode: bending_frequency(mode)):
+        with pytest.raises(InputError, match=f"mode = {mode}; allowed: 1 to"):
+            find("r161", mode)
 
 
 def test_the_table_names_size_and_reason_and_the_picture_is_drawn(tmp_path: Path) -> None:

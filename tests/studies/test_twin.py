@@ -279,6 +279,8 @@ def test_a_fault_of_half_the_size_moves_half_as_far(days) -> None:
     half = blend(before, after, 0.5)
     np.testing.assert_array_equal(half["a"], [1.5, 5.0, np.nan])
     assert (half["b"], half["c"]) == (9, 2.0)
+    assert blend((1.0, 2.0), (3.0, np.inf), 0.5) == (2.0, np.inf)
+    assert blend((1.0,), (3.0,), 0.5) == (2.0,)
 
 
 def test_all_stages_of_a_day_have_one_air_and_one_gravity(days) -> None:

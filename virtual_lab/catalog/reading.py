@@ -111,14 +111,16 @@ def title(kind: str, name: str) -> str:
 def find(kind: str, name: str) -> Path:
     """Return the path of a catalog entry's file, or of the user's file if `name` ends in .toml.
 
-    Raises `InputError` if there is no such file. For a name that does not end in .toml, the message
-    suggests similar names.
+    Raises `InputError` if there is no such file or kind. For a name that does not end in .toml, the
+    message suggests similar names.
     """
     if name.endswith(".toml"):
         if not os.path.isfile(name):  # False also for a name that is too long
             raise InputError("", f"{Path(kind).name.removesuffix('s')} file", name, "no such file")
         return Path(name)
     allowed_names = names(kind)
+    if not allowed_names:
+        require_kind(kind)
     if name not in allowed_names:
         others = [other for other in KINDS if name in names(other)]
         hint = f"{name} is among the {others[0]}; " if others else nearest(name, allowed_names)

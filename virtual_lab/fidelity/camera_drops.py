@@ -28,7 +28,8 @@ def dropped_frames(
 
     The standard deviations of the error are `ERRORS` [px]. A row has the same keys as in
     `camera_stability.picture_cells`, with two differences. ``rms_unflagged`` is the relative rms
-    error of the speed of all incoming balls. The numbers of pictures are numbers of balls.
+    error of the speed of the incoming balls without a flag. The numbers of pictures are numbers of
+    balls. The state follows from the rms error of all incoming balls.
 
     Parameters
     ----------
@@ -67,7 +68,7 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         true = float(np.hypot(speed_in, 0.1))
         relative_error[k] = speed.value / true - 1
         beyond[k] = abs(speed.value - true) > BEYOND * speed.u
-    rms = float(np.sqrt(np.mean(relative_error**2)))
+    rms = _rms(relative_error)
     unsaid = int((beyond & ~flagged).sum())
     if unsaid:
         state = PictureState.UNSAID
@@ -81,12 +82,16 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         "method": "followed",
         "ball": f"error of positions {error:g} px",
         "state": state.value,
-        "rms_unflagged": rms,
+        "rms_unflagged": None if flagged.all() else _rms(relative_error[~flagged]),
         "pictures": flights,
         "unsaid": unsaid,
         "flagged": int(flagged.sum()),
         "lost": 0,
     }
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
 
 
 def _last_speed(fit: Fit) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatSpec
@@ -134,18 +134,18 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
     return counts
 
 
-def identities(rigs: Iterable[str]) -> Iterator[tuple[str, InstrumentIdentity]]:
-    """Yield the name and the identity of each instrument of `rigs`.
+def identities(rigs: Iterable[str]) -> dict[str, InstrumentIdentity]:
+    """Return the identity of each instrument of `rigs` whose data sheet states one, by name.
 
-    Instruments are skipped if their data sheets state no identity, and so are rigs of other
-    packages. An instrument of two rigs is yielded twice. Raises `InputError` if the identity on a
-    data sheet has an unknown key or a value of the wrong type.
+    Instruments of rigs of other packages are left out. Raises `InputError` for an identity with a
+    wrong entry.
     """
-    instruments = catalog.names("instruments")
+    instruments, stated = catalog.names("instruments"), {}
     for rig in rigs:
         if rig not in catalog.names("rigs"):
             continue
         for name in filter(instruments.__contains__, catalog.sheet("rigs", rig)[0].values()):
             where = f"instruments/{name}"
             if identity := catalog.sheet("instruments", name)[0].get("identity"):
-                yield name, validate(identity, f"{where} [identity]", InstrumentIdentity)
+                stated[name] = validate(identity, f"{where} [identity]", InstrumentIdentity)
+    return stated

@@ -124,7 +124,7 @@ class TestSetup:
         bat_entry, control = bats
         assert bat_entry is not None
         rig = rig or rules.spec.rig
-        instruments = {**dict(identities(_rigs(rig).values())), **particulars.instruments}
+        instruments = identities(_rigs(rig).values()) | dict(particulars.instruments)
         return cls(
             bat=bat_entry,
             ball=catalog.load("balls", rules.spec.ball, BallSpec),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, log10
+from math import floor, inf, log10
 
 LEAST = 1e-9  # smallest uncertainty in print; smaller ones are rounding errors
 
@@ -11,10 +11,9 @@ def decimals(u: float) -> int:
     """Return the number of decimal places that prints `u` with two significant digits, at least 0.
 
     The number is 0 if `u` rounds to 10 or more. A `u` of 100 or more therefore keeps all its digits
-    before the decimal point. The number is 6 if `u` is NaN or at most `LEAST`. Raises
-    `OverflowError` if `u` is inf.
+    before the decimal point. The number is 6 if `u` is not finite or at most `LEAST`.
     """
-    if not u > LEAST:
+    if not LEAST < u < inf:
         return 6
     places = 1 - floor(log10(u))
     # 0.0996 rounds up to 0.10, which needs one decimal less for two digits
@@ -25,7 +24,7 @@ def digits(u: float) -> str:
     """Return an uncertainty as text with two significant digits.
 
     An uncertainty of 100 or more is a whole number with all its digits. The text is ``0`` if `u` is
-    at most 1e-9 in any unit, and ``nan`` if it is NaN. Raises `OverflowError` if `u` is inf.
+    at most 1e-9 in any unit, and ``nan`` or ``inf`` if it is not finite.
     """
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 
@@ -35,7 +34,7 @@ def with_uncertainty(value: float, u: float, word: str = "u") -> str:
 
     `u` has two significant digits, and the value has as many decimals as `u`. `word` replaces ``u``
     in the text. If `u` is at most 1e-9, the value has six decimals and the text ends in ``(u 0)``.
-    Raises `OverflowError` if `u` is inf.
+    The value also has six decimals if `u` is not finite.
     """
     return f"{value:.{decimals(u)}f} ({word} {digits(u)})"
 

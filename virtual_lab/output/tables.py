@@ -49,7 +49,8 @@ def columns_of(row: Any) -> dict[str, Column]:
     """Return the printed columns of a row, which is a dataclass, keyed by field name.
 
     If a field ``outer`` holds a dataclass with a field ``inner``, the key is ``outer_inner`` and
-    the title begins with "outer: ". Fields that are not printed are left out.
+    the title begins with "outer: ". If the outer field is `inline`, key and title have no prefix.
+    Fields that are not printed are left out.
     """
     columns: dict[str, Column] = {}
     for each in fields(row):
@@ -58,7 +59,11 @@ def columns_of(row: Any) -> dict[str, Column]:
             columns[each.name] = each.metadata[Column.__name__]
         elif is_dataclass(value):
             for key, within in columns_of(value).items():
-                columns[f"{each.name}_{key}"] = _of_part(each.name, within)
+                part = _of_part(each.name, within)
+                if INLINE in each.metadata:
+                    columns[key] = part._replace(title=within.title)
+                else:
+                    columns[f"{each.name}_{key}"] = part
     return columns
 
 

@@ -48,10 +48,9 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 def blend(before: Any, after: Any, size: float) -> Any:
     """Return `before` + `size` · (`after` - `before`), number by number.
 
-    Mappings and dataclasses are blended entry by entry, with the keys of `after`. Integers, strings
-    and tuples of objects are taken from `after` unchanged. A number is also taken from `after` if
-    it is not finite in `before` or in `after`. Raises `TypeError` for a tuple or list of several
-    floats that changes.
+    Mappings, dataclasses, and tuples, lists and arrays of floats are changed entry by entry.
+    Integers, strings, tuples of objects and the keys of a mapping are those of `after`. So are
+    numbers that are not finite in `before` or in `after`.
     """
     if before is after:
         return before
@@ -67,4 +66,4 @@ def blend(before: Any, after: Any, size: float) -> Any:
     both = np.isfinite(before) & np.isfinite(after)
     with np.errstate(invalid="ignore"):
         blended = np.where(both, before + size * (np.asarray(after) - before), after)
-    return blended if isinstance(after, np.ndarray) else float(blended)
+    return blended if isinstance(after, np.ndarray) else type(after)(blended.tolist())

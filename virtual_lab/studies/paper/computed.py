@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
+from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.kinematics import (
     batted_speed,
@@ -240,8 +241,8 @@ def energy_loss(collisions: Collisions) -> Array:
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
     """Return the recoil factor r of a bat at positions `z` [in from the tip], in the shape of `z`.
 
-    The ball is ``game-2003``. `support_name` is pivoted (6 in from the knob) or clamped (r is 0).
-    For any other name the bat is free. Raises `InputError` for an unknown bat.
+    The ball is ``game-2003``. `support_name` is free, pivoted (6 in from the knob) or clamped (r is
+    0). Raises `InputError` for an unknown bat, and for another support.
     """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
@@ -249,6 +250,8 @@ def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
     if support_name == "pivoted":
         axis = bat_beam.length - 6 * INCH
         return np.asarray(recoil_factor_pivoted(mass, bat_beam.inertia(axis), axis - place))
+    if support_name != "free":
+        raise InputError("", "support_name", support_name, "allowed: free, pivoted, clamped")
     return np.asarray(
         recoil_factor_free(mass, bat_beam.mass, bat_beam.inertia_cm, place - bat_beam.z_cm)
     )

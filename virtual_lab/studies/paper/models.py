@@ -67,9 +67,9 @@ def modes_left_out(count: int) -> float:
 def bending_frequency(count: int) -> float:
     """Return the frequency [kHz] of bending mode number `count` of the free bat R161.
 
-    Mode 1 is the lowest. Raises `IndexError` for a mode beyond those of the model.
+    Mode 1 is the lowest. Raises `InputError` for a mode that the model does not have.
     """
-    return float(model(WOOD).modes.bending_frequencies[count - 1]) / 1e3
+    return model(WOOD).modes.bending_frequency(count) / 1e3
 
 
 def less_lost() -> float:

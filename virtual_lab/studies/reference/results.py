@@ -15,6 +15,7 @@ from scipy.stats import spearmanr
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody
+from virtual_lab.errors import InputError
 from virtual_lab.lab.certify import certify_bat
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.true_metric import TrueCurve
@@ -103,12 +104,12 @@ def gate_distance(name: str) -> float:
 
 
 def nearest_gate(name: str) -> float:
-    """Return the distance [ft] of an instrument's second gate from the bat or the wall.
+    """Return the distance of the nearest gate of an instrument from the bat or the wall [ft].
 
-    The second gate is the nearer gate of a pair. Raises `InputError` for an unknown instrument, and
-    `ValueError` for one without gates.
+    Raises `InputError` for an unknown instrument, and `ValueError` for one without gates.
     """
-    return _in_feet(entry("instruments", name, "distances", "in", 1))
+    gates = range(int(entries("instruments", name, "distances")))
+    return _in_feet(min(entry("instruments", name, "distances", "in", gate) for gate in gates))
 
 
 def limit_in_feet_per_second(procedure: str) -> float:
@@ -201,21 +202,23 @@ def _body(bat: str | float) -> BatBody:
 def frequency(bat: str | float, mode: int) -> float:
     """Return the frequency of a bending mode of a free bat [Hz].
 
-    `bat` is a name in the catalog, or a length [in] to which R161 is shortened. Mode 1 is the
-    lowest. Raises `InputError` for an unknown bat, and `IndexError` for a mode beyond those of the
-    model.
+    `bat` is a name in the catalog, or the length [in] to which R161 is shortened. `mode` counts
+    from 1. Raises `InputError` for an unknown bat, and for a mode that the model does not have.
     """
-    return float(free_model(_body(bat)).modes.bending_frequencies[mode - 1])
+    return free_model(_body(bat)).modes.bending_frequency(mode)
 
 
 def node(bat: str | float, mode: int) -> float:
     """Return the position [in from the tip] of the barrel node of a bending mode of a free bat.
 
-    The barrel node is the node nearest to the tip. `bat` is a name in the catalog, or a length [in]
-    to which R161 is shortened. `mode` is 1 (the lowest) or 2. Raises `InputError` for an unknown
-    bat, and `IndexError` for another mode.
+    The barrel node is the node nearest to the tip. `bat` is a name in the catalog, or the length
+    [in] to which R161 is shortened. `mode` is 1 or 2. Raises `InputError` for an unknown bat, and
+    for another mode.
     """
-    return barrel_nodes(free_model(_body(bat)).modes)[mode - 1] / INCH
+    nodes = barrel_nodes(free_model(_body(bat)).modes)
+    if not 1 <= mode <= len(nodes):
+        raise InputError("", "mode", mode, f"allowed: 1 to {len(nodes)}")
+    return nodes[mode - 1] / INCH
 
 
 def handle_node(bat: str) -> float:

@@ -137,6 +137,16 @@ def usual_step(times: Array) -> float:
     return float(np.median(steps) if uneven(times) else steps.mean())
 
 
+def frame_steps(times: Array) -> Array:
+    """Return the time of each frame since the first in usual steps, from `times`, (frame,) [s].
+
+    It is the number of the frame, unless the time stamps are `uneven`.
+    """
+    if uneven(times):
+        return np.asarray((times - times[0]) / usual_step(times))
+    return np.arange(len(times), dtype=float)
+
+
 def uneven(times: Array) -> bool:
     """Return whether time stamps deviate from equal steps by more than 0.3 of a step.
 

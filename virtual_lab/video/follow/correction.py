@@ -12,7 +12,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import read_table
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.columns import numbers_in
-from virtual_lab.video.clips.timing import usual_step
+from virtual_lab.video.clips.timing import frame_steps, usual_step
 from virtual_lab.video.find.blobs import BLOB
 from virtual_lab.video.find.still import still_of
 from virtual_lab.video.find.watching import Watched
@@ -24,8 +24,8 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
 
     The required columns are frame, x_px, y_px and flight. Positions refer to the still frame, and
     flight is empty for a position outside flights. Optional columns are radius_px (default: the
-    median of the other rows), time_s (default: the frame number times the usual frame interval),
-    drift_x_px and drift_y_px (default: 0). Flights of fewer than five positions are left out.
+    median of the other rows), time_s (default: the time of the frame in the clip), drift_x_px and
+    drift_y_px (default: 0). Flights of fewer than five positions are left out.
 
     Raises
     ------
@@ -56,7 +56,8 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     blobs["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
     blobs["length"], blobs["edge"] = blobs["radius"], 0.1 * blobs["radius"]
     times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
-    blobs, t = blobs[order], np.where(np.isnan(times), frames, times)[order]
+    stamped = frame_steps(clip.times)[frames.astype(np.intp)]
+    blobs, t = blobs[order], np.where(np.isnan(times), stamped, times)[order]
     names = table["flight"].iloc[order].reset_index(drop=True)
     flights = map(np.asarray, names.groupby(names).indices.values())  # "" is not a flight
     watched = Watched(

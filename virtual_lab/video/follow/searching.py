@@ -9,7 +9,7 @@ import numpy as np
 
 from virtual_lab.units import Mask
 from virtual_lab.video.clips.clip import Clip
-from virtual_lab.video.clips.timing import uneven, usual_step
+from virtual_lab.video.clips.timing import frame_steps
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.joint import Fit
@@ -73,9 +73,7 @@ def clip_scene(
         Whether a repeated frame takes no time, so that later frames move one frame earlier.
         Otherwise later frames keep their times.
     """
-    stamped = np.arange(clip.count, dtype=float)
-    if uneven(clip.times):
-        stamped = (clip.times - clip.times[0]) / usual_step(clip.times)
+    stamped = frame_steps(clip.times)
     doubled = float(same.mean()) > TIME.every_other
     length = knowledge.metres_per_pixel or (knowledge.ball and knowledge.ball / 2)
     drag, pull = knowledge.drag, None

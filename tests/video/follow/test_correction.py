@@ -1,0 +1,30 @@
+"""Corrected tracks without times take the times of the clip's frames."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.clip import open_clip
+from virtual_lab.video.follow.correction import read_track
+
+
+@pytest.mark.parametrize("stated", [None, [], range(0, 20, 3), range(20)])
+def test_a_missing_time_is_that_of_the_frame(stated: range | None, tmp_path: Path) -> None:
+    """The camera skipped three frames after frame 9; some, all or no times are in the track."""
+    frames, times = np.arange(20), (np.arange(20) + 3 * (np.arange(20) > 9)) / 50
+    np.save(tmp_path / "clip.npy", np.zeros((20, 8, 8), np.uint8))
+    (tmp_path / "times.csv").write_text("\n".join(map(str, times)), encoding="utf-8")
+    calibration = ClipCalibration(
+        metres_per_pixel=1e-3, timestamps=str(tmp_path / "times.csv"), frames_per_second=50.0
+    )
+    rows = pd.DataFrame({"frame": frames, "x_px": 2.0 * frames, "y_px": 4.0, "radius_px": 2.0})
+    rows["flight"] = 1
+    if stated is not None:
+        rows["time_s"] = pd.Series(times)[list(stated)]
+    rows.to_csv(tmp_path / "track.csv", index=False)
+    clip = open_clip(tmp_path / "clip.npy", calibration)
+    (flight,) = read_track(tmp_path / "track.csv", clip)[1]
+    np.testing.assert_allclose(flight.t, 50 * times, atol=1e-9)
