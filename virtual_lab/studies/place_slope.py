@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slope:
-    """Slope of one bat, or the mean or standard deviation over all bats, without a position."""
+    """Slope of one bat, or the mean or standard deviation over all bats, which have no position."""
 
     bat: str = column("bat")
     impact_position_in: float | None = column("position from the tip", "in")
@@ -35,7 +35,7 @@ class Slope:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Slopes(Rows[Slope]):
-    """Slopes of the bats, their mean and standard deviation, and the slope on the sheet."""
+    """Slopes of the bats, their mean and standard deviation, and the slope in the procedure."""
 
     on_sheet: tuple[float, float]  # slope of the procedure, and its standard uncertainty [1/in]
 

@@ -102,7 +102,7 @@ class ComparedCertificate:
 
     @property
     def decision(self) -> str:
-        """The verdict in print, with ``marginal`` if it is."""
+        """The verdict as printed, followed by ``marginal`` for a marginal result."""
         return f"{self.verdict}, marginal" if self.marginal else self.verdict
 
     @property

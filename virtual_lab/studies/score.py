@@ -27,9 +27,10 @@ CERTIFICATE = "certificate.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityScore:
-    """Measured and true value of a quantity in `unit`, its SI unit; None without a measured value.
+    """Measured and true value of a quantity in `unit`, its SI unit.
 
-    z, the error over u, is also None if u is 0.
+    Measured value, u, error and z are None if there is no measured value. z is the error divided by
+    u, and it is also None if u is 0.
     """
 
     quantity: str = column("quantity")
@@ -108,7 +109,7 @@ class CertificateScore(StudyResult):
 
     @property
     def seal(self) -> str:
-        """``whole`` or ``broken``."""
+        """State of the seal: ``whole`` or ``broken``."""
         return "broken" if self.altered else "whole"
 
     @property

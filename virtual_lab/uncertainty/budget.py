@@ -80,7 +80,10 @@ class Components(AlignedArrays):
         return np.where(uncertain, self.effect / np.where(uncertain, self.u, 1.0), 0.0)
 
     def row(self, laboratory: int) -> list[Component]:
-        """Return the components of one laboratory that have an uncertainty, and always the hits."""
+        """Return the components of one laboratory that have an uncertainty.
+
+        The component of the hits is always included.
+        """
         sensitivity, uncertain = self.sensitivity, self.u[laboratory] > 0
         return [
             Component(
@@ -122,7 +125,7 @@ class Components(AlignedArrays):
 
 @lru_cache
 def _line_numbers(pools: tuple[str, ...]) -> NDArray[np.int64]:
-    """Return the line of each source: those without a pool in turn, then one for each pool."""
+    """Return the line number of each source. Sources without a pool are first, then the pools."""
     alone, first = count(), pools.count("")
     number = {pool: at for at, pool in enumerate(dict.fromkeys(filter(None, pools)), first)}
     return np.array([number[pool] if pool else next(alone) for pool in pools], np.int64)
@@ -227,7 +230,10 @@ class Variants(AlignedArrays):
         }
 
     def components(self, values: Array) -> Components:
-        """Return the contribution of each constant to an output with `values` (laboratory, k)."""
+        """Return the contribution of each constant to an output with the values `values`.
+
+        `values`, (laboratory, k), are the outputs for the k sets of constants.
+        """
         up, down = self._split_moves(values[..., None])
         estimates = [self.constants[name] for name in self.uncertain]
         return Components(

@@ -82,7 +82,7 @@ class InputSource:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """Correlated sources, whose errors are `factor` times independent errors of u = 1.
+    """Correlated sources: their errors are the matrix `factor` times independent errors with u = 1.
 
     For readings that were taken together, draws need another factor than the law of propagation,
     because their joint t distribution has fewer degrees of freedom (JCGM 102, 5.3.2).

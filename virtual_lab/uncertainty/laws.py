@@ -60,7 +60,7 @@ def _inexact_quantile(q: Array, inexact: float) -> Array:
 
 @lru_cache(16)
 def _inexact_distribution(inexact: float) -> tuple[Array, Array]:
-    """Return a grid of values and the distribution function there, for inexact uniform limits.
+    """Return a grid of numbers, and the distribution function at them, for inexact uniform limits.
 
     The numbers are uniform between limits, and each limit is itself uniform within ± `inexact`.
     """

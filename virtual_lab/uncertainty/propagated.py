@@ -179,6 +179,6 @@ def correlation_of(covariance: Array) -> Array:
 
 
 def _round_to_u(value: float, u: float) -> str:
-    """Return a value to the second digit of u."""
+    """Return a value as text, rounded to the second digit of u."""
     place = 1 - floor(log10(u)) if 0 < u < inf else 6
     return f"{value:.{place}f}" if 0 <= place <= 9 else f"{value:.7g}"

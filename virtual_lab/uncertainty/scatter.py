@@ -59,7 +59,7 @@ class HitVariance(AlignedArrays):
         )
 
     def larger(self, earlier: HitVariance) -> Mask:
-        """Return whether today's hits scatter more than those of earlier tests, beyond chance."""
+        """Return a mask of the laboratories with a significantly larger variance than `earlier`."""
         from scipy.special import fdtri
 
         freedoms = np.maximum(self.dof, 1.0), np.maximum(earlier.dof, 1.0)
@@ -109,7 +109,10 @@ class Scatter(AlignedArrays):
         return cls(u=u, dof=dof, weighing=weighing, variance=variance)
 
     def pool_with(self, earlier: HitVariance) -> Self:
-        """Return the scatter pooled with earlier tests, unless today's is significantly larger."""
+        """Return the scatter pooled with that of earlier tests.
+
+        Today's scatter is returned alone if it is significantly larger.
+        """
         both = HitVariance.pool([self.variance, earlier])
         unexplained = np.maximum(both.unexplained, LEAST_UNEXPLAINED * both.total)
         alone = self.variance.larger(earlier) | ~(unexplained > 0)

@@ -331,7 +331,7 @@ def gain_by_equations() -> float:
 
 
 def energy_with_vibration(support_name: str) -> float:
-    """Return the largest absolute change of the total energy of a hit if the bat gets a support.
+    """Return the largest absolute change of a hit's total energy caused by a support.
 
     The total is the energy of the bat's rigid motion, of its bending and hoop vibration, and the
     loss in the ball. It is divided by the ball's initial energy. The change is relative to a free
@@ -347,7 +347,7 @@ def energy_with_vibration(support_name: str) -> float:
 
 
 def least_energy_gap(support_name: str) -> float:
-    """Return the smallest absolute change of the energy of rigid motion if the bat gets a support.
+    """Return the smallest absolute change of the energy of rigid motion caused by a support.
 
     The energy is divided by the ball's initial energy. The change is relative to a free bat. R161
     is hit at 8 positions, 3 to 4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped
@@ -361,10 +361,10 @@ def least_energy_gap(support_name: str) -> float:
 
 
 def at_percussion(bat: str) -> float:
-    """Return the absolute change of the bat-ball restitution e if a free bat gets a pivot.
+    """Return the absolute change of the bat-ball restitution e caused by a pivot.
 
-    The pivot is 6 in from the knob. The bat is hit at the center of percussion for this pivot, at
-    60 mph. Raises `InputError` for an unknown bat.
+    The pivot is 6 in from the knob; without it the bat is free. The bat is hit at the center of
+    percussion for this pivot, at 60 mph. Raises `InputError` for an unknown bat.
     """
     z = centre_of_percussion_in(bat)
     gap = restitution(bat, [z], "pivoted", SLOW, BALL) - restitution(bat, [z], "free", SLOW, BALL)
@@ -372,7 +372,7 @@ def at_percussion(bat: str) -> float:
 
 
 def recoils_at_percussion() -> float:
-    """Return the largest absolute relative change of the recoil factor r if a bat gets a pivot.
+    """Return the largest absolute relative change of the recoil factor r caused by a pivot.
 
     The pivot is 6 in from the knob, and r is that at the center of percussion for this pivot. The
     change is computed for the paper's four bats. A result of 0.01 means 1 %.
@@ -388,11 +388,11 @@ def recoils_at_percussion() -> float:
 
 
 def pivot_speed() -> float:
-    """Return the ratio of the speeds of a point near the knob and of the impact point, after a hit.
+    """Return the speed of a pivot point just after a hit, divided by the speed of the impact point.
 
-    The point is 6 in from the knob. R161 is free and rigid, and is hit at the center of percussion
-    for a pivot at this point. The point then stays at rest, so the ratio is a rounding error of
-    either sign.
+    The pivot point is 6 in from the knob, but there is no pivot. R161 is free and rigid, and is hit
+    at the center of percussion for a pivot at this point. The pivot point then stays at rest, so
+    the ratio is a rounding error of either sign.
     """
     bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)
@@ -438,7 +438,7 @@ def softball_factor() -> float:
 
 
 def besr_less_efficiency(e_A: float) -> float:
-    """Return BESR minus e_A, computed from `e_A`; it is 0.5 for every `e_A`."""
+    """Return the ball exit speed ratio BESR minus `e_A`, which is 0.5 for every `e_A`."""
     return float(besr(e_A)) - e_A
 
 
@@ -461,7 +461,7 @@ def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
 
 
 def energy_fraction(name: str, e: float, r: float) -> float:
-    """Return a share of the collision energy by Eqs. (10), dimensionless.
+    """Return one of the three shares of the collision energy by Eqs. (10), dimensionless.
 
     `name` is ``ball`` (energy of the ball), ``bat`` or ``dissipated``. `e` is the bat-ball
     restitution and `r` the recoil factor. Raises `AttributeError` for another name.

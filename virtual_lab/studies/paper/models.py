@@ -99,7 +99,7 @@ def shell_turns() -> float:
 
 
 def same_speed() -> float:
-    """Return the relative range of angular speed if the swing exponent is 0; it is 0.
+    """Return the relative range of angular speed for the swing exponent 0, which is 0.
 
     The range is the largest minus the smallest angular speed, divided by the mean, for bats with
     moments of inertia of 15000 to 20000 oz in^2.
@@ -157,8 +157,8 @@ def energy_exponent() -> float:
 def laws_apart() -> float:
     """Return the largest absolute difference of angular speed between two swing laws [%].
 
-    One law keeps the energy constant, and the other is the power law with n = 0.3. Their ratio is
-    scaled to a mean of 1. Moments of inertia are 15000 to 20000 oz in^2.
+    One law keeps the energy constant, and the other is the power law with n = 0.3. Before the
+    comparison, their ratio is scaled to a mean of 1. Moments of inertia are 15000 to 20000 oz in^2.
     """
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
@@ -166,9 +166,10 @@ def laws_apart() -> float:
 
 
 def without_inertia() -> float:
-    """Return the angular speed of a swing without a bat, divided by the swing of the standard game.
+    """Return the angular speed of a swing without a bat, divided by the angular speed with a bat.
 
-    Both swings have the same energy. The bat of the standard game has the reference inertia.
+    Both swings have the same energy. The bat has the reference inertia of the paper's standard
+    game.
     """
     law = game().swing(None)
     return float(law.angular_speed(0.0)) / game().angular_speed

@@ -59,7 +59,7 @@ def ends() -> float:
 
 
 def _factor(bat: str) -> float:
-    """Return the BPF of a bat by the ASTM method.
+    """Return the bat performance factor (BPF) of a bat by the ASTM method.
 
     The bat is pivoted and is hit at its center of percussion, at 60 mph.
     """
@@ -112,7 +112,7 @@ def ncaa_bat_speed(place: float | Array, length: float) -> Array:
 
 
 def _ncaa(bat: str) -> float:
-    """Return the peak v_f at the speeds of the NCAA method [mph]."""
+    """Return the peak batted-ball speed of a bat at the speeds of the NCAA method [mph]."""
     speeds = ncaa_bat_speed(PLACES, beam(bat).length)
     e_A = collide_at(bat, PLACES, speed=PITCH + speeds, with_ball=BALL).collision_efficiency
     return top_of(PLACES, e_A, PITCH, speeds).value
@@ -182,7 +182,10 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
 
 def swing_matters() -> float:
-    """Return the change of the peak v_f of EA70 [mph] for a swing exponent of 0.5 instead of 0."""
+    """Return the change of EA70's peak v_f [mph] from swing exponent 0 to swing exponent 0.5.
+
+    v_f is the batted-ball speed in the paper's standard game.
+    """
     return (
         top(ALUMINIUM, "batted_speed_mph", 0.5).value
         - top(ALUMINIUM, "batted_speed_mph", 0.0).value
@@ -216,7 +219,7 @@ def factor_lead(first: str, second: str) -> float:
 
 
 def efficiency_of_besr(value: float) -> float:
-    """Return e_A = BESR - 0.5 for the BESR `value`."""
+    """Return the collision efficiency e_A = BESR - 0.5, where BESR is `value`."""
     return value - (float(besr(LIMIT)) - LIMIT)
 
 

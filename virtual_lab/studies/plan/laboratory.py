@@ -43,7 +43,7 @@ class PlannedLaboratory:
     def of(
         cls, bat: str, procedure: str, exchanges: Mapping[str, Sheet], seed: int, workers: int
     ) -> Self:
-        """Return the laboratory after simulated tests in it, and with each exchange alone.
+        """Simulate tests in the laboratory, also with each exchange alone, and return it.
 
         Only exchanges that lower u noticeably are kept. Raises `InputError` for unknown names, a
         bat that does not fit the procedure, or a procedure that cannot be simulated in blocks.
@@ -82,7 +82,7 @@ class PlannedLaboratory:
         )
 
     def exchange_names(self, number: int) -> tuple[str, ...]:
-        """Return the names of the instruments in the set of exchanges with a number."""
+        """Return the names of the instruments that set number `number` exchanges."""
         return tuple(name for bit, name in enumerate(self.exchanges) if number >> bit & 1)
 
     def simulate(self, exchanged: Collection[str], counts: Counts, tests: int) -> SampledTests:
@@ -95,15 +95,16 @@ class PlannedLaboratory:
             return SampledTests.of(laboratories, tests, self.seed, self.workers)
 
     def predict_u(self, grid: Counts) -> Array:
-        """Return the predicted median u [SI], shape (set of exchanges, …); inf: not possible."""
+        """Return the predicted median u [SI], (set of exchanges, …); inf for an impossible plan."""
         possible = feasible(self.forecast, grid)
         return np.asarray(np.where(possible, self.forecast.u(grid), np.inf))
 
     def minutes(self, counts: Counts) -> Array:
-        """Return the minutes of a test, in the shape of the counts.
+        """Return the duration of a test [min], in the shape of the counts.
 
-        Times are those of the actions at the rehearsal bench. The times to weigh the balls and to
-        fire them at the wall are proportional to the numbers of balls and of hits.
+        The actions take as long as at the rehearsal bench. The time to weigh the balls is
+        proportional to the number of balls. The time to fire them at the wall is proportional to
+        the number of wall hits.
         """
         actions = catalog.sheet("bench", "actions")[0]["actions"]
         forecast, present = self.forecast, self.forecast.present
@@ -127,9 +128,10 @@ class PlannedLaboratory:
 def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
     """Return the data sheets of the instruments of `rigs`, with each standard uncertainty halved.
 
-    The key is the name of the instrument. The standard uncertainties in the sheet of a rig itself
-    are also halved, for example those of its pivot. The key is then the name of the table that
-    contains them, or several names joined by ``+``. Raises `InputError` for an unknown rig.
+    The result is keyed by the name of the instrument. If the data sheet of a rig itself has
+    standard uncertainties, for example of its pivot, it is also returned. Its key is then the name
+    of the table with these uncertainties; several names are joined by ``+``. Raises `InputError`
+    for an unknown rig.
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
@@ -147,8 +149,8 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
 def attempts(forecast: Forecast, counts: Counts) -> Array:
     """Return the largest number of shots that each plan allows, in the shape of the counts.
 
-    It is the number in the procedure, scaled with the expected number of shots and rounded up. It
-    is never below the number in the procedure.
+    The number in the procedure is multiplied by the ratio of expected shots, plan over procedure,
+    and rounded up. The result is never below the number in the procedure.
     """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))

@@ -155,8 +155,8 @@ def plan(
     workers
         Number of processes, each with one thread, that share the laboratories.
     instruments
-        Instruments and rigs of the present laboratory with changed values, instead of those of the
-        catalog.
+        Instruments and rigs of the present laboratory with changed values, used instead of the
+        catalog entries.
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
@@ -216,8 +216,8 @@ class _Search:
     def plans(self) -> LaboratoryPlans:
         """Return the present laboratory, the cheapest plans, and the floor if there is none.
 
-        Predictions are multiplied by the ratio of simulated to planned u of one plan, so that the
-        plans reach the target and not more.
+        The predicted u of all plans is multiplied by the ratio of simulated to predicted u of one
+        plan.
         """
         self.progress("plans", 0, SHOWN + TERMS)
         present: Index = (0,) * self.u.ndim
@@ -269,7 +269,7 @@ class _Search:
         return f"No plan reaches the target: the floor is {floor}, with {', '.join(texts)}."
 
     def _row(self, name: str, at: Index) -> PlanRow:
-        """Return the row of a plan, which is simulated unless it was before."""
+        """Return the row of a plan. The plan is simulated unless this was done before."""
         if at not in self.rows:
             counts, exchanged = self.grid.at(at[1:]), self.laboratory.exchange_names(at[0])
             tests = self.laboratory.simulate(exchanged, counts, self.tests)

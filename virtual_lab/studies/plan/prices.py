@@ -82,8 +82,8 @@ class Prices(Spec):
     def of_plans(self, names: Collection[str], minutes: Array, balls: Array) -> Array:
         """Return the price of each plan, shape (set of exchanges, …).
 
-        `names` are the instruments whose exchange is considered; minutes and balls are those of one
-        test.
+        `names` are the instruments that may be exchanged. `minutes` is the duration of one test,
+        and `balls` is its number of balls.
         """
         of_tests = self.tests.value * (
             self.per_minute.value * minutes + self.per_ball.value * np.asarray(balls)

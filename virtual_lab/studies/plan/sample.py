@@ -29,7 +29,7 @@ class Median(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampledTests(AlignedArrays):
-    """Tests of the metric [SI], one per laboratory; arrays (laboratory,) unless stated."""
+    """Simulated tests in numbers [SI], one per laboratory; arrays (laboratory,) unless stated."""
 
     names: tuple[str, ...]  # lines of the budget
     some: Mask  # whether the test has a result
@@ -137,7 +137,7 @@ def sample_of(tested: BlockTest) -> SampledTests:
 def _dealt(weights: Array, balls: int) -> Array:
     """Return the sum of the squared shares of `balls` balls that are fired in turn, (laboratory,).
 
-    `weights` are those of the hits in the order of the shots, (laboratory, shot).
+    `weights` are the weights of the hits in the order of the shots, (laboratory, shot).
     """
     rounds = np.pad(weights, [(0, 0), (0, -weights.shape[1] % balls)])
     shares = rounds.reshape(len(weights), -1, balls).sum(axis=1)

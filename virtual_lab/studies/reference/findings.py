@@ -54,14 +54,14 @@ class ReferenceRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ReferenceResult(StudyResult):
-    """All published numbers, with our results where the laboratory represents them."""
+    """All published numbers, with our result for each quantity that the simulation models."""
 
     rows: list[ReferenceRow]
     name = "reference"
 
     @property
     def represented(self) -> list[ReferenceRow]:
-        """Rows with a result of this laboratory."""
+        """Rows with our result."""
         return [row for row in self.rows if row.value is not None]
 
     @property
@@ -123,9 +123,9 @@ FARTHEST = 3.0  # largest deviation drawn [half widths]; farther results are arr
 def reference(*, progress: Progress = quiet) -> ReferenceResult:
     """Compare published measurements of bats, balls and tests with results of this program.
 
-    A result is either predicted by the simulation, a number of the data files, or a number to which
-    the data were fitted; each row states which. The CSV file also lists the quantities that the
-    simulation does not model, with the reason.
+    Each row states whether our result is a prediction of the simulation, a number of the data
+    files, or an input of a fit. The CSV file also lists the quantities that the simulation does not
+    model, with the reason.
 
     Parameters
     ----------

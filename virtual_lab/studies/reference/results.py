@@ -272,9 +272,10 @@ def peak_restitution(bat: str, speed: float) -> float:
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the peak BBCOR of `peak_restitution` [in from the tip], 3 to 9 in.
+    """Return the position [in from the tip] of the peak BBCOR, between 3 and 9 in.
 
-    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    The peak is that of `peak_restitution`. `speed` is the relative speed of ball and bat [mph].
+    Raises `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).place
 

@@ -45,7 +45,7 @@ class Improvement:
 
 
 class Change(NamedTuple):
-    """A change, the share of the metric's variance that it promises to remove, and its effect."""
+    """A change of the laboratory, and the predicted reduction of the metric's variance."""
 
     words: str
     variance: float

@@ -36,9 +36,10 @@ NOTICED = 0.9  # share of the days on which a fault is noticed, for "from which 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoticedFault:
-    """A fault at one laboratory: the share of its days on which the test shows it.
+    """A fault at one laboratory: the share of its days on which the test notices the fault.
 
-    It does so by a flag, by the verdict INVALID, or by records that the reduction rejects.
+    The test notices a fault by a flag, by the verdict INVALID, or by records that the reduction
+    rejects.
     """
 
     fault: str = column("fault")

@@ -63,7 +63,7 @@ class _Comparison:
 
     @property
     def tail(self) -> float:
-        """Share of the days, and of the records themselves, that are as extreme."""
+        """Share of the days at least as extreme as the records, which count as one day."""
         value, days = self.value, self.days
         if self.name in TWO_SIDED:
             middle = np.median(days)
@@ -72,7 +72,7 @@ class _Comparison:
 
     @property
     def extreme(self) -> int:
-        """Smallest number of these days that are as extreme, whatever the days to come.
+        """Smallest number of these days that are at least as extreme as the records.
 
         In a two-sided reading the records can be on either side of the final median, so the side
         with fewer days counts.
@@ -99,11 +99,12 @@ class _Comparison:
 def unlike_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
-    """Return one row per reading of the test, and the smallest number of days per reading.
+    """Return one row per reading of the test, and the smallest number of days compared.
 
-    A row compares a reading of the test with the same reading on the days of the twin. A reading
-    that is NaN in the records, or NaN on all days, has no row. A day without a result or without
-    the reading is replaced by a further day. At most twice `days` are simulated.
+    A reading is a number from `readings_of`. A row compares a reading of the test with the same
+    reading on the days of the twin. A reading that is NaN in the records, or NaN on all days, has
+    no row. A day without a result or without the reading is replaced by a further day. At most
+    twice `days` are simulated.
 
     The simulation ends early if the remaining days could not make any reading significant (Besag
     and Clifford 1991). The early end therefore does not change the findings.
@@ -143,7 +144,7 @@ def _compare(
 ) -> list[_Comparison]:
     """Return a comparison for each reading of the records, with the first `most` days that have it.
 
-    A reading that no day has is left out.
+    A reading that is missing on all days is left out.
     """
     compared = []
     for name, value in ours.items():
@@ -227,9 +228,9 @@ def largest_deviation(values: Array, groups: NDArray[np.number]) -> float:
 
 
 def _diameter(record: Record, speed: Array) -> float:
-    """Return the median of the chords of incoming balls [m], NaN without edges.
+    """Return the median chord of the incoming balls over the shots [m], NaN without edges.
 
-    The median is that of the shots. Of a board's beams the longest chord counts.
+    The chord of a shot on a board is the longest of its beams.
     """
     if not isinstance(record, GateRecord | BoardRecord):
         return float("nan")

@@ -65,7 +65,7 @@ READING_WORDS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Twin(StudyResult):
-    """A laboratory beside its twin."""
+    """Tables that compare a laboratory with the simulated days of its twin."""
 
     bat: str
     procedure: str
@@ -92,7 +92,7 @@ class Twin(StudyResult):
 
     @property
     def text(self) -> str:
-        """The tables, with the words beneath them."""
+        """The tables, each with an explanation below it."""
         days = f"{self.invalid} of the {self.days} days were INVALID and are left out."
         words = "\n".join(part for part in (WORDS, days, self.remark) if part)
         parts = [self.title, table_text(self.rows), words]

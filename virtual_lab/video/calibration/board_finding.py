@@ -25,7 +25,7 @@ def find_board(picture: NDArray[Any], board: Board) -> BoardView | None:
     """Return the corners of a board in a gray picture; None if fewer than eight are found.
 
     A chessboard must be completely visible. A board with markers may be partly hidden. Its first
-    square may also be white, because OpenCV before 4.6 printed it so if the number of rows was
+    square may be black or white: OpenCV before 4.6 printed a white one if the number of rows was
     even.
     """
     grey = picture.astype(np.float32)

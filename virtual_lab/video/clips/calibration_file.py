@@ -23,7 +23,7 @@ Triple = tuple[Real, Real, Real]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraFit(Spec):
-    """Data on a camera's calibration: board, views, residuals, and the u of each number alone."""
+    """Data on a camera's calibration: board, views, residuals, and the u of each parameter."""
 
     board: str
     views: Annotated[Whole, Gt(0)]

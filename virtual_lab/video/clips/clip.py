@@ -39,7 +39,10 @@ MEMORY = Memory()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clip:
-    """Frames of a clip, read again for each use if large, and the results of one pass over them."""
+    """Frames of a clip, and the results of one pass over them.
+
+    A large clip is read again for each use.
+    """
 
     source: Source
     held: Sequence[Frame] = ()  # all frames; empty for a clip that does not stay in memory

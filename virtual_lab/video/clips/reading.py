@@ -171,7 +171,10 @@ def _video(path: Path) -> Source:
 
 
 def _is_motion_jpeg(path: Path, capture: cv2.VideoCapture, size: tuple[int, int]) -> bool:
-    """Return whether OpenCV's MJPEG reader, which decodes only requested frames, gives the same."""
+    """Return whether OpenCV's MJPEG reader gives the same frames.
+
+    This reader only decodes requested frames.
+    """
     import cv2
 
     if int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little") != b"MJPG":

@@ -23,8 +23,8 @@ def frame_times(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the time of each frame, (frame,) [s], and a tuple of warnings.
 
-    The time stamps of the calibration are used first. Without them the times follow from the frame
-    rate of the calibration. Without both they follow from the file.
+    The times are the time stamps of the calibration if it has any. Without them they follow from
+    the frame rate of the calibration. Without both they follow from the file.
 
     Parameters
     ----------

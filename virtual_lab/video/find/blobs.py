@@ -172,7 +172,7 @@ def _blob(
     still: Still,
     box: tuple[int, int, int, int],
 ) -> tuple[BlobRow, BlobView] | None:
-    """Return the row of `BLOB` for the content of a box, with its view; None without a ball."""
+    """Return the row of `BLOB` for the content of a box, with its view; None if it is no ball."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
@@ -225,7 +225,7 @@ def _blob(
 
 
 def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
-    """Return the hull at half of a contrast that is consistent with it, and this contrast [DN].
+    """Return the hull of a blob at half of its contrast, and this contrast [DN], or None.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hu
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:
-    """Return a mask of the pixels (row, column) nearer to a position than a radius [pixels]."""
+    """Return a mask, (row, column), of the pixels within `radius` of a position [pixels]."""
     row = np.arange(shape[0])[:, None] - y
     column = np.arange(shape[1]) - x
     return np.asarray(row**2 + column**2 < radius**2)

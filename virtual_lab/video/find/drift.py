@@ -78,12 +78,18 @@ class Edges:
         return best
 
     def _cost(self, grey: Image, drift: Array) -> float:
-        """Return the sum of clipped deviations of a drift [DN]; the limit for an edge outside."""
+        """Return the sum of the clipped deviations at all edges for a drift [DN].
+
+        An edge outside the picture counts as the limit of the clipping.
+        """
         clip = FAR_OFF * np.hypot(*self.design[:, :2].T)
         return float(np.fmin(np.abs(self.deviation(grey, drift)), clip).sum())
 
     def deviation(self, grey: Image, drift: Array) -> Array:
-        """Return gray values of a drifted picture minus those of the edges [DN]; NaN outside."""
+        """Return the gray values of a drifted picture minus those of the edges [DN].
+
+        The deviation is NaN for an edge outside the picture.
+        """
         if not self.value.size:  # OpenCV fails without a pixel
             return self.value
         at = cv2.transform(self.places, matrix_of(drift, grey.shape[1::-1])).astype(np.float32)
@@ -107,7 +113,7 @@ class Edges:
         return int(textured.sum() - stats[1:, cv2.CC_STAT_AREA][reach < PARTS / 2].max(initial=0))
 
     def _settle(self, grey: Image, start: Array) -> Array:
-        """Return the drift of a picture, refined from a start close to it."""
+        """Return the drift of a picture, refined from a start close to the true drift."""
         drift, side = start, max(grey.shape) / 2
         units = np.array([1.0, 1.0, side, side])
         for _ in range(_ALIGN.steps):

@@ -233,12 +233,11 @@ def still_of(
 
 
 def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None]:
-    """Return the drifts of pictures from the first, (picture, 4), and the hidden drift [pixels].
+    """Return the drift of each picture from the first, (picture, 4), and the hidden drift [pixels].
 
     Each picture is aligned with the previous one, and then with the median of all. The drifts are
-    accepted if the edges then change clearly less than without them. With few edges the hidden
-    drift is None, no turn is determined, and the drift between successive pictures is limited to
-    `most`.
+    accepted if they clearly reduce the change of the edges. With few edges the hidden drift is
+    None, no turn is determined, and the drift between successive pictures is limited to `most`.
     """
     none = np.zeros((len(greys), 4))
     size = greys[0].shape[1::-1]
@@ -268,7 +267,10 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
 
 
 def _slope(shifts: Array) -> float:
-    """Return twice the slope of shifts (picture, 2), or twice its standard uncertainty [pixels]."""
+    """Return the hidden drift along an axis from shifts, (picture, 2), per picture [pixels].
+
+    It is twice the slope of the shifts or twice its standard uncertainty, whichever is larger.
+    """
     if len(shifts) < 3:
         return 0.0
     (slope, _), spread = np.polyfit(np.arange(len(shifts)), shifts, 1, cov=True)
@@ -290,9 +292,10 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 def warp_back(
     picture: Image, drift: Array, corner: Sequence[int], behind: Image, every: int = 1
 ) -> Image:
-    """Return a picture without its drift, with the shape and the pixels of `behind`.
+    """Return a picture shifted and turned back by its drift, in the shape of `behind`.
 
-    Pixels that the picture does not show are copied from `behind`.
+    Each pixel then shows the same point of the scene as in `behind`. Pixels that the picture does
+    not show are copied from `behind`.
 
     Parameters
     ----------

@@ -177,7 +177,7 @@ def _normal(
 
 
 def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, Array, Array]:
-    """Return the time near `t` at which two flights are closest, and their velocities then."""
+    """Return the time near `t` at which two flights are closest, and both velocities then."""
     before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
     apart, change = (after - before)[:2], (after - before)[2:]
     late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -room, room))
@@ -197,7 +197,7 @@ def _restitution(
     kind: str,
     sharp: bool,
 ) -> tuple[Estimate | None, str, str]:
-    """Return the restitution, a flag and a reason; without a restitution (None) both are set."""
+    """Return the restitution, a flag and a reason; the last two are set if it is None."""
 
     def ratio_of(turns: bool, some: Fit) -> float:
         _, before, after = _closest(some, first, t)

@@ -41,7 +41,7 @@ FALLS = DoubtSettings()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Falls:
-    """Fall of the flights, measured with a scale that does not come from gravity."""
+    """Common acceleration of the flights, by a scale that does not come from gravity."""
 
     knowledge: ClipKnowledge
     shared: Estimate  # acceleration that all flights share [m/s²]
@@ -49,16 +49,22 @@ class Falls:
 
     @property
     def rate(self) -> float:
-        """The frame rate at which flights fall with g [1/s]."""
+        """Frame rate with which the flights would fall with g [1/s]."""
         return self.knowledge.rate * float(np.sqrt(self.knowledge.gravity / self.shared.value))
 
     @property
     def rate_u(self) -> float:
-        """Relative u of `rate`, half that of the acceleration, which includes the u of lengths."""
+        """Relative u of `rate`: half the relative u of the acceleration.
+
+        The u of the acceleration includes the u of lengths.
+        """
         return self.shared.u / self.shared.value / 2
 
     def with_fitted_rate(self) -> ClipKnowledge:
-        """Return the knowledge of the clip with a rate from gravity, which then sets no scale."""
+        """Return the facts about the clip with a frame rate from gravity.
+
+        Gravity then sets no scale.
+        """
         return replace(
             self.knowledge, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL
         )
@@ -86,7 +92,7 @@ class Falls:
             raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
-        """Return a note that length and frame rate contradict g; empty if they do not."""
+        """Return one note if length and frame rate contradict g, otherwise an empty list."""
         g, (coverage, share) = self.knowledge.gravity, FALLS.apart
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []

@@ -179,7 +179,10 @@ class _Bend:
 
 
 def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces, without overlap in time, whose acceleration most positions support."""
+    """Return the pieces that share the acceleration with the most positions.
+
+    The pieces do not overlap in time.
+    """
     # A shadow on the ground moves like its ball, but only across the picture.
     bends = [each for each in (_Bend.of(scene, piece) for piece in pieces) if each.may_fall]
     best: tuple[float, list[Piece]] = (0.0, [])
@@ -205,7 +208,7 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
 
 
 def _adjoins(one: Piece, other: Piece) -> bool:
-    """Return whether one piece begins where and when the other ends."""
+    """Return whether one piece begins at the time and position at which the other ends."""
     first, last = (one, other) if one.frames[0] < other.frames[0] else (other, one)
     later = float(last.frames[0] - first.frames[-1])
     if later > FLIGHTS.contact_frames:
@@ -310,8 +313,9 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
 def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return the flights with all positions on their path, and no others.
 
-    If there is no contact at an end of a flight, the flight ends at a position that is surely on
-    its path, because a hand moves on with the ball, and the two together look longer than the ball.
+    If there is no contact at an end of a flight, the flight ends at a position that is certainly on
+    its path. Otherwise a hand that moves on with the ball could be included; a ball and a hand
+    together look longer than the ball.
     """
     moving, refilled = scene.blobs, []
     counted = np.isfinite(scene.time)
@@ -383,8 +387,9 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
     """Return the share of the frames with a moving ball that belong to `flights`, 0 to 1.
 
-    A frame has a moving ball if it is within a flight. It also has one if it belongs to one of the
-    `pieces` with the size and color of the ball, and this piece moves by more than a diameter.
+    A frame has a moving ball if it is between the first and the last frame of a flight. It also has
+    one if it belongs to another piece of smooth motion that has the size and color of the ball and
+    moves by more than a diameter.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))

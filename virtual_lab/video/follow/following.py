@@ -76,7 +76,7 @@ class FollowedClip:
 
     @property
     def lost(self) -> dict[int, int]:
-        """Number of missing frames before a frame, by the number of this frame."""
+        """Number of missing frames in each gap, keyed by the number of the next frame."""
         return self.scene.lost(self.ways)
 
     @property
@@ -256,7 +256,10 @@ def measure(
 
 
 def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
-    """Return a mask of the repeats while a ball moves; at other times equal frames are normal."""
+    """Return a mask of the repeated frames during the motion of a ball, (frame,).
+
+    At other times, equal frames are normal.
+    """
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
@@ -323,7 +326,7 @@ def _falls(
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
-    """Return the speed at an end without contact; its u covers the unknown time of the release.
+    """Return the speed at an end of a flight without a contact, with a u for the time of release.
 
     At the release the ball was closer to this end than the scatter of positions, or than `off`, the
     deviation of the last position.

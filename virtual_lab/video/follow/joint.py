@@ -82,7 +82,7 @@ class Fit:
 
     @property
     def down(self) -> complex:
-        """Direction into the floor from contacts on its line, otherwise of g; 0 if unknown."""
+        """Direction into the floor if contacts show it, otherwise of g; 0 if unknown."""
         down = complex(*self.pull.mean(axis=0))
         if self.floor:
             first, *_, last = (complex(*self.meeting(*each)) for each in self.floor)
@@ -354,7 +354,7 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
 
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
-    """Return the parts of vectors (…, parameter), by the names of the fields of `Fit`."""
+    """Return the parts of vectors, (…, parameter), keyed by the names of fields of `Fit`."""
     some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
     return {
         "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),

@@ -21,7 +21,7 @@ Note = tuple[str, str]  # a flag in capitals, or "" for a remark without a flag,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClipKnowledge:
-    """Knowledge of a clip that its user gives, SI."""
+    """Facts about a clip that its user states, in SI units."""
 
     rate: float  # stored pictures per second of real time, including repeats
     rate_u: float = EXACT  # relative u of `rate`

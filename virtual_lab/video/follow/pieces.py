@@ -72,7 +72,7 @@ class Piece:
         )
 
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
-        """Return the piece of some of the positions."""
+        """Return the piece with only the positions `which`."""
         u = None if self.u is None else self.u[which]
         names = ("blobs", "frames", "t", "xy")
         return replace(self, u=u, **{name: getattr(self, name)[which] for name in names})

@@ -49,7 +49,7 @@ def register(watched: Watched, result: FlightsFound) -> tuple[Watched, FlightsFo
 
 
 def _places(way: Piece, blobs: Blobs, views: Sequence[BlobView]) -> Array:
-    """Return the places of a flight from the views of its blobs, (place, 2) [pixels]."""
+    """Return the positions of a flight from the views of its blobs, (position, 2) [pixels]."""
     short, long = (float(np.median(blobs[name])) for name in ("radius", "length"))
     shrink = 1 + 2 * int(short / COARSE)  # odd, so that middles stay middles
     radius = (short + long) / 2 / shrink
@@ -76,7 +76,7 @@ def _places(way: Piece, blobs: Blobs, views: Sequence[BlobView]) -> Array:
 
 
 def _cut(picture: NDArray[np.uint8], at: Array, reach: int, shrink: int) -> Picture:
-    """Return the square about a pixel `at` (2,), reduced to `reach` pixels on each side of it."""
+    """Return the square around a pixel `at`, (2,), reduced to `reach` pixels on each side."""
     half = shrink * reach + shrink // 2
     x, y = map(int, at)
     padded = cv2.copyMakeBorder(picture, half, half, half, half, cv2.BORDER_REPLICATE)
@@ -87,14 +87,14 @@ def _cut(picture: NDArray[np.uint8], at: Array, reach: int, shrink: int) -> Pict
 
 
 def _distance(picture: Picture, at: Array) -> Picture:
-    """Return the distance of each pixel from a place `at` (2,), counted from the middle."""
+    """Return the distance of each pixel from a position `at`, (2,), relative to the middle."""
     reach = len(picture) // 2
     y, x = np.ogrid[-reach : reach + 1, -reach : reach + 1]
     return np.asarray(np.hypot(x - at[0], y - at[1]), np.float32)[..., None]
 
 
 def _outside(picture: Picture, at: Array, radius: float) -> Picture:
-    """Return the share of each pixel that a ball at a place does not hide, blurred by a pixel."""
+    """Return the share of each pixel that is outside the disk of a ball, blurred by a pixel."""
     return np.asarray(ndtr(_distance(picture, at) - radius))
 
 
@@ -108,7 +108,7 @@ def _moved(picture: Picture, by: Array) -> Picture:
 
 
 def _step(picture: Picture, behind: Picture, light: Picture, at: Array, radius: float) -> Array:
-    """Return the step (2,) from a place toward that at which the model is most like the picture."""
+    """Return the step, (2,), toward the position at which the model fits the picture best."""
     shown, own = _outside(behind, at, radius), _moved(light, at)
     away = _distance(picture, at)[..., 0] - radius
     near = (away < FAR_U) & (away > -radius / 2)  # farther inside a pattern turns with the ball

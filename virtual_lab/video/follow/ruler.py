@@ -201,7 +201,10 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
 def _by_gravity(
     model: FittedFlights, radius: float, knowledge: ClipKnowledge, step: float
 ) -> Ruler | None:
-    """Return the ruler from gravity, None if not fitted or hardly visible; `radius` in pixels."""
+    """Return the ruler from gravity; None if g is not fitted or hardly visible.
+
+    `radius` is the radius of the ball [pixels].
+    """
     if not model.fit.covariance[0, 0]:
         return None
     # ratio of the density of the air to that of the ball

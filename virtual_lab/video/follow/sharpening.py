@@ -193,7 +193,7 @@ def _background(clip: Clip, moving: Blobs) -> Array:
 def settle(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
-    """Return scene, flights and located ball with the positions of the outlines.
+    """Return scene, flights and located ball, with positions from the ball's outlines.
 
     The scene has the gravity and drag of the calibration. The flights have the positions of `ball`,
     corrected for the height of the ball above the plane. They have no unusable positions, outliers,

@@ -322,7 +322,7 @@ def _brightness(region: Array, p: Array, noise: Noise) -> float:
 
 
 def _sway(pattern: Array, hides: Array, view: View, p: Array, light: float) -> float:
-    """Return the shift of the position if the pattern were mistaken for the outline [pixel]."""
+    """Return the shift of the position [pixels] if the pattern were mistaken for the outline."""
     contrast = max(abs(light - p[AT.level] * view.background.mean()), 1.0)
     turn = np.exp(2j * pi * np.arange(len(pattern)) / len(pattern))
     return float(2.0 * abs(turn @ (pattern @ hides)) / (len(pattern) * contrast))

@@ -105,6 +105,6 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
 
 
 def _facing(depth: Array, radius: float) -> Array:
-    """Return sin a at a depth inside the outline."""
+    """Return sin a at a depth inside the outline, where a is the angle from the rim."""
     inside = 1 - np.minimum(depth / radius, 1.0)
     return np.asarray(np.sqrt(1 - inside**2))

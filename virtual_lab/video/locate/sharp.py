@@ -112,7 +112,7 @@ def place(
 
 
 def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return a mask of the pixels with a large difference from the background; 1 is set.
+    """Return a mask of the pixels with a large difference from the background; 1 is selected.
 
     `off` is this difference [DN]; negative values count as 0. The limit is Otsu's threshold. The
     mask has the shape of `off`.

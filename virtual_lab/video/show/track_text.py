@@ -159,7 +159,7 @@ def _scale(scale: PixelScale) -> Row:
 
 
 def _roll(track: FollowedClip) -> float | None:
-    """Return the angle of fitted gravity from down, toward the right [deg], or None."""
+    """Return the angle of fitted gravity from down [deg], positive to the right, or None."""
     rulers = (track.scale, *track.checks)
     if track.fit is None or not any(each and each.source == GRAVITY for each in rulers):
         return None

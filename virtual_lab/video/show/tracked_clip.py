@@ -120,7 +120,7 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
 
 
 def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnowledge:
-    """Return the knowledge of an opened clip. Raises `InputError` if a statement does not fit."""
+    """Return the facts about an opened clip. Raises `InputError` if a statement does not fit."""
     calibrated, rate, turn = "file" in said, clip.source.rate, clip.source.rotation
     # A faster clip comes from a laboratory's camera.
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
