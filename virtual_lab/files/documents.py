@@ -300,8 +300,9 @@ def _head(data: bytes, where: str, delimiter: str) -> list[str]:
 def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
     """Raise `InputError` unless `target` can become a new folder.
 
-    It must be writable, and it must not exist or be an empty folder. With `overwrite` it may also
-    be a result folder, which contains a ``settings.toml``. The current folder is never allowed.
+    It must be writable. Either it does not exist yet, or it is an empty folder. With `overwrite` it
+    may also be a result folder, which contains a ``settings.toml``. The current folder is never
+    allowed.
     """
     try:
         linked = stat.S_ISLNK(target.lstat().st_mode)
@@ -327,7 +328,7 @@ def check_new_folder(target: Path, *, overwrite: bool = False) -> None:
 
 
 def _is_result(folder: Path) -> bool:
-    """Return whether a folder holds a result of this program, and nothing that a link leads to."""
+    """Return whether a folder holds a result of this program and is not a link."""
     return not folder.is_symlink() and (folder / SETTINGS).is_file()
 
 

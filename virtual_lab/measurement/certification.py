@@ -316,7 +316,7 @@ class Weighing(AlignedArrays):
 def _split(
     weighing: Weighing, earlier: Mapping[str, HitVariance], variants: Variants, size: int
 ) -> Iterator[tuple[slice, Weighing, Mapping[str, HitVariance], Variants]]:
-    """Yield the arguments for `size` laboratories at a time, after the slice of these."""
+    """Yield the slice and the arguments of `_results` for `size` laboratories at a time."""
     laboratories = len(weighing.hits)
     if laboratories <= size:  # not copied
         yield slice(None), weighing, earlier, variants

@@ -18,7 +18,7 @@ from virtual_lab.measurement.reduction.shot_algebra import BatProperties, ShotRe
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSupport:
-    """Mean results of the valid hits, computed with r of the support that the rules do not name."""
+    """Mean r, e and BPF of the valid hits for the support that the procedure does not use."""
 
     which: str
     recoil_factor: float

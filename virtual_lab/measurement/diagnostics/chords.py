@@ -94,7 +94,7 @@ def _too_narrow(where: str, size: Array, nominal: Array) -> Raised:
 def _diameters(
     evidence: Evidence, stage: str, record: Record | None, readings: FlightReadings, ball: Numbers
 ) -> Array:
-    """Return the diameter from each passage [m], (shot, way, gate); NaN: none."""
+    """Return the ball diameter from each passage [m], (shot, direction, gate), NaN if unknown."""
     if not isinstance(readings, GateReadings) or not isinstance(record, GateRecord | BoardRecord):
         return np.full((ball.size, 2, 1), np.nan)
     x, mass = evidence.best, evidence.measured_balls.mass

@@ -119,9 +119,9 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag per encoder, raised if the fitted rotation does not agree with the record.
 
     The misfit of a shot is a ratio. The numerator is the rms deviation of the record from the
-    fitted rotation. The denominator is the rms noise caused by the resolution and measured with the
-    bat at rest. The flag is raised in the laboratories with a misfit above `MOST_MISFIT` in at
-    least one shot. It is yielded even if it is raised in no laboratory.
+    fitted rotation. The denominator is the rms noise, to which the resolution and the noise of the
+    bat at rest contribute. The flag is raised in the laboratories with a misfit above `MOST_MISFIT`
+    in at least one shot. It is yielded even if it is raised in no laboratory.
 
     The rig may have an encoder for the recoil and one for the swing. Nothing is yielded for an
     encoder that the rig does not have.

@@ -51,7 +51,7 @@ class Passages(AlignedArrays):
     heights: Array  # heights above the zeros of the gates [m]
     # standard uncertainty of each height, from the scatter of its edges; 0 without edges [m]
     heights_u: Array
-    misfit: Array  # rms of the edges about the parabola and the line, (..., shot, way) [s]
+    misfit: Array  # rms of the edges about the parabola and the line, (..., shot, direction) [s]
 
     aligned: ClassVar = EVERY_FIELD
 
@@ -319,6 +319,6 @@ def heights_moved(readings: GateReadings) -> FlightModel:
 
 
 def _by_gate(values: Array) -> Array:
-    """Return values (..., shot, way, gate) in the layout (batch, way, gate, shot)."""
+    """Return values (..., shot, direction, gate) in the layout (batch, direction, gate, shot)."""
     flat = values.reshape(-1, *values.shape[-3:])
     return np.array(flat.transpose(0, 2, 3, 1), order="C")
