@@ -241,6 +241,11 @@ def track(
         Function that is called with a message that names the current task. If it is not given, the
         functions of `virtual_lab` and the commands show the progress on stderr.
 
+    Returns
+    -------
+    Track
+        Tables of flights, contacts and positions. The method ``save`` writes the files.
+
     Raises
     ------
     InputError
@@ -384,6 +389,11 @@ def calibrate(
         Standard uncertainty of `height`, for example ``1mm``. By default 0.
     square_u
         Standard uncertainty of the side of a square, for example ``5um``. By default 0.
+
+    Returns
+    -------
+    Calibration
+        The calibrated camera. The method ``save`` writes the file that ``track`` reads.
 
     Raises
     ------

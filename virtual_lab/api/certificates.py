@@ -361,7 +361,7 @@ def certify(
     uncertainty: Propagation = "first-order",
     progress: Progress = quiet,
 ) -> Certificate:
-    """Simulate the test of a bat by a procedure, and return its certificate.
+    """Simulate the test of a bat by a procedure, and return the certificate.
 
     Parameters
     ----------
@@ -391,8 +391,9 @@ def certify(
         Number of the laboratory, from 0. Laboratories with the same seed and different numbers
         differ in bat, balls and calibration errors.
     reality
-        ``noise-free``: no randomness, but vibration of the bat, encoder counts, drag and friction
-        remain. ``ideal``: bat, balls and instruments equal their nominal values.
+        ``real``: all random effects. ``noise-free``: no randomness, but vibration of the bat,
+        encoder counts, drag and friction remain. ``ideal``: bat, balls and instruments equal their
+        nominal values.
     collision
         Collision model. By default the fastest model that is accurate enough. The certificate names
         the model and the reason.
@@ -459,11 +460,11 @@ def certify(
     Raises
     ------
     InputError
-        An unknown name; a file that cannot be used; a seed that is not a whole number of at least
-        0; `number`, `test` or `lot` without a seed; `seed`, `number`, `test` or `lot` if `reality`
-        is not ``real``; a negative `lot`; a film at a rig without a camera; `replaces` without
-        `reason`, or the reverse; or a `history` that has fewer than three tests or tests of another
-        kind.
+        A name is unknown; a file cannot be used; `seed` is not a whole number of at least 0;
+        `number`, `test` or `lot` is stated without a seed; `seed`, `number`, `test` or `lot` is
+        stated although `reality` is not ``real``; `lot` is negative; `film` is requested at a rig
+        without a camera; only one of `replaces` and `reason` is stated; or `history` has fewer than
+        three tests or tests of another kind.
     """
     from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
@@ -651,7 +652,7 @@ def sweep(
     seed
         Seed of the study.
     individual
-        Give every laboratory an individual bat, as in ``certify``, instead of the nominal one.
+        Give every laboratory an individual bat, as in ``certify``, instead of the nominal bat.
     workers
         Number of processes. Each has one thread and computes a part of the laboratories.
     certificates
@@ -689,8 +690,9 @@ def sweep(
     Raises
     ------
     InputError
-        Unknown names, files that cannot be used, a seed that is not a non-negative integer, fewer
-        than one laboratory or worker, or `traces` without `certificates`.
+        A name is unknown, a file cannot be used, `seed` is not a whole number of at least 0, there
+        is not at least one laboratory and one worker, or `traces` is requested without
+        `certificates`.
     """
     from virtual_lab.studies.sweep import sweep_tests
 

@@ -34,7 +34,7 @@ def chart(
     Raises
     ------
     InputError
-        An unknown part, or an instrument that no rig of the study uses.
+        The part is unknown, or no rig of the study uses a changed instrument.
     """
     result: SpeedChart = _study(part, "chart")(progress)
     return result
@@ -63,7 +63,7 @@ def stability(
     Raises
     ------
     InputError
-        An unknown part, or an instrument that no rig of the study uses.
+        The part is unknown, or no rig of the study uses a changed instrument.
     """
     result: StabilityMap = _study(part, "stability")(progress)
     return result

@@ -19,7 +19,7 @@ from virtual_lab.output.progress import show_progress
 from virtual_lab.sheets import NAMED, Sheet, settings_text
 
 LABORATORY = "instruments"  # the parameter that changes the laboratory itself
-SEALED = ("certify", "rehearse")  # functions whose seed and faults are sealed with the truth
+SEALED = ("certify", "rehearse")  # functions that seal seed and faults with the truth
 PROGRESS = "progress"  # the parameter that is called with the progress; by default it is shown
 Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 ROWS = 8192  # largest number of laboratories per part: at least a second of work for a worker
 COLUMN_SCHEMA = 3  # schema of the columns; parts of another schema are rejected
 PROGRAM = {"program": VERSION, "schema": COLUMN_SCHEMA}  # version of program and columns
-FIRST = 4  # number of laboratories whose tests show the columns of a study
+FIRST = 4  # number of laboratories tested to determine the columns of a study
 FORM = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
 ABOUT = b"virtual-lab"  # metadata key of a part's description
 NOT_MADE = "not made"

@@ -19,7 +19,7 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.records.particulars import ReplacedReport
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 
-# keys whose values must agree even if another program made the certificate
+# keys with values that must agree even if another program made the certificate
 RESULT = ("verdict", "metric", "shots", "budget")
 
 

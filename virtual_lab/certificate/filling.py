@@ -79,7 +79,7 @@ from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
 from virtual_lab.uncertainty.scatter import larger_today
 from virtual_lab.units import INCH, MPH, Array
 
-HISTORY = 10  # number of earlier tests whose benefit a certificate without history states
+HISTORY = 10  # number of earlier tests for the benefit stated by a certificate without history
 HALL_UNITS = {"temperature": "K", "humidity": "1", "pressure": "Pa"}
 FEWEST_PLACES = 4  # smallest number of places for a curve along the barrel
 

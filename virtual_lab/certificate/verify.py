@@ -62,11 +62,11 @@ TRUTH, FILM, CONTROL = "truth", "film", "control"
 TRUTH_FILE = "truth/truth.json"
 MISSING, NO_FOLDER = "the file is missing", "the folder is missing"
 OPTIONAL = (TRUTH, FILM, CONTROL)  # folders that may be missing from a result that was handed on
-COPIED = re.compile(  # keys of the document whose values are those of the records
+COPIED = re.compile(  # keys of the document with values copied from the records
     r"(origin|laboratory|customer|date|particulars|simulation|session_digest|rigs"
     r"|bat\.name|ball\.name)\b"
 )
-RESULTS = re.compile(  # keys whose differences from this program are listed singly
+RESULTS = re.compile(  # keys for which each difference from this program is listed
     r"(verdict|flags|metric\.(value|u|interval_95)"
     r"|shots(\[\d+\]\.(recoil_efficiency|rebound_efficiency|used|reason))?)(\[\d+\]|\.|$)"
 )

@@ -35,7 +35,7 @@ class Answer:
     table: Any = None
     code: int = 0  # exit code of the program
     save: Callable[[Path], object] | None = None
-    files: Sequence[Path] = field(default_factory=tuple)  # written files, whose paths are printed
+    files: Sequence[Path] = field(default_factory=tuple)  # written files; their paths are printed
 
 
 class Sections(click.Group):

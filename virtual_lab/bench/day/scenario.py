@@ -35,7 +35,7 @@ class Scenario(Spec):
     procedure: str
     rig: str = ""  # rig that fires at the bat; empty: the rig of the procedure
     limit: Annotated[float | None, Gt(0), Dimension("number")] = (
-        None  # limit that replaces that of the procedure
+        None  # limit that replaces the limit of the procedure
     )
     # possible faults with their probabilities, which trainees see; each day draws from them
     may_go_wrong: Mapping[str, Annotated[Real, Gt(0), Lt(1)]] = field(default_factory=dict)

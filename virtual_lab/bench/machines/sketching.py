@@ -77,7 +77,7 @@ def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tup
     draws = firing.laboratory.draws
     day_draws = draws.normal("rehearsal.sketch-day", 2)
     shot_draws = draws.normal("rehearsal.sketch", 2, np.array([shot.shot]))[0]
-    # standard deviation of a day, then that of a shot
+    # standard deviation of a day, then standard deviation of a shot
     efficiency_error = 0.03 * day_draws[0] + 0.03 * shot_draws[0]  # error of e_A
     rate_error = 0.1 * day_draws[1] + 0.1 * shot_draws[1]  # relative error of the bat's rate
     specimen, rules = firing.laboratory.specimen, firing.laboratory.rules.spec

@@ -46,7 +46,7 @@ class PrintedConstant(NamedTuple):
     value: str
     u: str
     unit: str
-    today: str  # value measured on the day, which replaces that of the certificate; or empty
+    today: str  # value measured today that replaces the certified value; or empty
 
 
 class PrintedInstrument(NamedTuple):

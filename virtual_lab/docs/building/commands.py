@@ -16,6 +16,9 @@ def _show_as_shell(_app: Sphinx, doctree: nodes.document) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx remove the line ``%%bash`` from the commands shown on a page."""
+    """Let Sphinx remove the line ``%%bash`` from the commands shown on a page.
+
+    The result states that Sphinx may process pages in parallel.
+    """
     app.connect("doctree-read", _show_as_shell)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -36,7 +36,10 @@ def scrape(_block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]
 
 
 def reset(_gallery_conf: dict[str, Any], _script: str) -> None:
-    """Set the style of the site's figures, switch off progress messages, and close all figures."""
+    """Set the style of the site's figures, switch off progress messages, and close all figures.
+
+    The gallery calls this function before each script. Both arguments are ignored.
+    """
     progress.PIPE_STEP = TIMEOUT_MAX
     plt.close("all")
     mpl.rc_file(STYLE)

@@ -18,7 +18,10 @@ def _visit_block(translator: Any, node: nodes.math_block) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx draw formulas as MathML."""
+    """Let Sphinx draw formulas as MathML.
+
+    The result states that Sphinx may process pages in parallel.
+    """
     app.add_html_math_renderer(
         "mathml", inline_renderers=(_visit_math, None), block_renderers=(_visit_block, None)
     )

@@ -300,7 +300,10 @@ def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx write the generated pages before the build, and change the links of pages."""
+    """Let Sphinx write the generated pages before the build, and change the links of pages.
+
+    The result states that Sphinx may process pages in parallel.
+    """
     app.connect("config-inited", lambda app, _config: _write(app))
     app.connect("source-read", _relink)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -38,6 +38,9 @@ def _refuse(app: Sphinx, failure: Exception | None) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx check after the build that no page loads anything from another site."""
+    """Let Sphinx check after the build that no page loads anything from another site.
+
+    The result states that Sphinx may process pages in parallel.
+    """
     app.connect("build-finished", _refuse)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -12,6 +12,9 @@ from sphinx.application import Sphinx
 
 
 def setup(_app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx join the pieces of a command's output when it executes a page."""
+    """Let Sphinx join the pieces of a command's output when it executes a page.
+
+    The result states that Sphinx may process pages in parallel.
+    """
     utils.executenb = partial(execute, coalesce_streams=True)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
