@@ -93,7 +93,7 @@ def workers(count: int, words: str = "") -> Iterator[Submit]:
     The yielded function takes a module-level function and its arguments, and returns a `Future` of
     the result. The future raises the exception of the call, or `WorkerLostError` if the process
     ended during the call. At the end of the context all processes end, even during a call. `words`
-    are printed in their command lines, to identify them. Raises `ValueError` if `count` is below 1.
+    are added to their command lines, to identify them. Raises `ValueError` if `count` is below 1.
     """
     processes = [Worker(words) for _ in range(count)]
     idle: SimpleQueue[Worker] = SimpleQueue()

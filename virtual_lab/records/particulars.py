@@ -255,11 +255,10 @@ def read_particulars(
     """Return the particulars of a test from a file, after replacing some of its values.
 
     `file` is the path of the file, or its keys and values. If it is None, only the values in
-    `changes` are stated. The values in `changes` replace the values in the file. The keys of
-    `changes` have the form ``laboratory.name``, and its empty values are ignored. The logo is the
-    name of a file in the folder of `file`. If `file` is not a path, the logo is in the current
-    folder. `replaces` is the earlier report that the new report replaces. By default it is read
-    from the file.
+    `changes` are stated. The values in `changes` replace the values in the file. Keys have the form
+    ``laboratory.name``. Empty values are ignored. The logo is the name of a file in the folder of
+    `file`. If `file` is not a path, the logo is in the current folder. `replaces` is the earlier
+    report that the new report replaces. By default it is read from the file.
 
     Raises
     ------

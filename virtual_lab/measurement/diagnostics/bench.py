@@ -161,8 +161,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
 
     A swing is the time between two passages of the pendulum through its lowest point in the same
     direction. If a passage is not recorded, two swings appear as one long swing, which changes the
-    mean but not the median. A swing is odd if it is much longer or shorter than the median.
-    Releases without an odd swing are counted, see `counted_releases`.
+    mean but not the median. A swing is odd if it is much longer or shorter than the median. A
+    counted release is one that is used for the period, see `counted_releases`.
 
     Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases.
     The first is for the mean over all counted releases. The second compares the most deviating

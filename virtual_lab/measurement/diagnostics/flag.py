@@ -163,8 +163,8 @@ def pairs(
         Largest shift of the test result per unit of `value`, divided by the standard uncertainty of
         the test result. By default the shift is not limited.
     among
-        Number of similar differences, if `value` is the least likely of them. By default it is the
-        only one.
+        Number of similar differences that were compared. It is above 1 if `value` is the least
+        likely of several differences.
     compared
         Mask of the laboratories with both measurements, (laboratory,). By default all have both.
     """
