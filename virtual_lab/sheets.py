@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from virtual_lab.catalog.reading import Datum
 
-NAMED = ("bats", "balls", "procedures")  # kinds whose changed sheets get another name
+NAMED = ("bats", "balls", "procedures")  # kinds of sheet with a new name after a change
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
 LONGEST_TITLE = 200
@@ -258,7 +258,7 @@ AnyEntries = str | Path | Sheet | Sequence[str | Path | Sheet]
 
 
 def entry_name(entry: AnyEntry) -> str:
-    """Return the name of a sheet; a name or a path is returned as a string."""
+    """Return the name of a sheet. If `entry` is a name or a path, return it as a string."""
     return entry.name if isinstance(entry, Sheet) else str(entry)
 
 

@@ -299,7 +299,7 @@ RECORD_TYPES: Mapping[str, type[Record]] = {
 
 @cache
 def record_types() -> Mapping[str, type[Record]]:
-    """Return the classes of all kinds of record, keyed by name, including those of other packages.
+    """Return the classes of all kinds of record, keyed by name, also of other packages.
 
     A package adds a kind by an entry point in the group ``virtual_lab.records``. It cannot replace
     a kind of this package. If a package cannot be loaded, its error is raised.

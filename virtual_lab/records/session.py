@@ -5,7 +5,7 @@ On disk a session is a folder: ``session.json`` (tested bat, rigs, calibration c
 channel. It contains neither truth nor seed, and suffices for the complete reduction.
 ``session.json`` states the origin of the records and the SHA-256 of every other file. A folder with
 a changed or additional file is rejected. The digest of a simulated channel covers the value of the
-key ``simulation`` and the file, so a changed origin cannot present simulated records as those of
+key ``simulation`` and the file, so a changed origin cannot present simulated records as records of
 another laboratory.
 """
 

@@ -69,8 +69,9 @@ def speed_after(time: ArrayLike, speed: ArrayLike, drag: ArrayLike) -> Array:
 def slowest_within(distance: ArrayLike, drop: float) -> Array:
     """Return the lowest speed [m/s] at which a ball falls at most `drop` [m] over `distance` [m].
 
-    The ball starts horizontally and flies without air, so this speed is x √(g / 2h) with `distance`
-    x, `drop` h and the standard g. `drop` must be above 0. The result has the shape of `distance`.
+    The speed is x √(g / (2 h)), where x is `distance`, h is `drop` and g is standard gravity. The
+    ball starts horizontally, and there is no air. `drop` must be above 0. The result has the shape
+    of `distance`.
     """
     return np.asarray(np.asarray(distance) * np.sqrt(STANDARD_GRAVITY / (2 * drop)))
 

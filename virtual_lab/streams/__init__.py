@@ -233,9 +233,10 @@ def require_seed(seed: int) -> None:
 
 
 def commitment(salt: bytes, seed: int) -> str:
-    """Return SHA-256(salt‖seed), 64 hexadecimal digits, which commits to a seed without showing it.
+    """Return the commitment to a seed: SHA-256(salt‖seed), as 64 hexadecimal digits.
 
-    The seed is hashed as the text of its decimal digits.
+    It does not reveal the seed, but proves it once salt and seed are known. The seed is hashed as
+    the text of its decimal digits.
     """
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
 

@@ -80,7 +80,7 @@ def bias(
     Raises
     ------
     InputError
-        An unknown procedure, or a file that cannot be used.
+        The procedure is unknown, or a file cannot be used.
     """
     procedure = entry_name(procedure)
     rows, bats = [], catalog.names("bats")

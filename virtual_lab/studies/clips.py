@@ -90,8 +90,8 @@ def clip_coverage(
 ) -> ClipTable:
     """Film one shot in each of many laboratories, and show the coverage of the 95 % intervals.
 
-    The table has one row per quantity: ball speed before the hit v_in, ball speed after the hit
-    v_out, and collision efficiency e_A.
+    The table has one row per quantity: the ball speeds v_in before and v_out after the hit, and the
+    collision efficiency e_A.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ def breaks(x: Array, rule: int) -> Mask:
 
 
 def moving_range(x: Array) -> Array:
-    """Return the absolute difference of each day from the day before; the first day is NaN.
+    """Return the absolute change of each day's value from the previous day, NaN on the first day.
 
     The last axis of `x` is the day. The result has the shape and the unit of `x`.
     """
@@ -120,7 +120,7 @@ def cusum(x: Array) -> tuple[Array, Array]:
 
     `x` are deviations in standard deviations, (…, day). Both sums have the shape and unit of `x`.
     The sum above the center is S = max(0, S₋ + x - 0.5), and the sum below it is S = max(0, S₋ - x
-    - 0.5). S₋ is the sum of the previous day. It is 0 on the first day.
+    - 0.5). S₋ is the sum of the previous day, and 0 on the first day.
     """
     up, down = (_above(side - CUSUM_SLACK) for side in (x, -x))
     return up, down

@@ -206,7 +206,7 @@ def coverage(
     Raises
     ------
     InputError
-        Unknown names, or fewer than 2 laboratories.
+        A name is unknown, or there are fewer than 2 laboratories.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)

@@ -1,11 +1,11 @@
 """Ranking of bats by test procedures, compared with the field (the paper's Sec. V).
 
-The ranking in the field is by the peak v_f of the nominal bats in the standard game. A procedure is
-evaluated in an error-free laboratory with nominal bats, and in laboratories with random bats, balls
-and errors. Within such a laboratory all bats share rigs and calibrations, whose errors cancel in a
-difference. Individual bat, balls, bench readings and hits differ between tests. The scatter between
-individual bats is one cause of wrong rankings. Instruments record only summary values, which gives
-the same results.
+The ranking in the field is by the peak v_f of the nominal bats under standard game conditions. A
+procedure is evaluated in an error-free laboratory with nominal bats, and in laboratories with
+random bats, balls and errors. Within such a laboratory all bats share rigs and calibrations, so
+their errors cancel in a difference. Individual bat, balls, bench readings and hits differ between
+tests. The scatter between individual bats is one cause of wrong rankings. Instruments record only
+summary values, which gives the same results.
 """
 
 from __future__ import annotations
@@ -240,7 +240,7 @@ def critique(
         Further bats, instead of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
-        sport of the field's balls. The tests use the balls of the procedures.
+        sport of the ball in play. A test uses the ball of its procedure.
 
         A sheet, or a list of several, is also allowed.
     swings

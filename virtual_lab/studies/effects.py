@@ -116,15 +116,17 @@ def effects(
     real effect minus the stated effect, in standard errors.
 
     For two components, the real effect can differ from the stated effect for a known reason. The
-    first is the slope along the barrel. Its stated uncertainty is the spread over many bats, but
-    the study tests one bat. For the slope, `real_effect` reflects only the slope error of this one
-    bat, so `difference_in_se` is None. The slope error also shifts the real effect of the aim.
+    first is the slope of the collision efficiency along the barrel. Its stated uncertainty is the
+    spread over many bats, but the study tests one bat. For the slope, `real_effect` contains only
+    the slope error of this one bat, so `difference_in_se` is None. The slope error also changes
+    the real effect of the aim.
 
     The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
-    ball, but the hits use different balls of the same dozen. If e is not proportional to e0, as for
-    a hollow bat, the results differ between balls. These differences increase the scatter of the
-    hits but partly cancel in the mean, so the stated effect is too large. With the procedure
-    ``asa``, whose six hits use six of twelve balls, it is 6 % too large.
+    ball, but the hits use different balls of the same dozen. If the bat-ball
+    restitution is not proportional to the ball-wall restitution, as for a hollow bat, the results
+    differ between balls. These differences increase the scatter of the hits but partly cancel in
+    the mean, so the stated effect is too large. With the procedure ``asa``, which uses six of
+    twelve balls for its six hits, it is 6 % too large.
 
     Parameters
     ----------
@@ -181,7 +183,7 @@ def effects(
         elif name == CHOICE:
             realised, se = _spread(np.array([case.choice for case in cases]))
         elif name == SLOPE_ERROR and AIM_ALONG in coefficients:
-            # One bat has one slope, whose error changes the effect of the aim.
+            # One bat has one slope. The error of this slope changes the effect of the aim.
             realised, se = (
                 coefficients[AIM_ALONG] - _stated_effect(AIM_ALONG, cases),
                 coefficients_se[AIM_ALONG],

@@ -116,7 +116,7 @@ def _require_constants(
 ) -> None:
     """Raise `InputError` if constants are missing or unknown.
 
-    Constants whose names begin with one of `optional` may be missing. Further numbered constants
+    A constant may be missing if its name begins with one of `optional`. Further numbered constants
     are allowed, such as `distance_2` for a third gate.
     """
     missing = [key for key in needed if key not in keys and not key.startswith(optional)]

@@ -32,7 +32,7 @@ class ShelfEntry:
 def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
     """List the catalog: bats, balls, procedures, instruments, rigs, conditions, faults.
 
-    Rigs are those installed on this computer, including rigs of other packages.
+    The list has all rigs installed on this computer, including rigs of other packages.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def shelf(kind: Kind | None = None) -> Rows[ShelfEntry]:
     Raises
     ------
     InputError
-        Any other kind.
+        The kind is unknown.
     """
     if kind is not None:
         catalog.require_kind(kind)
@@ -189,8 +189,8 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
     Raises
     ------
     InputError
-        An unknown name (similar names are suggested), a .toml file that is missing or is not a bat,
-        or a folder or .json file without a certificate.
+        The name is unknown (similar names are suggested), the .toml file is missing or is not a
+        bat, or the folder or .json file contains no certificate.
     """
     name = str(name)
     if name.endswith(".json"):

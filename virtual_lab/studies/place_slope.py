@@ -65,7 +65,7 @@ def slope(
     """Show the slope of e_A along the barrel [1/in] at the impact position of a procedure.
 
     There is one row per bat, then one row for the mean and one for the standard deviation over the
-    bats. Bats and ball have their nominal values, and the ball speed is that of the procedure.
+    bats. Bats and ball have their nominal values. The procedure states the ball speed.
 
     Parameters
     ----------

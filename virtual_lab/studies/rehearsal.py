@@ -2,9 +2,9 @@
 
 Aim errors move hits away from the intended position, which lowers the result near a maximum. A scan
 selects the maximum of noisy values, which raises the result. A scan also adds hits at positions
-whose first hits were high and none where they were low, which lowers the result. There is no closed
-formula for the sum of these effects, so the procedure is simulated many times on the exact curve,
-without instruments.
+with high first hits, but not at positions with low first hits, which lowers the result. There is no
+closed formula for the sum of these effects, so the procedure is simulated many times on the exact
+curve, without instruments.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ class Rehearsal:
     def straying(self, along: float, scatter: float) -> HitScatter:
         """Return the scatter of the hits from two observed standard deviations.
 
-        `along` is that of the marks along the bat [m], and `scatter` that of the metric at one aim.
-        The part of `scatter` that the scatter of the marks causes is subtracted, averaged over the
-        range of the fit.
+        `along` is the standard deviation of the marks along the bat [m]. `scatter` is the standard
+        deviation of the metric at one aim. The part of `scatter` that the scatter of the marks
+        causes is subtracted, averaged over the range of the fit.
         """
         scan = self.procedure.scan
         half_width = scan.fit_half_width if scan else 0.0

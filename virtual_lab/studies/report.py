@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "repeats of one test"
 AS_STATED = "Numbers as stated in the certificates, not verified."
-MOST_NAMED = 30  # largest number of certificates whose names are printed beside the figure
+MOST_NAMED = 30  # largest number of certificate names printed beside the figure
 
 
 def _bat(document: CertificateDocument) -> str:

@@ -1,8 +1,8 @@
 """Many collisions at once: each scene has one lane, and all lanes are stepped together.
 
 Each loop runs over the lanes, so the compiler can process eight scenes per instruction.
-Coordinates, force law and integration scheme are those of `modal_kernel`. The step size depends on
-the current stiffness. A step is shortened so that it ends on the next event of the lane. While
+Coordinates, force law and integration scheme are described in `modal_kernel`. The step size depends
+on the current stiffness. A step is shortened so that it ends on the next event of the lane. While
 loading, this event is the largest compression. While unloading it is the release or, if the
 compression grows again, the previous largest compression. In flight it is the touch. If a step
 overshoots the event, the next step goes backward, which is possible because each force law is

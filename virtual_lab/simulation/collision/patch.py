@@ -1,9 +1,9 @@
 """Contact patch: the ball presses on a length of the bat instead of a point.
 
-A point force on a Timoshenko beam does not converge with the number of modes, but a patch does.
-The pressure decreases as a cosine toward the ends of the patch. The patch is symmetric about the
-impact position, so its moment arm is that of the impact position. If it would extend beyond an end
-of the bat, it shrinks equally on both sides, to a point at the tip.
+A point force on a Timoshenko beam does not converge with the number of modes, but a patch does. The
+pressure decreases as a cosine toward the ends of the patch. The patch is symmetric about the impact
+position, so its moment arm is the moment arm of the impact position. If it would extend beyond an
+end of the bat, it shrinks equally on both sides, to a point at the tip.
 
 The pressure is integrated element by element, because the slopes of the stiffest modes of the mesh
 jump between elements. A single Gauss rule over the whole patch would be a row of point forces, to

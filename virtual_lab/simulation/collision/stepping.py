@@ -167,7 +167,7 @@ class OneByOne:
     ) -> FinalStates:
         """Integrate the scenes, halving the steps until e_A converges.
 
-        A scene whose e_A agrees with `other`, an earlier integration, has converged. A scene that
+        A scene has converged if its e_A agrees with `other`, an earlier integration. A scene that
         does not converge gets the failure `UNSETTLED`.
         """
         states = replace(self, refinement=self.last_resort).follow(struck, window)

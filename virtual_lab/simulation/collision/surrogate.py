@@ -206,7 +206,7 @@ def _nodes_needed(value: Callable[[Array], Array], tolerance: float) -> tuple[in
 
 
 def _refine(coefficients: Array) -> tuple[int, ...]:
-    """Return node counts with more nodes along the axis whose last coefficients are largest."""
+    """Return node counts with more nodes along the axis with the largest last coefficients."""
     size = np.abs(coefficients)
     tails = [
         size.take(range(n - max(1, n // 6), n), axis=axis).max()

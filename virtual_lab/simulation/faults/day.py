@@ -97,7 +97,7 @@ class FaultSet:
 def faults_at(rig: str) -> list[str]:
     """Return the names of the faults that an installed impact rig can have, in alphabetical order.
 
-    Raises `InputError` if no impact rig of the name `rig` is installed.
+    Raises `InputError` if no impact rig named `rig` is installed.
     """
     installed = find_rig(rig, Stage.IMPACT)
     station = installed.commission(Quiet())

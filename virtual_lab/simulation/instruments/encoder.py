@@ -91,8 +91,8 @@ class Encoder(CalibratedInstrument[EncoderSpec]):
         """Return the record of a recorder that fits the angular rate at contact, (shot,).
 
         `rate` is the true rate [rad per recorded second]. The recorder fits a cubic to the counts
-        of a `span` (shot,) that ends, or begins, at a time `gap` from contact [s]. The noise is
-        that of the slope of this cubic at contact, for n rounded counts. With Legendre polynomials
+        of a `span` (shot,) that ends, or begins, at a time `gap` from contact [s]. The noise is the
+        noise of the slope of this cubic at contact, for n rounded counts. With Legendre polynomials
         it is σ √(Σ (2k + 1) P_k'² / n) 2/span, at 1 + 2 gap/span. For a swung bat `angle` is its
         angle at contact, and the recorded rate before contact is NaN. Otherwise the recorded angle
         is NaN, and the rate before contact is 0.

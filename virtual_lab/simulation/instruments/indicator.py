@@ -65,7 +65,9 @@ class Indicator(CalibratedInstrument[S]):
     def read(
         self, values: ArrayLike, repeats: int, draws: Draws, name: str, items: Slots | None = None
     ) -> Array:
-        """Return readings, (item, repeat), of items whose display without scatter is `values`.
+        """Return readings of several items with scatter, (item, repeat).
+
+        `values`, (item,), is the display of each item without scatter.
 
         The noise of a reading depends on the number of its item in `items`, (item,), and on the
         repeat. Without `items` the items are counted from 0 in each laboratory of a block.

@@ -140,7 +140,7 @@ class LightBoards(BallGates[LightBoardSpec]):
     def sums(self, batch: WatchedBatch) -> PassageRecord:
         """Return the time and the height of the ball's center at each board.
 
-        The noise is that of a fit to the beams that the ball breaks. For a ball that rises or
+        The noise is the noise of a fit to the beams that the ball breaks. For a ball that rises or
         falls, an error of the height also causes an error of the time.
         """
         passage, contact, leaving, draws, name, slots = batch

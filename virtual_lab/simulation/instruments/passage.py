@@ -63,7 +63,7 @@ class Passage:
     def without_unreached(self, record: R, distances: Array) -> R:
         """Return a record of gates without the times of gates that a ball could not reach.
 
-        `distances` are those of the gates, (gate,) or (shot, gate) [m].
+        `distances` are the distances of the gates from the target, (gate,) or (shot, gate) [m].
         """
         assert self.reach is not None, "no frame stopped a ball"
         plane = np.broadcast_to(self.plane, self.reach.shape)

@@ -112,8 +112,8 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
     ) -> PendulumRecord:
         """Return the record of `releases` of a bat of true `inertia` [kg m²] and `moment` [kg m].
 
-        `moment` is M d, and `gravity` is that of the hall [m/s²]. In a block the releases are in
-        the order of the laboratories.
+        `moment` is M d, and `gravity` is the gravity in the hall [m/s²]. In a block the releases
+        are in the order of the laboratories.
         """
         spec, true = self.spec, self.true
         period = small_period(

@@ -3,7 +3,7 @@
 An event is a contact of the ball with the bat, a bar or a post, or of the bat with its stop.
 Between events the motion is known in closed form, so the time of an event is the root of a
 function. For a bar or post this function is a quadratic, because the ball flies straight in the
-horizontal plane. For the bat it is the gap, whose root is computed to rounding.
+horizontal plane. For the bat it is the gap; its root is exact except for rounding.
 """
 
 from __future__ import annotations

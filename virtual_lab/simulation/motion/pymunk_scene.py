@@ -124,7 +124,7 @@ class _Solid(NamedTuple):
 
 
 class _Shot:
-    """One shot in a pymunk space, whose x and y are x and z of the scene."""
+    """One shot in a pymunk space. Its x and y are x and z of the scene."""
 
     def __init__(self, scene: ShotScene, settings: PymunkSettings) -> None:
         import pymunk

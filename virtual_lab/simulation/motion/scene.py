@@ -3,8 +3,8 @@
 Axes: x along the line of fire, z along the resting bat from its tip, y up. At angle 0 the bat's
 axis is at x = 0 and its tip at z = 0. Angle and rate are positive in recoil, so a bat swung toward
 the ball has a negative rate. The bat rotates about a vertical axis without friction, so its weight
-has no effect. At the impact position the barrel is treated as a cylinder: its radius is that of the
-tapered barrel, but the normal of its surface is not tilted.
+has no effect. At the impact position the barrel is treated as a cylinder with the radius of the
+tapered barrel, so the normal of its surface is not tilted.
 """
 
 from __future__ import annotations

@@ -99,9 +99,9 @@ class Section:
 def outer_diameter(profile: Profile, z: Array) -> Array:
     """Return the outer diameter [m] at positions `z` from the barrel tip [m], in the shape of `z`.
 
-    Between the stations of the profile it is a monotone cubic, which does not overshoot, so a
-    straight barrel stays straight. Beyond the bat, the cubic of the nearest end is extrapolated; no
-    error is raised.
+    Between the stations of the profile the diameter follows a monotone cubic. It does not
+    overshoot, so a straight barrel stays straight. Beyond an end of the bat, the cubic at this end
+    is extrapolated; no error is raised.
     """
     return _between_stations(profile, profile.outer_diameter, z)
 

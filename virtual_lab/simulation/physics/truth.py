@@ -105,7 +105,7 @@ class TrueBalls:
     def kept_at(self, humidity: float) -> TrueBalls:
         """Return these balls after a storage of days at another relative humidity, 0 to 1.
 
-        Balls whose e0 does not depend on the humidity are returned unchanged.
+        The balls are returned unchanged if their e0 does not depend on the humidity.
         """
         law, line = self.spec.humidity, self.spec.restitution
         if law is None:

@@ -183,7 +183,7 @@ class CannonStation(FittedStation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RestingBatStation(CannonStation):
-    """A station whose bat hangs at rest until it is struck."""
+    """A station with a bat that hangs at rest until it is struck."""
 
     frame: FrameSpec
     stop: StopSpec

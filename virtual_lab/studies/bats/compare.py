@@ -228,7 +228,7 @@ def compare(
         Exponents n of the swing law, Eq. (14). None means the law of constant energy.
     reference_inertia
         Moment of inertia I0 in the law: the name of a bat, or a number with its unit. By default
-        that of the standard game, ``17000 oz in^2``. For its two loaded bats the paper uses the
+        the I0 of the game conditions, ``17000 oz in^2``. For its two loaded bats the paper uses the
         moment of inertia of the barrel-loaded bat instead.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball of each bat's

@@ -201,8 +201,8 @@ def fit_bat(
     ------
     InputError
         The file cannot be used, `members` is below 2, no bat of the template fits the data, or the
-        modal mass of the hoop mode is below half or above twice that of a shell with the bat's
-        outline.
+        modal mass of the hoop mode is below half or above twice the modal mass of a shell with the
+        bat's outline.
     """
     path = str(path)
     if not path.endswith(".toml"):

@@ -253,7 +253,7 @@ def _interaction(
 def _precision(values: Array) -> NestedStudy:
     """Return the analysis of exercises, (exercise, laboratory, lot, repeat).
 
-    Only laboratories whose tests are all valid are used, so there may be fewer exercises. A lot
+    A laboratory is used only if all its tests are valid, so there may be fewer exercises. A lot
     that the procedure rejects makes a test INVALID. Raises `InputError` if fewer than two
     laboratories remain.
     """

@@ -1,9 +1,9 @@
 """Scatter of results that each factor alone should cause, to first order, without a simulation.
 
 All effects are computed for one nominal test. The effect of calibration errors is taken from its
-uncertainty budget. The derivatives of e with respect to the properties of the ball are those of the
-reference model of the collision, which shares no solver with the simulated tests. All other effects
-are closed forms.
+uncertainty budget. The derivatives of e with respect to the properties of the ball are computed by
+the reference model of the collision, which shares no solver with the simulated tests. All other
+effects are closed forms.
 """
 
 from __future__ import annotations

@@ -134,7 +134,7 @@ class InterlabStudy(Spec):
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """Patterns of all random numbers except those of factors that are not named."""
+        """Patterns of all random numbers, without the numbers of factors that are not named."""
         fixed = chain.from_iterable(names for key, names in NAMES.items() if key not in self.named)
         return ("*", *(f"-{name}" for name in fixed))
 
@@ -142,8 +142,8 @@ class InterlabStudy(Spec):
 def read_interlab(path: Path) -> Entry[InterlabStudy]:
     """Return the study in a file, with the sources of its numbers.
 
-    Raises `InputError` if the file cannot be read, for an unknown key, for a value that is not
-    allowed, and for a wrong unit.
+    Raises `InputError` if the file cannot be read, if a key is unknown, if a value is not allowed,
+    or if a unit is wrong.
     """
     return catalog.read(read_text(path), str(path), InterlabStudy)
 

@@ -2,7 +2,7 @@
 
 An opaque ball hides the background, so the image of a region is mu = b (1 - cover) + radiance.
 `cover` is the share of a pixel's background light that the ball blocks, and `radiance` is the light
-of the ball itself. Both are integrals over the disk of the sphere, computed by a quadrature whose
+of the ball itself. Both are integrals over the disk of the sphere, computed by a quadrature. Its
 density depends on the blur. The effects of the lens blur (a Gaussian), the square pixel and the
 motion are exact. The shading assumes parallel rays.
 """

@@ -130,7 +130,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     ) -> tuple[ClipRecord | TrackRecord, dict[str, Array]]:
         """Return the record of a batch of shots, and the true values of its frames.
 
-        The true values are those of `Frames.truth`, (shot, frame, …), NaN for a missing frame.
+        The true values are the result of `Frames.truth`, (shot, frame, …), NaN for a missing frame.
         """
         frames = self.frames(course, draws, name, slots)
         if detail is RecordDetail.FULL:
@@ -140,9 +140,10 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def render(
         self, frames: Frames, corners: NDArray[np.int64], behind: Pixels, bat: FilmedBat | None
     ) -> Pixels:
-        """Return the expected electrons in the windows whose first pixels are `corners` (n, 2).
+        """Return the expected electrons in windows of the picture, (n, row, column).
 
-        `behind` (n, row, column) are the electrons without ball and bat, for steady lamps.
+        `corners`, (n, 2), are the first pixel (x, y) of each window. `behind`, (n, row, column),
+        are the electrons without ball and bat, for steady lamps.
         """
         spec = self.spec
         balls = render_balls(
@@ -167,7 +168,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     def put(
         self, bat: FilmedBat, angle: Array, corners: NDArray[np.int64], electrons: Pixels
     ) -> None:
-        """Draw a bat at angles (n,) [rad] into the windows whose first pixels are `corners`."""
+        """Draw a bat at angles (n,) [rad] into windows with the first pixels `corners`, (n, 2)."""
         from virtual_lab.simulation.instruments.camera.scene_kernel import hide_behind
 
         spec, light = self.spec, self.light

@@ -63,8 +63,8 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         """Return gray values of regions, (region, row, column).
 
         They are integers of 8 or 16 bits, or floats if the sensor does not digitize. `electrons`
-        are the expected electrons of each pixel [e] in regions whose first pixels (x, y) are
-        `corners` (region, 2). The noise of a region depends on its number in `slots`, by default 0,
+        are the expected electrons of each pixel [e]. `corners`, (region, 2), are the first pixel
+        (x, y) of each region. The noise of a region depends on its number in `slots`, by default 0,
         1, …. Dark current flows for `exposure` [s].
         """
         from virtual_lab.simulation.instruments.camera.sensor_kernel import (

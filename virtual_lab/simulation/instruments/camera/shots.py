@@ -47,7 +47,7 @@ class Frames:
         return replace(self, **{name: values[some] for name, values in arrays.items()})
 
     def numbers(self, slots: Slots) -> Slots:
-        """Return the number of each frame in its laboratory, (n,), given those of the shots."""
+        """Return the number of each frame in its laboratory, (n,), from the slots of the shots."""
         return np.asarray(slots[self.shot] * self.layout[1] + self.number)
 
     def as_table(self, values: NDArray[Any]) -> NDArray[Any]:
