@@ -67,6 +67,11 @@ def campaign(
         instead of tests. If it is not given, the functions of `virtual_lab` and the commands show
         the progress on stderr.
 
+    Returns
+    -------
+    Account
+        Numbers of parts and tests, and each missing part with the reason.
+
     Raises
     ------
     InputError

@@ -191,7 +191,7 @@ def rebound_figure(document: CertificateDocument) -> str | None:
 
 
 def contact_figure(document: CertificateDocument) -> str:
-    """Return an SVG figure of the encoder angle minus the fitted rotation, one panel per shot.
+    """Return an SVG figure of the encoder angle minus the fitted rotation [°], one panel per shot.
 
     Each panel shows the first 20 ms after contact. All panels have the same scale. The document
     must have at least one encoder record of this time.

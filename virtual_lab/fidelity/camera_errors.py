@@ -29,10 +29,12 @@ class PlaceScore:
 def score_places(batch: Batch, located: Located) -> PlaceScore:
     """Return the score of the located positions in a batch of pictures.
 
-    `rms` is the rms error along an axis [px]. `bias` is the mean error along an axis, taken at each
-    position of the ball within a pixel. The largest absolute value is returned, divided by the
-    limit of the batch, so it has no unit. The other values are shares of all pictures, 0 to 1. If
-    no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
+    * `rms`: rms error along an axis [px].
+    * `bias`: largest absolute mean error along an axis, over all positions of the ball within a
+      pixel, divided by the limit of the batch. It has no unit.
+    * `lost`, `flagged`, `unsaid`: shares of all pictures, 0 to 1.
+
+    If no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
     """
     errors = np.stack([located.x - batch.x, located.y - batch.y])
     finite = np.isfinite(errors).all(axis=0)

@@ -87,11 +87,15 @@ def picture_cells(
     """Return one row per combination of condition, ball and method.
 
     A condition is one value of the quantity of a map, such as the contrast. The methods are the
-    convex hull and the edge fit. The combination has the keys ``map``, ``value``, ``ball`` and
-    ``method``. ``state`` is a value of `PictureState`. ``rms_unflagged`` is the rms error along an
-    axis in pictures without a flag [px], or None if there are no such pictures. The numbers of
-    pictures are ``pictures`` (all), ``unsaid`` (wrong without a flag), ``flagged`` (with a position
-    and a flag) and ``lost`` (without a position).
+    convex hull and the edge fit. A row has these keys:
+
+    * ``map``, ``value``, ``ball``, ``method``: the combination.
+    * ``state``: a value of `PictureState`.
+    * ``rms_unflagged``: rms error along an axis in pictures without a flag [px]; None if there are
+      no such pictures.
+    * ``pictures``, ``unsaid``, ``flagged``, ``lost``: numbers of pictures. They are all pictures,
+      pictures that are wrong without a flag, pictures with a position and a flag, and pictures
+      without a position.
 
     Parameters
     ----------

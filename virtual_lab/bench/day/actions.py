@@ -36,8 +36,9 @@ ARGUMENTS: Mapping[str, tuple[Argument, ...]] = MappingProxyType(
 def typed_words(action: str, arguments: Mapping[str, Value]) -> str:
     """Return the arguments of an action in words, for example "position: 120 mm".
 
-    This is the text on the page. Arguments are separated by "; ". Empty arguments are left out.
-    Raises `KeyError` for an argument that the action does not have.
+    This is the text on the page. Arguments are separated by "; ". Empty arguments are left out. The
+    result is empty if there is none. Raises `KeyError` for an argument that the action does not
+    have.
     """
     takes = {each.name: each for each in ARGUMENTS.get(action, ())}
     titles = fault_titles() | {name: each.title for name, each in action_table().actions.items()}

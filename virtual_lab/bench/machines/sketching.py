@@ -114,8 +114,9 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
     """Return the true motion of a shot of a day. `shot` is counted from 1.
 
-    The result is None for a rig that swings the bat, and for a shot that the model of the motion
-    cannot compute. Raises `IndexError` if the shot has not been fired.
+    Times are in s, lengths in m and angles in rad. The result is None for a rig that swings the
+    bat, and for a shot that the model of the motion cannot compute. Raises `IndexError` if the shot
+    has not been fired.
     """
     shot_scene = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
     if shot_scene is None:

@@ -76,8 +76,8 @@ class SlowMotion:
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
     """Return an approximate motion of ball and bat that agrees with the sketch of a shot.
 
-    `event` is the entry of the shot. `place` is its impact position from the tip [m]. If no ball
-    reached the bat, the x of the ball is NaN.
+    Times are in s, lengths in m and angles in rad. `event` is the entry of the shot. `place` is its
+    impact position from the tip [m]. If no ball reached the bat, the x of the ball is NaN.
     """
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3
@@ -143,7 +143,10 @@ def contact_words(struck: Sequence[str], direction: str = "", side: str = "strai
 
 
 def slow_motion(shot: int, motion: Motion, day: Day, rules: Procedure) -> SlowMotion:
-    """Return the data with which the page draws the motion of a shot. `shot` is counted from 1."""
+    """Return the data with which the page draws the motion of a shot.
+
+    Lengths are in mm, times in ms and angles in degrees. `shot` is counted from 1.
+    """
     z, diameter = _outline(day.morning.bat)
     axis = z[-1] - rules.pivot_from_knob * 1e3
     upper = [f"{d / 2:.0f},{at:.0f}" for at, d in zip(z, diameter, strict=True)]

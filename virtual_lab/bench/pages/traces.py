@@ -40,7 +40,7 @@ class Traces:
 
 
 def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
-    """Return the drawing of the records of one shot, and the tables of their values.
+    """Return the drawing of the records of one shot, and tables of their values against time [ms].
 
     Parameters
     ----------
