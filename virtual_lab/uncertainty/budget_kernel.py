@@ -1,7 +1,7 @@
 """Compiled weighted sums of hits, their scatter, and sums of budgets, for each laboratory.
 
 Each sum adds the hits of one laboratory in order, so its last bits do not depend on the other
-laboratories. A hit of weight 0 is left out, whatever its value.
+laboratories. A hit of weight 0 is left out, even if its value is NaN.
 """
 
 from __future__ import annotations

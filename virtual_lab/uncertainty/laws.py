@@ -1,8 +1,8 @@
 """Distributions of the inputs of a model, all symmetric about the value (JCGM 101, 6.4).
 
-Each is a row of `LAWS`, in multiples of a scale: the standard uncertainty for normal and t, half
-the distance of the limits for the others. The shape parameter is the degrees of freedom of a t, or
-the inexactness of the limits of a trapezoid relative to half their distance.
+Each is an entry of `LAWS`, in multiples of a scale. The scale is the standard uncertainty for
+normal and t, and half the distance of the limits for the others. The shape parameter is the degrees
+of freedom of a t, or the inexactness of the limits of a trapezoid relative to half their distance.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Propagation of distributions (JCGM 101 and 102): counted draws, adaptive stopping, intervals.
 
 Draws are made in blocks of 65 536, and each block depends only on the seed, the input and the
-number of the block. A draw can therefore be repeated, whatever the other inputs, their order, and
-the length of the run. The memory does not grow with the number of draws.
+number of the block. A draw can therefore be repeated. It does not depend on the other inputs, on
+their order, or on the length of the run. The memory does not grow with the number of draws.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-LAST_BITS = 2.0**-44  # share of a value below which differences are those of its last bits
+LAST_BITS = 2.0**-44  # share of a value below which a difference is a rounding error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,9 +1,9 @@
 """Scatter of the hits of a test, combined with that of the laboratory's earlier tests.
 
-Six hits give a poor estimate of their scatter, and a test whose hits agree by chance states too
-small a u. The variance of a hit, minus the part that the constants of the budget explain, should be
-the same in all tests by one procedure. The variances of earlier tests and of this test are
-therefore averaged with their degrees of freedom as weights.
+Six hits give a poor estimate of their scatter, and if they agree by chance, the test states a u
+that is too small. The variance of a hit, minus the part that the constants of the budget explain,
+should be the same in all tests by one procedure. The variances of earlier tests and of this test
+are therefore averaged with their degrees of freedom as weights.
 """
 
 from __future__ import annotations

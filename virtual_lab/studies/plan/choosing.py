@@ -1,7 +1,8 @@
 """Choice among candidate plans: those that reach a target u, the cheapest first.
 
-The axes of all arrays are those of `Forecast.u`: sets of exchanged instruments, then the counts in
-ascending order. The first entry, of no exchange and the smallest counts, is the present laboratory.
+The axes of all arrays are those of `Forecast.u`: sets of exchanged instruments, then the four
+counts. Each count increases along its axis. The first entry, with no exchange and the smallest
+counts, is the present laboratory.
 """
 
 from __future__ import annotations

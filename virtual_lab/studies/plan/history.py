@@ -1,4 +1,4 @@
-"""Scatter of hits that a laboratory found on earlier days, and balls that scatter alike."""
+"""Scatter of a laboratory's hits on earlier days, and simulated balls with the same scatter."""
 
 from __future__ import annotations
 

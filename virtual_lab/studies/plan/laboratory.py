@@ -20,13 +20,13 @@ from virtual_lab.studies.plan.prediction import Counts, Forecast
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import Array
 
-# actions of every shot that a procedure asks for, and the decision whether it is valid
+# actions that every shot needs, and the decision whether the shot is valid
 EACH_SHOT = (
     *("load-ball", "zero-encoder", "clear-scrap", "wait-pressure", "wait-rest", "fire", "accept"),
 )
 PILOT, FEW = 1024, 64  # numbers of tests: of the present laboratory, and with an exchange
 LEAST_GAIN = 0.002  # smallest share of the variance that an exchange must remove
-MOST_EXCHANGES = 8  # largest number of instruments whose exchange is considered
+MOST_EXCHANGES = 8  # largest number of instruments that may be exchanged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class PlannedLaboratory:
         if not shared.in_blocks:
             allowed = "its laboratories cannot be played side by side"
             raise InputError("", "procedure", procedure, allowed)
-        setup, other = shared.setup, seed ^ 1  # another seed than that of the plans' tests
+        setup, other = shared.setup, seed ^ 1  # not the seed of the plans' tests
         forecast = Forecast(
             rules=setup.rules.spec, sample=SampledTests.of(shared, PILOT, other, workers)
         )

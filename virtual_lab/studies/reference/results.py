@@ -1,7 +1,7 @@
 """Results of this laboratory for the published numbers, each in the unit of its row.
 
 Positions are in inches and speeds in mph here, as in the publications. Bats have their catalog
-names. The ball is the catalog's baseball, whose restitution decreases with speed.
+names. The ball is the catalog's baseball; its restitution decreases with speed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Faults of the catalog that a laboratory would notice, and the smallest size noticed.
 
-Each fault is simulated on full days of the twin in several sizes, as a fraction of the fault in the
-catalog. The results of these days are kept in a file, so that an interrupted study can continue.
+Each fault is simulated in several sizes, on days of the twin with full records. A size of 1 is the
+fault in the catalog. The results of these days are kept in a file, so that an interrupted study can
+continue.
 """
 
 from __future__ import annotations

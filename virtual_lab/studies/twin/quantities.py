@@ -1,4 +1,4 @@
-"""The stated uncertainties of a laboratory beside the errors of its twin's days."""
+"""The stated uncertainties of a laboratory, compared with the errors on the days of its twin."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from virtual_lab.output.tables import column
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.units import Array
 
-TOLERANCE = 0.1  # largest harmless error of a stated u: that of its coverage is then below 2 %
+TOLERANCE = 0.1  # largest harmless relative error of u; its coverage then errs by less than 2 %
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

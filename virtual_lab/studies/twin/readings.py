@@ -1,7 +1,8 @@
-"""Readings that look unlike those of the twin's days, from days with every edge and count.
+"""Readings of a test that are unusual, compared with days with records of every edge and count.
 
 Each reading is one number of a test, chosen so that it does not depend on the scale of a scatter,
-which the twin takes from the same records. Its tail probability is its rank among the days.
+because the twin takes this scale from the same records. Its tail probability is its rank among the
+days.
 """
 
 from __future__ import annotations

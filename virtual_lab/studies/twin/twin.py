@@ -69,7 +69,7 @@ class Twin(StudyResult):
 
     bat: str
     procedure: str
-    days: int  # number of days whose instruments record only summary values
+    days: int  # number of days on which the instruments record only summary values
     invalid: int  # number of these days without a valid result
     rows: list[TwinQuantity]
     full_days: int = 0  # number of days with every edge and count that gave a result

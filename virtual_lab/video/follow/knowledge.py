@@ -1,4 +1,4 @@
-"""Knowledge of a clip that its user gives, SI."""
+"""Facts about a clip that its user states, in SI units."""
 
 from __future__ import annotations
 

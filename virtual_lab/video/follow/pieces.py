@@ -1,8 +1,9 @@
 """Pieces of smooth motion, made of blobs.
 
 Each further blob of a piece is at the position that constant acceleration predicts. A piece may
-have no blob in some frames. Between two of its positions up to three frames may be missing from the
-file although the time stamps are even; the ball is then ahead by as many steps.
+have no blob in some frames. Up to three frames between two of its positions may be missing from the
+file although the time stamps are even. The time of the later position is then increased by the
+number of missing frames.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""The ball's places in a flight, from its pictures laid over each other.
+"""Positions of the ball in a flight, by registration of its pictures.
 
 A wall as bright as one side of a ball hides that part of the outline, so that the hull moves by
 pixels as the ball passes lighter and darker parts of the wall. Here each picture is modeled as the
 background, hidden by a disk, plus the light of the ball, which is the same in all pictures of a
-flight and moves with the ball. A hidden side then has no weight. Light and places are computed in
-turns: the light is the mean of the pictures without their backgrounds, and each place follows from
-the light by least squares (Gauss and Newton). All places of a flight may be off by the same
-distance, which changes no speed.
+flight and moves with the ball. A hidden side then has no weight. Light and positions are computed
+alternately. The light is the mean of the pictures without their backgrounds, and each position
+follows from the light by least squares (Gauss-Newton). All positions of a flight may have the same
+error, which changes no speed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Sharp location of the ball in each frame of a calibrated camera that stands still.
 
-A frame during whose exposure the ball hit something belongs to no flight. A frame in which the ball
-is still in contact with the struck object belongs to no flight either, because its position
+A frame belongs to no flight if the ball struck an object during its exposure. A frame in which the
+ball is still in contact with the struck object belongs to no flight either, because its position
 contradicts the other positions of the flight.
 """
 

@@ -1,8 +1,9 @@
 """The edge fit: position of a ball from its outline, as accurate as its pattern allows.
 
-The brightness of the ball may vary along the rim and inward from it, by smooth shading (light from
-the side) and by a pattern such as a seam, whose strength is unknown in each sector of the rim. The
-shift of the position that the pattern may cause is estimated separately from noise.
+The brightness of the ball may vary along the rim and inward from it. The causes are smooth shading
+(light from the side) and a pattern such as a seam. The strength of the pattern is unknown in each
+sector of the rim. The pattern may shift the position; the u of this shift is estimated separately
+from noise.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The rim of a ball after lens and pixel: tables over the depth, and parameters of the fit.
+"""The rim of a ball, blurred by lens and pixel: tables over the depth, and parameters of the fit.
 
 The surface of a sphere is inclined near its rim: a point at the angle a from the rim is R (1 - cos
 a) inside the outline. Brightness near the rim is therefore a function of sin a, called the facing
