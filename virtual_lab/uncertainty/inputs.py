@@ -130,8 +130,8 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
     ----------
     entries
         The value for a name is an `Input`, an `Estimate`, a number without uncertainty, or readings
-        (n,), whose mean and scatter are used (type A). The value for a tuple of m names is an array
-        of readings (n, m) that were taken together.
+        (n,). The mean of the readings and its scatter are used (type A). The value for a tuple of m
+        names is an array of readings (n, m) that were taken together.
     correlations
         Correlation coefficients of pairs of inputs, keyed by the two names; all others are 0.
     """

@@ -55,9 +55,9 @@ def propagate_inputs(
         row by row, and a note says so. An input with groups of n observations is passed as an array
         (k, n), or as (n,) if the function is called row by row.
     inputs
-        The value for a name is an `Input`, a number without uncertainty, or readings (n,), whose
-        mean and standard uncertainty of the mean are used. The value for a tuple of m names is an
-        array of readings (n, m) that were taken together.
+        The value for a name is an `Input`, a number without uncertainty, or readings (n,). The mean
+        of the readings and its standard uncertainty are used. The value for a tuple of m names is
+        an array of readings (n, m) that were taken together.
     correlations
         Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
     method

@@ -374,8 +374,8 @@ def at_percussion(bat: str) -> float:
 def recoils_at_percussion() -> float:
     """Return the largest absolute relative change of the recoil factor r caused by a pivot.
 
-    The pivot is 6 in from the knob, and r is that at the center of percussion for this pivot. The
-    change is computed for the paper's four bats. A result of 0.01 means 1 %.
+    The pivot is 6 in from the knob, and r is computed at the center of percussion for this pivot.
+    The change is computed for the paper's four bats. A result of 0.01 means 1 %.
     """
     return max(
         _worst(
@@ -406,7 +406,7 @@ def pivot_speed() -> float:
 def without_hoop() -> float:
     """Return the peak bat performance factor (BPF) of EA70 minus the peak with a rigid shell.
 
-    Both bats are free. The first peak is the one in the paper's standard game (90 mph pitch), 0.5
+    Both bats are free. The first peak is computed in the paper's standard game (90 mph pitch), 0.5
     to 12 in from the tip. The second is `dead_shell_factor`.
     """
     return top(ALUMINIUM, "bat_performance_factor").value - dead_shell_factor()
@@ -494,7 +494,7 @@ def restitution_lost_clamped() -> float:
 def recoil_at_peak(bat: str) -> float:
     """Return the recoil factor r of a free bat at the position of its largest e_A, dimensionless.
 
-    The collision efficiency e_A is that in the paper's standard game, 0.5 to 12 in from the tip.
-    Raises `InputError` for an unknown bat.
+    The collision efficiency e_A is computed in the paper's standard game, 0.5 to 12 in from the
+    tip. Raises `InputError` for an unknown bat.
     """
     return float(recoil(bat, top(bat, "collision_efficiency").place))

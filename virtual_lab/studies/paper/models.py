@@ -179,8 +179,8 @@ def follows() -> float:
     """Return the correlation coefficient of the curves of e_A and e of R161 near their peaks.
 
     e_A is the collision efficiency, and e the bat-ball restitution. The curves are shifted along
-    the bat until their peaks coincide. They are compared within 3 in of the peak. The conditions
-    are those of the paper's standard game with swing exponent 0.
+    the bat until their peaks coincide. They are compared within 3 in of the peak. They are computed
+    in the paper's standard game with swing exponent 0.
     """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
@@ -191,7 +191,7 @@ def follows() -> float:
 
 
 def flat_swing() -> float:
-    """Return the distance [in] of the peak of v_f from that of e_A, for a swing without rotation.
+    """Return the distance [in] from the peak of e_A to the peak of v_f, without rotation.
 
     v_f is the batted-ball speed, and e_A the collision efficiency. The bat is R161. Every point of
     it moves at 70 mph, and the pitch speed is 90 mph. A positive distance is toward the handle.
@@ -239,12 +239,11 @@ def swing_speed() -> float:
 
 
 def peaks_apart(farther: str, nearer: str) -> float:
-    """Return the distance [in] of the peak of one curve of R161 from the peak of another.
+    """Return the distance [in] from the peak of curve `nearer` of R161 to the peak of `farther`.
 
-    The distance is positive if the peak of `farther` is closer to the handle than that of `nearer`.
-    Each curve is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
-    ``batted_speed_mph``, in the paper's standard game with swing exponent 0. Raises `KeyError` for
-    another curve.
+    A positive distance is toward the handle. Each curve is ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the paper's
+    standard game with swing exponent 0. Raises `KeyError` for another curve.
     """
     return top(WOOD, farther).place - top(WOOD, nearer).place
 

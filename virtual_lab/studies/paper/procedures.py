@@ -160,7 +160,7 @@ def off_percussion() -> float:
     """Return the largest distance [in] between the peak of v_f and the center of percussion.
 
     v_f is the batted-ball speed. The distance is computed for the paper's four bats, with swing
-    exponent 0. The center of percussion is that for a pivot 6 in from the knob.
+    exponent 0. The pivot of the center of percussion is 6 in from the knob.
     """
     return max(
         abs(centre_of_percussion_in(bat) - top(bat, "batted_speed_mph").place) for bat in BATS
@@ -170,9 +170,9 @@ def off_percussion() -> float:
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
     """Return the relative difference [%] of the bat speeds of a light and a heavy bat.
 
-    It is positive if the light bat is faster. The speeds are those at 0.5 in from the tip, in the
-    paper's standard game. `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1, or
-    None for a swing of constant energy. Raises `KeyError` for another exponent, and `InputError`
+    It is positive if the light bat is faster. The speeds are computed at 0.5 in from the tip, in
+    the paper's standard game. `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1,
+    or None for a swing of constant energy. Raises `KeyError` for another exponent, and `InputError`
     for an unknown bat.
     """
     speeds = [
@@ -210,7 +210,7 @@ def ncaa_lead(first: str, second: str) -> float:
 
 
 def factor_lead(first: str, second: str) -> float:
-    """Return the bat performance factor (BPF) of the first bat minus that of the second bat.
+    """Return the bat performance factor (BPF) of the first bat minus the BPF of the second bat.
 
     Each bat is pivoted 6 in from the knob and hit at its center of percussion, at 60 mph. Raises
     `InputError` for an unknown bat.

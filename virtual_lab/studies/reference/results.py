@@ -158,7 +158,7 @@ def pivot_inertia(bat: str) -> float:
 
 
 def inertia_ratio(bat: str) -> float:
-    """Return the moment of inertia about the knob end divided by the one about the pivot.
+    """Return a bat's moment of inertia about the knob end divided by that about the pivot.
 
     The pivot is 6 in from the knob end. Raises `InputError` for an unknown bat.
     """
@@ -274,7 +274,7 @@ def peak_restitution(bat: str, speed: float) -> float:
 def restitution_place(bat: str, speed: float) -> float:
     """Return the position [in from the tip] of the peak BBCOR, between 3 and 9 in.
 
-    The peak is that of `peak_restitution`. `speed` is the relative speed of ball and bat [mph].
+    The peak is computed by `peak_restitution`. `speed` is the relative speed of ball and bat [mph].
     Raises `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).place
@@ -283,7 +283,7 @@ def restitution_place(bat: str, speed: float) -> float:
 def restitution_change(bat: str, first: str, speed: float) -> float:
     """Return the peak BBCOR of `bat` minus the peak BBCOR of the bat `first`, dimensionless.
 
-    `speed` is the relative speed of ball and bat [mph]. The peak BBCOR is that of
+    `speed` is the relative speed of ball and bat [mph]. The peak BBCOR is computed by
     `peak_restitution`. Raises `InputError` for an unknown bat.
     """
     return peak_restitution(bat, speed) - peak_restitution(first, speed)
@@ -358,9 +358,9 @@ def barrel_travel(bat: str, speed: float) -> float:
 
     e_A is the collision efficiency. The factor of one half is exact if the force is symmetric in
     time. The impact is at the position of the free bat's largest e_A, 3 to 9 in from the tip. The
-    contact time is that of the free bat. The final speed follows from e_A and the recoil of the
-    rigid bat with a pivot 6 in from the knob. `speed` is the relative speed of ball and bat [mph].
-    Raises `InputError` for an unknown bat.
+    contact time is computed for the free bat. The final speed follows from e_A and the recoil of
+    the rigid bat with a pivot 6 in from the knob. `speed` is the relative speed of ball and bat
+    [mph]. Raises `InputError` for an unknown bat.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
     best = int(np.argmax(collisions.collision_efficiency))

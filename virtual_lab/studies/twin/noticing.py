@@ -60,7 +60,7 @@ def noticed_faults(
 ) -> list[NoticedFault]:
     """Return one row per fault that the rigs can have: the share of days on which it is noticed.
 
-    A row has this share for each size of the fault. The days are those of the twin. Faults that the
+    A row has this share for each size of the fault. The days are days of the twin. Faults that the
     twin cannot simulate are left out.
 
     Parameters

@@ -178,8 +178,8 @@ def twin(
     standard deviation of the errors of many simulated days. The second table has at most three
     changes of the laboratory, those with the largest reduction of u. A change halves the u of one
     instrument, or doubles the number of hits, balls or wall hits. The third table compares readings
-    of the records with those of the simulated days, to find unusual ones. Only records are read,
-    never the sealed true values.
+    of the records with the same readings on the simulated days, to find unusual ones. Only records
+    are read, never the sealed true values.
 
     Parameters
     ----------

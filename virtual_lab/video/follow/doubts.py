@@ -190,7 +190,7 @@ def against_flights(
 def without_flight(pieces: Sequence[Piece]) -> str:
     """Return a sentence that states the reason why a clip has no flight, and gives advice.
 
-    `pieces` are the pieces of smooth motion, none of which is a flight.
+    `pieces` are the pieces of smooth motion; there is no flight among them.
     """
     if not pieces:
         return (

@@ -172,8 +172,8 @@ def fit_flights(
     Parameters
     ----------
     readout
-        Time from the readout of the first row to that of the last [frames]. None: the readout time
-        of the scene, or 0 if it is unknown.
+        Time from the readout of the first row to the readout of the last row [frames]. None: the
+        readout time of the scene, or 0 if it is unknown.
     drag
         Whether drag is fitted; otherwise it is 0. For flights with sharp positions, True means the
         drag of the scene, which is not fitted.

@@ -70,8 +70,8 @@ def clip_scene(
     same
         Mask of the repeated frames, (frame,). The time of a repeated frame is NaN.
     squeezed
-        Whether a repeated frame takes no time, so that later frames move one frame earlier.
-        Otherwise later frames keep their times.
+        Whether a repeated frame takes no time. Later frames then move one frame earlier. Otherwise
+        later frames keep their times.
     """
     stamped = frame_steps(clip.times)
     doubled = float(same.mean()) > TIME.every_other

@@ -130,7 +130,7 @@ def on_the_limb(regions: Regions, start: Located) -> Located:
     (the limb) on one side, and the border of the shade on the other side. The position is the
     center of the circle that contains most of the outline. The circle has the radius in `start`,
     which must be correct to 3 %. The shift of the ball during an exposure must be small compared
-    with the radius. If no limb is found in a region, its position stays that of `start`.
+    with the radius. If no limb is found in a region, its position stays unchanged.
     """
     import cv2
 

@@ -32,8 +32,8 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 def course_of(track: FollowedClip) -> Places:
     """Return one record of the type `PLACE` per position of the ball, in the order of frames.
 
-    The sharp positions are used if there are any, otherwise the positions of the flights, otherwise
-    those of all pieces of smooth motion. If there are none, the result has up to 12 evenly spaced
+    The positions are the first of these that exist: sharp positions, positions of the flights,
+    positions of all pieces of smooth motion. If none exist, the result has up to 12 evenly spaced
     frames of the clip with the position NaN.
     """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces

@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 
 def flight_rows(track: FollowedClip) -> list[Row]:
-    """Return one dictionary per flight, with its values and those of the contact at its end.
+    """Return one dictionary per flight, with values of the flight and of the contact at its end.
 
     The keys are column names. A measured value is an estimate, or None if it is unknown. Without a
     contact at the end of the flight, the values of the contact are None.
