@@ -263,9 +263,9 @@ def entry_name(entry: AnyEntry) -> str:
 
 
 def entry_names(entries: AnyEntries) -> tuple[str, ...]:
-    """Return the names or paths of one catalog entry, or of a list of entries, as a tuple.
+    """Return the names or paths of catalog entries as a tuple.
 
-    An entry is a name, a path or a sheet.
+    `entries` is one entry or a list of entries. An entry is a name, a path or a sheet.
     """
     if isinstance(entries, str | Path | Sheet):
         return (entry_name(entries),)
@@ -278,7 +278,7 @@ def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def entry_rule(kind: str, more: str = "") -> ParameterRule:
-    """Return the rule of a parameter that is a catalog entry: a name, a path or a sheet.
+    """Return the rule that checks a parameter for a catalog entry: a name, a path or a sheet.
 
     `kind` is the kind of entry, such as ``bats``. The rule rejects a sheet of another kind, but it
     does not check whether a named entry exists. `more` is appended to the description of the

@@ -51,11 +51,11 @@ SLANT = 55  # angle of the procedures' names [°]
 
 
 def draw_critique(pairs: pd.DataFrame) -> PageFigure:
-    """Draw the probability of a wrong ranking, one panel per exponent n of the swing law.
+    """Draw the probability that a laboratory ranks two bats in the wrong order.
 
-    A panel has one row per pair of bats and one column per procedure. The number in a cell is the
-    probability, in percent, that a laboratory ranks the two bats in the order opposite to their
-    performance in the field.
+    There is one panel per exponent n of the swing law. A panel has one row per pair of bats and one
+    column per procedure. The number in a cell is the probability, in percent, that the order is
+    opposite to the order of the bats in the field.
 
     Parameters
     ----------

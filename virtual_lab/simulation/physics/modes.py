@@ -169,10 +169,11 @@ def modes_of(
 
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
-    """Return one node [m from the tip] of each of the first `count` bending modes, in their order.
+    """Return the position of one node of each of several bending modes [m from the tip].
 
-    It is the node nearest the barrel tip. Raises `IndexError` for a mode without a node, and if
-    `count` exceeds the number of bending modes.
+    These are the first `count` bending modes, in order. The node nearest the barrel tip is
+    returned. Raises `IndexError` for a mode without a node, and if `count` exceeds the number of
+    bending modes.
     """
     z = np.linspace(0.0, modes.length, 2001)
     nodes = []

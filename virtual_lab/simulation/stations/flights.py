@@ -78,7 +78,7 @@ class FlownShots(NamedTuple):
 
 
 def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
-    """Return the flights of the balls at a pivoted bat at rest, (shot,).
+    """Return the flights of the balls at a pivoted bat at rest, one flight per shot.
 
     If the plan requests pymunk, all shots are simulated by pymunk. Otherwise the flights are
     computed in closed form, with these exceptions:
