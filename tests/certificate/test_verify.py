@@ -131,6 +131,22 @@ def test_the_command_says_it_by_its_code(result: Path, run: Run) -> None:  # noq
     assert run("verify", str(result / "nowhere"))[0] == 2
 
 
+def test_an_altered_file_has_one_row(result: Path) -> None:
+    """A changed digest has no row of its own if another row names the alteration."""
+    truth = result / "truth" / "truth.json"
+    right = hashlib.sha256(truth.read_bytes()).hexdigest()
+    truth.write_bytes(truth.read_bytes().replace(b"1", b"2", 1))
+    (row,) = verify(result).rows
+    assert (row.key, row.expected) == ("sha256", right)
+    assert row.stated == hashlib.sha256(truth.read_bytes()).hexdigest()
+    with (result / "records" / "impact" / "gates.csv").open("a") as record:
+        record.write("1\n")
+    found = verify(result)
+    assert [row.file for row in found.rows] == ["truth/truth.json", "records/impact/gates.csv"]
+    assert found.rows[1].key.startswith("line ")
+    assert found.unchecked == ()
+
+
 @pytest.mark.parametrize("schema", [5, 7, "6", None])
 def test_a_schema_that_cannot_be_read_is_refused(result: Path, schema: object) -> None:
     in_document(schema=schema)(result)

@@ -28,8 +28,8 @@ class Mismatch:
 
     file: str = column("file", form="")
     key: str = column("key", form="")
-    stated: str = column("stated", form="")
-    expected: str = column("expected", form="")
+    stated: str = column("in the folder", form="")  # value found, or what is wrong
+    expected: str = column("expected", form="")  # value by the rest of the folder or this program
     state: RowState = "altered"  # "differs" if another program, which may be right, made it
 
 
@@ -89,7 +89,7 @@ def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mi
         stated = read_json(path)
         layout = same_text(path)
     except InputError as fault:
-        yield Mismatch(file=path.name, key=fault.key, stated="", expected=fault.allowed)
+        yield Mismatch(file=path.name, key=fault.key, stated=fault.allowed, expected="")
         return
     rows = list(differences(stated, here, path.name))
     yield from rows or compared_text(path.name, layout, text)
@@ -119,10 +119,10 @@ def compared_table(path: Path, here: str) -> Iterator[Mismatch]:
     try:
         stated, found = (list(csv.reader(text.split("\n"))) for text in (same_text(path), here))
     except InputError as fault:
-        yield Mismatch(file=path.name, key=fault.key, stated="", expected=fault.allowed)
+        yield Mismatch(file=path.name, key=fault.key, stated=fault.allowed, expected="")
         return
     except csv.Error as fault:
-        yield Mismatch(file=path.name, key="CSV", stated="", expected=f"cannot be read: {fault}")
+        yield Mismatch(file=path.name, key="CSV", stated=f"cannot be read: {fault}", expected="")
         return
     if [len(row) for row in stated] != [len(row) for row in found]:
         shapes = (f"{len(rows) - 2} rows of {len(rows[0])} columns" for rows in (stated, found))

@@ -69,7 +69,7 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
     try:
         lines = _text_of_sums(folder).decode(errors="replace").split("\n")
     except InputError as fault:
-        yield Mismatch(file=SUMS, key="", stated="", expected=fault.allowed)
+        yield Mismatch(file=SUMS, key="", stated=fault.allowed, expected="")
         return
     here = {*_list_files(folder)}
     stated = [(name, digest) for digest, _, name in (line.partition("  ") for line in lines[:-1])]
@@ -79,9 +79,9 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
             continue
         actual = _digest(folder / name) if name in here else "the file is missing"
         if actual != digest and not _same_lines(folder / name, digest, name in here):
-            yield Mismatch(file=name, key="sha256", stated=digest, expected=actual)
+            yield Mismatch(file=name, key="sha256", stated=actual, expected=digest)
     for name in sorted(here - {name for name, _ in stated}):
-        yield Mismatch(file=name, key="sha256", stated="", expected=f"is not listed in {SUMS}")
+        yield Mismatch(file=name, key="sha256", stated=f"is not listed in {SUMS}", expected="")
     for top in sorted(absent & {name.split("/")[0] for name, _ in stated}):
         yield Unchecked(f"{top}: the folder is missing")
 
@@ -101,7 +101,7 @@ def signature_fault(folder: Path, key: Path) -> Mismatch | None:
         return Mismatch(file=SIGNATURE, key="signature", stated="", expected=fault.allowed)
     except (InvalidSignature, ValueError):
         wrong = "was made with another key, or for another list"
-        return Mismatch(file=SIGNATURE, key="signature", stated="", expected=wrong)
+        return Mismatch(file=SIGNATURE, key="signature", stated=wrong, expected="")
     return None
 
 

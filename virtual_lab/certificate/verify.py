@@ -173,7 +173,10 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     folder = Path(folder)
     fault = None if key is None else signature_fault(folder, Path(key))
     findings = [*_findings(folder), *([fault] if fault else [])]
-    rows = tuple(each for each in findings if isinstance(each, Mismatch))
+    rows = [each for each in findings if isinstance(each, Mismatch)]
+    # A digest adds nothing to a row that names what was altered in the file.
+    named = {row.file for row in rows if row.key != "sha256" and row.state == "altered"}
+    rows = [row for row in dict.fromkeys(rows) if row.key != "sha256" or row.file not in named]
     unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
     signature = "not checked" if key is None else "not valid" if fault else "valid"
     if (folder / FILM).is_dir() and signature != "valid":
@@ -182,7 +185,7 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
         unchecked.append(f"{SIGNATURE}: checking the signature needs the public key (--key)")
     return Verification(
         folder=str(folder),
-        rows=rows,
+        rows=tuple(rows),
         unchecked=tuple(dict.fromkeys(unchecked)),
         signature=signature,
         note="; ".join(dict.fromkeys(each.text for each in findings if isinstance(each, Remark))),
@@ -349,10 +352,10 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
         digest = digest_of_text(read_bytes(path))
         if digest != stated_digest:
             yield Mismatch(
-                file=TRUTH_FILE, key="sha256", stated=str(stated_digest or ""), expected=digest
+                file=TRUTH_FILE, key="sha256", stated=digest, expected=str(stated_digest or "")
             )
     elif (folder / TRUTH).exists():
-        yield Mismatch(file=TRUTH_FILE, key="", stated="", expected=MISSING)
+        yield Mismatch(file=TRUTH_FILE, key="", stated=MISSING, expected="")
     elif stated_digest:
         yield Unchecked(f"{TRUTH}: {NO_FOLDER}")
 
@@ -374,7 +377,7 @@ def _control(
         digest = digest_of_text(read_bytes(there / RECORDS / SESSION))
         if stated_digest and digest != stated_digest:
             file = f"{CONTROL}/{RECORDS}/{SESSION}"
-            yield Mismatch(file=file, key="sha256", stated=stated_digest, expected=digest)
+            yield Mismatch(file=file, key="sha256", stated=digest, expected=stated_digest)
         yield from within(CONTROL, _findings(there))
         e = at(read_json(there / CERTIFICATE), "restitution")
     except InputError as fault:
@@ -392,11 +395,12 @@ def _forms(
     """Yield differences of page and PDF from the document, and parts that cannot be compared."""
     pdfs = sorted(path.name for path in folder.glob("*.pdf"))
     if not (folder / PAGE).is_file():
-        yield Mismatch(file=PAGE, key="", stated="", expected=MISSING)
+        yield Mismatch(file=PAGE, key="", stated=MISSING, expected="")
     if document is None:
-        why = "another version made it; only number and result were compared"
-        for name in (PAGE, *pdfs):
-            yield Unchecked(f"{name}: {why if elsewhere else 'the records give no certificate'}")
+        if elsewhere:  # otherwise the reason is an alteration
+            for name in (PAGE, *pdfs):
+                why = "another version made it; only number and result were compared"
+                yield Unchecked(f"{name}: {why}")
         return
     state: RowState = "differs" if elsewhere else "altered"  # other programs use other words
     if (folder / PAGE).is_file():
@@ -436,7 +440,7 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     if theirs and theirs != ours:
         raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
     yield Mismatch(
-        file=path.name, key="", stated="", expected="differs from the file made from the records"
+        file=path.name, key="", stated="differs from the file made from the records", expected=""
     )
 
 
@@ -485,7 +489,7 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
     )
     if digest != stated_digest:  # the chain ends here: a forged one may be circular
         file = f"../{name}/{CERTIFICATE}"
-        yield Mismatch(file=file, key="sha256", stated=stated_digest, expected=digest)
+        yield Mismatch(file=file, key="sha256", stated=digest, expected=stated_digest)
         return
     yield Remark(f"it replaces {number} in {name}")
     try:
