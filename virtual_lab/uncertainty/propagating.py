@@ -162,7 +162,7 @@ def first_order(model: Model, probability: float) -> Propagated:
 
 
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:
-    """Return the first-order result `linear` with value, u and interval replaced by second order.
+    """Return the first-order result `linear` with value, u and interval to second order.
 
     The degrees of freedom remain those of `linear`, and the correlation of the outputs is None.
     Raises `InputError` if the series does not converge.

@@ -388,11 +388,11 @@ def recoils_at_percussion() -> float:
 
 
 def pivot_speed() -> float:
-    """Return the speed of a pivot point just after a hit, divided by the speed of the impact point.
+    """Return the speed of a point P just after a hit, divided by the speed of the impact point.
 
-    The pivot point is 6 in from the knob, but there is no pivot. R161 is free and rigid, and is hit
-    at the center of percussion for a pivot at this point. The pivot point then stays at rest, so
-    the ratio is a rounding error of either sign.
+    P is 6 in from the knob of R161. The bat is free and rigid, and is hit at the center of
+    percussion for a pivot at P. P then stays at rest, so the ratio is a rounding error of either
+    sign.
     """
     bat_beam = beam(WOOD)
     modes = modes_of(body(WOOD), Free(), 0)

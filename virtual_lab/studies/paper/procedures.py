@@ -72,7 +72,7 @@ def _factor(bat: str) -> float:
 
 
 def by_recoil() -> float:
-    """Return the absolute difference of e_A from the bat's recoil and e_A from the rebound speed.
+    """Return the absolute difference between e_A by the bat's recoil and e_A by the rebound speed.
 
     e_A is the collision efficiency. R161 is pivoted 6 in from the knob and is hit at its center of
     percussion, at 60 mph.
@@ -160,7 +160,7 @@ def off_percussion() -> float:
     """Return the largest distance [in] between the peak of v_f and the center of percussion.
 
     v_f is the batted-ball speed. The distance is computed for the paper's four bats, with swing
-    exponent 0. The pivot of the center of percussion is 6 in from the knob.
+    exponent 0. The center of percussion is computed for a pivot 6 in from the knob.
     """
     return max(
         abs(centre_of_percussion_in(bat) - top(bat, "batted_speed_mph").place) for bat in BATS

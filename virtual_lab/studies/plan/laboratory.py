@@ -149,8 +149,9 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
 def attempts(forecast: Forecast, counts: Counts) -> Array:
     """Return the largest number of shots that each plan allows, in the shape of the counts.
 
-    The number in the procedure is multiplied by the ratio of expected shots, plan over procedure,
-    and rounded up. The result is never below the number in the procedure.
+    The number in the procedure is multiplied by the plan's expected number of shots, divided by the
+    procedure's expected number, and rounded up. The result is never below the number in the
+    procedure.
     """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))

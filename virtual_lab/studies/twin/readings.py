@@ -174,8 +174,9 @@ def readings_of(certified: Certifications) -> dict[str, float]:
 
     `certified` is a block that contains one test. "hits" and "wall hits" are the largest deviation
     of a hit from the mean of its group, in units of the scatter (`largest_deviation`); NaN if there
-    is no scatter. A group has the same impact position, or the same ball and nominal speed. "fit",
-    "chords" and "rebound and recoil" are missing if the records do not contain their values.
+    is no scatter. Hits in a group have the same impact position. Wall hits in a group have the same
+    ball and nominal speed. "fit", "chords" and "rebound and recoil" are missing if the records do
+    not contain their values.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls

@@ -138,9 +138,10 @@ def usual_step(times: Array) -> float:
 
 
 def frame_steps(times: Array) -> Array:
-    """Return the time of each frame since the first in usual steps, from `times`, (frame,) [s].
+    """Return the time of each frame since the first frame, (frame,), in usual steps.
 
-    It is the number of the frame, unless the time stamps are `uneven`.
+    `times`, (frame,), are in s. The result is the number of the frame, unless the times are
+    `uneven`. The usual step is `usual_step`.
     """
     if uneven(times):
         return np.asarray((times - times[0]) / usual_step(times))

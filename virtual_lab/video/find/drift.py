@@ -145,8 +145,9 @@ def edges_of(
 ) -> Edges:
     """Return the pixels at steep edges of a gray picture, with their positions in the still frame.
 
-    Pixels near the border of the picture or near black bars are left out. If there are too many
-    pixels, every n-th one is kept.
+    Positions in the still frame refer to the first picture of the clip. Pixels near the border of
+    the picture or near black bars are left out. If there are too many pixels, every n-th one is
+    kept.
 
     Parameters
     ----------
@@ -199,8 +200,9 @@ def upper_median(values: NDArray[Any]) -> NDArray[Any]:
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
     """Return the matrix (2, 3) that maps positions in the still frame to positions in a picture.
 
-    `drift`, (4,), is the shift of the picture in x and y [pixels], and its growth and turn [rad]
-    about its middle. `size` is the number of columns and rows of the picture.
+    Positions in the still frame refer to the first picture of the clip. `drift`, (4,), is the shift
+    of the picture in x and y [pixels], and its growth and turn [rad] about its middle. `size` is
+    the number of columns and rows of the picture.
     """
     grown, turn, middle = 1 + drift[2], drift[3], (np.array(size) - 1) / 2
     linear = np.array([[grown, -turn], [turn, grown]])

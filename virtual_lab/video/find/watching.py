@@ -148,8 +148,8 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
     """Return a mask of the blobs, (blob,), with their centers in a region of the still frame.
 
-    `region` is x and y of the upper left corner, width and height [pixels]. If it is None, all
-    blobs are selected.
+    Positions in the still frame refer to the first picture of the clip. `region` is x and y of the
+    upper left corner, width and height [pixels]. If it is None, all blobs are selected.
     """
     if region is None:
         return np.ones(len(moving), bool)

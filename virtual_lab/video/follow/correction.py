@@ -22,10 +22,11 @@ from virtual_lab.video.follow.pieces import GROWTH, Piece
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     """Return the positions in a track file as blobs, and the flights in its column `flight`.
 
-    The required columns are frame, x_px, y_px and flight. Positions refer to the still frame, and
-    flight is empty for a position outside flights. Optional columns are radius_px (default: the
-    median of the other rows), time_s (default: the time of the frame in the clip), drift_x_px and
-    drift_y_px (default: 0). Flights of fewer than five positions are left out.
+    The required columns are frame, x_px, y_px and flight. x_px and y_px are positions in the still
+    frame, that is, without the drift of the camera. flight is empty for a position outside flights.
+    Optional columns are radius_px (default: the median of the other rows), time_s (default: the
+    time of the frame in the clip), drift_x_px and drift_y_px (default: 0). Flights of fewer than
+    five positions are left out.
 
     Raises
     ------

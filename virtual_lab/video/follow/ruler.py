@@ -96,7 +96,7 @@ class Ruler(PixelScale):
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Return the logarithm of the ratio of two scales, `other` / `one`, in standard uncertainties.
+    """Return the logarithm of `other` / `one`, two scales, divided by its standard uncertainty.
 
     The standard uncertainty combines the relative u of both scales.
     """

@@ -105,7 +105,7 @@ def course_table(places: Places) -> pd.DataFrame:
 
 
 def spots(places: Places) -> Array:
-    """Return the ball's positions in the still frame, (position, 2) [pixels]; NaN if unknown."""
+    """Return the ball's positions without camera drift, (position, 2) [pixels]; NaN if unknown."""
     return np.stack([places["x_px"], places["y_px"]], axis=1)
 
 

@@ -82,7 +82,7 @@ def in_columns(row: Mapping[str, Any]) -> Row:
 
 
 def estimate_table(rows: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return a table of rows, with value and standard uncertainty of an estimate in two columns."""
+    """Return the rows as a table; an estimate has a column for its value and one for its u."""
     import pandas as pd
 
     return pd.DataFrame([in_columns(row) for row in rows])
