@@ -150,7 +150,7 @@ def test_the_label_of_an_axis_stands_beside_its_numbers(least: float) -> None:
     """Numbers end 5 pt from the axis; a sans-serif digit is .556 of its height wide."""
     drawn = Panel(
         left=100, right=200, top=0, bottom=100, x=(0, 1), y=(-least, least), y_label="what"
-    ).drawn()
+    ).svg()
     numbers = re.findall(r'text-anchor="end">([^<]+)<', drawn)
     (label,) = re.findall(r'<text x="([\d.]+)"[^>]*rotate', drawn)
     widest = 8 * 0.556 * max(len(words.replace(".", "").replace("−", "")) for words in numbers)

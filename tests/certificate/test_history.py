@@ -19,7 +19,7 @@ from virtual_lab.certificate.verify import verify
 from virtual_lab.errors import InputError
 from virtual_lab.records.particulars import particulars_of
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.uncertainty.budget import HITS, combine_components, types_a
+from virtual_lab.uncertainty.budget import HITS, combine_components, type_a_component
 
 RIVERSIDE = particulars_of({"laboratory": {"name": "Riverside"}}, "laboratory.toml")
 
@@ -80,7 +80,7 @@ def test_the_shorter_interval_is_that_of_this_test_and_ten_more() -> None:
     assert found.metric is not None
     hits = next(part for part in found.metric.components if part.name == HITS)
     value = np.array([found.metric.value])
-    alone = combine_components(value, types_a(HITS, value, np.array([hits.u]), 1.0))
+    alone = combine_components(value, type_a_component(HITS, value, np.array([hits.u]), 1.0))
     assert "would be 83 % shorter" in certificate(replace(found, first_order=alone)).evaluation
     assert f"{1 - 2.201 / 12.706:.0%}" == "83%"
 

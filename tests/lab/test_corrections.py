@@ -36,7 +36,7 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.impact import scenes_of
 from virtual_lab.simulation.stations.rig import (
     Reality,
@@ -80,7 +80,7 @@ COLLISIONS = Collisions()
 def specimen(ball: BallSpec | None = None, draws: Draws | None = None) -> Specimen:
     ball = ball or catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=made_bat(catalog.load_bat("r161").spec, Quiet()),
+        bat=make_bat(catalog.load_bat("r161").spec, Quiet()),
         balls=draw_balls(ball, SHOTS, draws or Streams(3)),
         collision=COLLISIONS,
     )

@@ -26,7 +26,7 @@ from virtual_lab.records.session import load_session, save_session
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.instruments.light_gate import LightGates
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.streams import Streams, commitment
 
@@ -351,7 +351,7 @@ def test_the_certificates_of_two_individuals_say_the_same_of_the_simulation(play
 def _specimen() -> Specimen:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=made_bat(catalog.load_bat("r161").spec, Streams(5)),
+        bat=make_bat(catalog.load_bat("r161").spec, Streams(5)),
         balls=draw_balls(ball, 4, Streams(5)),
         collision=ModalModel.of,
     )

@@ -30,7 +30,7 @@ from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import CollisionModel, Scenes
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Support
-from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     ImpactStation,
     Rig,
@@ -82,7 +82,7 @@ class Bench:
         ball = catalog.load("balls", catalog.names("balls")[0], BallSpec).spec
         draws = Streams(SEED)
         return Specimen(
-            bat=made_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
+            bat=make_bat(bat, draws), balls=draw_balls(ball, SHOTS, draws), collision=_Modal()
         )
 
     def plan(self, shots: int = SHOTS, first: int = 0) -> ShotPlan:

@@ -10,7 +10,7 @@ import pytest
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallAgeing, BallSpec
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     Reality,
     RigOutput,
@@ -32,7 +32,7 @@ def play(
     draws = reality.draws(5)
     ball = replace(catalog.load("balls", "baseball-2003", BallSpec).spec, ageing=ageing)
     specimen = Specimen(
-        bat=made_bat(catalog.load_bat("r161").spec, draws),
+        bat=make_bat(catalog.load_bat("r161").spec, draws),
         balls=draw_balls(ball, 3, draws),
         collision=ModalModel.of,
     )

@@ -20,7 +20,7 @@ from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.collision.surrogate import Box
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     RigOutput,
     ShotPlan,
@@ -83,7 +83,7 @@ class Laboratories:
     def specimen(self) -> Specimen:
         ball = catalog.load("balls", "baseball-2003", BallSpec).spec
         return Specimen(
-            bat=made_bat(catalog.load_bat("r161").spec, Quiet()),
+            bat=make_bat(catalog.load_bat("r161").spec, Quiet()),
             balls=draw_balls(ball, BALLS, self.draws),
             collision=collision(ball, self.rig),
         )

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from virtual_lab.lab import RoundRobin
-from virtual_lab.measurement.alternatives.refined import model_of, too_wide
+from virtual_lab.measurement.alternatives.refined import low_dof_source, model_of
 
 DRAWS, SEED = 20_000, 1
 SHARE = 20  # tests per procedure before the next procedure
@@ -37,7 +37,7 @@ def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
             linear = block.certified.results["metric"].row(at)
             true = block.measurands["metric"][at]
             row = [first + at, true, *linear.interval_95]
-            if too_wide(linear):  # smallest degrees of freedom for draws, as on a certificate
+            if low_dof_source(linear):  # smallest degrees of freedom for draws, as on a certificate
                 rows.append([*row, *linear.interval_95])
                 continue
             own = block.of(at).certification

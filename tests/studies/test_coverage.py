@@ -16,7 +16,7 @@ from virtual_lab.output.result import Rows
 from virtual_lab.records import AimMarks
 from virtual_lab.studies import coverage as study
 from virtual_lab.studies.coverage import Coverage, coverage
-from virtual_lab.uncertainty.budget import combine_components, types_a
+from virtual_lab.uncertainty.budget import combine_components, type_a_component
 
 TRUE = 0.95  # true value of every quantity
 PLACE, AIM = 0.16, 0.5e-3  # impact position [m], and known distance of the hits from it
@@ -39,7 +39,9 @@ def laboratory(
     `stray` [m] is the distance of the marks to either side of the mean aim.
     """
     value = np.array([TRUE + errors])
-    budgets = combine_components(value, types_a("hits", value, np.array([u]), np.array([dof])))
+    budgets = combine_components(
+        value, type_a_component("hits", value, np.array([u]), np.array([dof]))
+    )
     names = ("metric", *QUANTITIES)
     aside = AIM + stray * np.array([1.0, -1.0] * 3)
     hits = np.arange(6) < valid

@@ -17,7 +17,7 @@ from virtual_lab.uncertainty.budget import (
     combine_components,
     interval_95,
     means_of_hits,
-    types_a,
+    type_a_component,
 )
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.uncertainty.scatter import Scatter
@@ -43,7 +43,7 @@ def scatter(
     """Return the component of a weighted sum of hits by their scatter, `effects` (constant, n)."""
     effects = np.zeros((0, hits.size)) if effects is None else effects
     whole = Scatter.of_hits(hits[None], weights[None], groups[None], effects[None])
-    return types_a(HITS, np.array([hits @ weights]), whole.u, whole.dof)
+    return type_a_component(HITS, np.array([hits @ weights]), whole.u, whole.dof)
 
 
 def component(components: Components) -> Component:
@@ -83,7 +83,7 @@ def test_welch_satterthwaite_agrees_with_welchs_t_test() -> None:
     a, b = rng.normal(0, 1, 7), rng.normal(0, 3, 12)
     expected = stats.ttest_ind(a, b, equal_var=False).df
     parts = [
-        types_a(name, np.zeros(1), values.std(ddof=1, keepdims=True) / sqrt(n), n - 1)
+        type_a_component(name, np.zeros(1), values.std(ddof=1, keepdims=True) / sqrt(n), n - 1)
         for name, values, n in (("a", a, 7), ("b", b, 12))
     ]
     assert combine(0.0, parts[0] + parts[1]).dof == pytest.approx(expected, rel=1e-12)
@@ -146,7 +146,9 @@ def test_a_block_without_uncertain_constants_has_its_scatter_alone() -> None:
     constants = {"a": Estimates(value=np.ones(3), u=np.zeros(3), dof=np.full(3, inf))}
     variants = Variants.of(constants)
     assert variants.sets == 1
-    alone = variants.components(np.ones((3, 1))) + types_a("hits", np.ones(3), np.full(3, 0.1))
+    alone = variants.components(np.ones((3, 1))) + type_a_component(
+        "hits", np.ones(3), np.full(3, 0.1)
+    )
     assert combine_components(np.ones(3), alone).u == pytest.approx([0.1] * 3)
 
 

@@ -49,7 +49,7 @@ from virtual_lab.certificate.document import (
     risk_of,
     statement_of,
 )
-from virtual_lab.measurement.alternatives.refined import LEAST_FREEDOM, too_wide
+from virtual_lab.measurement.alternatives.refined import LEAST_FREEDOM, low_dof_source
 from virtual_lab.measurement.alternatives.swing_range import SwingResult
 from virtual_lab.measurement.camera.comparison import CameraComparison, ComparedQuantity
 from virtual_lab.measurement.certification import Certification
@@ -421,7 +421,7 @@ WIDER = (
 def _method(certification: Certification, metric: Budget) -> str:
     """Return a sentence on the method by which u and interval of the metric were computed."""
     finer = certification.refined
-    few = too_wide(metric) if certification.session.uncertainty == MONTE_CARLO else None
+    few = low_dof_source(metric) if certification.session.uncertainty == MONTE_CARLO else None
     if finer is None and few is not None:
         return (
             f"The Monte Carlo method was requested but not used: {few.name} has only {few.dof:.1f} "

@@ -13,7 +13,7 @@ from virtual_lab.lab.test_day import by_the_book
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
-from virtual_lab.simulation.physics.truth import made_bat
+from virtual_lab.simulation.physics.truth import make_bat
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 
 CONTROL_TEST = 1_000_000  # branch of the control test's random numbers, above any test number
@@ -69,7 +69,7 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
             ),
             draws=draws,
             collision=collision,
-            specimen=replace(laboratory.specimen, bat=made_bat(bat, draws), collision=collision),
+            specimen=replace(laboratory.specimen, bat=make_bat(bat, draws), collision=collision),
             calibration=_with_ratio(laboratory, Estimate(value=1.0)),
         ),
         progress,

@@ -28,7 +28,7 @@ from virtual_lab.records.origin import RungTaken, Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import CollisionLaw, Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     ImpactStation,
     Reality,
@@ -116,7 +116,7 @@ class Laboratory:
             collision=collision,
             stations=stations,
             specimen=Specimen(
-                bat=made_bat(bat, bats),
+                bat=make_bat(bat, bats),
                 balls=draw_balls(ball, rules.balls, test_draws, lot_draws, store),
                 collision=collision,
             ),

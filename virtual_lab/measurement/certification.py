@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.catalog import Datum
 from virtual_lab.measurement.alternatives.other_support import OtherSupport, other_support
-from virtual_lab.measurement.alternatives.refined import propagate_metric, too_wide
+from virtual_lab.measurement.alternatives.refined import low_dof_source, propagate_metric
 from virtual_lab.measurement.alternatives.swing_range import SwingResult, swing_range
 from virtual_lab.measurement.camera.comparison import CameraComparison, compare_camera
 from virtual_lab.measurement.diagnostics import (
@@ -193,7 +193,7 @@ class Certifications:
                 name: each.variance.as_estimates().row(0) for name, each in scatters.items()
             }
         method = session.uncertainty
-        drawable = method != MONTE_CARLO or not (metric and too_wide(metric))
+        drawable = method != MONTE_CARLO or not (metric and low_dof_source(metric))
         if metric and variances and method != FIRST and drawable:
             finer = propagate_metric(method, reduced, readings, outcome, metric)
             metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)

@@ -32,7 +32,7 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
     title, description
         Alternative text for readers who cannot see the figure.
     """
-    drawn = "".join(panel.drawn() for panel in panels)
+    drawn = "".join(panel.svg() for panel in panels)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {PAGE_WIDTH:g} {height:g}" '
         f'role="img" aria-labelledby="{name}-title {name}-description" font-size="8" '
@@ -164,7 +164,7 @@ class Panel:
             f"{symbol_markup(text)}</text>"
         )
 
-    def drawn(self) -> str:
+    def svg(self) -> str:
         """Return the panel as SVG: marks, axes with ticks and labels, title and legend."""
         middle = (self.left + self.right) / 2
         parts = [*self._marks, self._axes()]

@@ -32,7 +32,7 @@ from virtual_lab.sheets import AnyBall, Faults, Instruments, entry_name, words_o
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
 from virtual_lab.simulation.physics.ageing import lasting_loss
 from virtual_lab.simulation.physics.beam import Free
-from virtual_lab.simulation.physics.truth import TrueBalls, draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import TrueBalls, draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     Reality,
     ShotPlan,
@@ -337,7 +337,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     first = np.zeros(hits, dtype=int)
     turns = np.arange(hits)
     plan = ShotPlan(slot=turns, ball=first, speed=np.full(hits, SPEED), place=np.zeros(hits))
-    bat, values = made_bat(cylinder, draws), []
+    bat, values = make_bat(cylinder, draws), []
     for day, factor in enumerate(wall):
         play = station.with_wall(float(factor)).play(
             replace(plan, slot=day * hits + turns),

@@ -320,7 +320,9 @@ def means_of_hits(
     constants = variants.components(weighted_sums(hits, effects))
     today = Scatter.of_hits(hits[:, 0], effects, places, variants.effects(hits))
     scatter = today if earlier is None else today.pool_with(earlier)
-    scattered = types_a(HITS, weighted_sums(hits[:, :1], effects)[:, 0], scatter.u, scatter.dof)
+    scattered = type_a_component(
+        HITS, weighted_sums(hits[:, :1], effects)[:, 0], scatter.u, scatter.dof
+    )
     return replace(combine_components(value, constants + scattered), scatter=today)
 
 
@@ -368,7 +370,7 @@ def _pool_lines(components: Sequence[Component]) -> list[Component]:
     return lines
 
 
-def types_a(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
+def type_a_component(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
     """Return a budget component of type A with the sensitivity 1, arrays (laboratory, 1).
 
     Parameters

@@ -24,7 +24,7 @@ from virtual_lab.records import BoardRecord, GateRecord, PendulumRecord, ShotLog
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality
-from virtual_lab.uncertainty.budget import combine_components, types_a
+from virtual_lab.uncertainty.budget import combine_components, type_a_component
 from virtual_lab.uncertainty.estimate import Estimate
 
 
@@ -46,7 +46,7 @@ def test_sound_days_raise_no_flag(procedure: str) -> None:
 def test_the_p_value_is_students_t() -> None:
     """The oracle is scipy's t for one component of scatter and no lower limit."""
     for value, dof in ((2.0, 5.0), (3.3, 40.0), (-4.0, 11.0)):
-        scatter = types_a("scatter", np.zeros(1), np.ones(1), dof)
+        scatter = type_a_component("scatter", np.zeros(1), np.ones(1), dof)
         u, likely = chances(combine_components(np.array([value]), scatter), 1e-9)
         assert u == pytest.approx(1.0)
         assert likely == pytest.approx(2 * stats.t.sf(abs(value), dof), rel=1e-6)
@@ -174,7 +174,7 @@ def test_a_late_encoder_trigger_makes_a_test_invalid(sound: Session) -> None:
 
 def pair(value: float, u: float, **options: float) -> Pairs:
     """Return the comparison of a block of one laboratory."""
-    components = types_a("scatter", np.zeros(1), np.array([u]))
+    components = type_a_component("scatter", np.zeros(1), np.array([u]))
     return pairs("of-two", lambda _: "said", np.array([value]), components, **options)
 
 

@@ -10,7 +10,7 @@ from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
 from virtual_lab.measurement.procedure import CHOICE, Procedure, shortfalls, with_choice
 from virtual_lab.measurement.procedure.choice import Shortfalls
-from virtual_lab.uncertainty.budget import HITS, combine_components, types_a
+from virtual_lab.uncertainty.budget import HITS, combine_components, type_a_component
 from virtual_lab.uncertainty.scatter import Scatter
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
@@ -53,7 +53,7 @@ def test_the_result_is_raised_by_the_mean_shortfall() -> None:
     """√(rms² - mean²) is one component; without a shortfall the budget is unchanged."""
     lost = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
     budgets = combine_components(
-        np.array([0.5, 0.5]), types_a("other", np.full(2, 0.5), np.zeros(2))
+        np.array([0.5, 0.5]), type_a_component("other", np.full(2, 0.5), np.zeros(2))
     )
     block = with_choice(budgets, lost)
     raised, unchanged = block.row(0), block.row(1)
@@ -84,7 +84,7 @@ def test_the_interval_misses_the_truth_equally_often_on_both_sides() -> None:
         nothing = np.zeros((1, 0, weights.size))
         scatter = Scatter.of_hits(metric[None, mask], weights[None], place[None, mask], nothing)
         value = np.array([metric[mask] @ weights])
-        result = combine_components(value, types_a(HITS, value, scatter.u, scatter.dof))
+        result = combine_components(value, type_a_component(HITS, value, scatter.u, scatter.dof))
         low, high = with_choice(result, of_one(place, metric)).row(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)

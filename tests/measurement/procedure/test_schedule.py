@@ -12,7 +12,7 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure, to_set
 from virtual_lab.measurement.procedure.rules import Scan
-from virtual_lab.measurement.procedure.scan_kernel import fresh_hits
+from virtual_lab.measurement.procedure.scan_kernel import find_final_hits
 from virtual_lab.measurement.procedure.schedule import scan_rules
 
 BBCOR = catalog.load("procedures", "bbcor", Procedure).spec
@@ -199,7 +199,7 @@ def test_an_invalid_shot_restarts_the_consecutive_hits() -> None:
 
     def fresh(scan: Scan, place: np.ndarray, valid: np.ndarray) -> list[int]:
         rows = np.empty(place.size, np.int64)
-        return rows[: fresh_hits(best, place, valid, scan_rules(rules, scan), rows)].tolist()
+        return rows[: find_final_hits(best, place, valid, scan_rules(rules, scan), rows)].tolist()
 
     assert fresh(rules.scan, place, valid) == []
     more = np.append(place, [best, best]), np.append(valid, [True, True])

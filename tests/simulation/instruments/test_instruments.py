@@ -19,7 +19,7 @@ from tests.catalog.test_reading import INSTRUMENTS
 from virtual_lab import catalog
 from virtual_lab.simulation.instruments import calibration_of, true_constants_of
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
-from virtual_lab.simulation.instruments.calibrated import drawn
+from virtual_lab.simulation.instruments.calibrated import draw_constants
 from virtual_lab.simulation.instruments.camera.camera import Camera
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
@@ -555,7 +555,7 @@ def test_the_u_on_a_certificate_is_the_root_of_chi_square(dof: float) -> None:
 def test_the_degrees_of_freedom_of_u_do_not_change_the_instrument() -> None:
     """ν belongs to the certificate: with the same draws, only u depends on it."""
     sheets = ({"x": Estimate(value=2.0, u=0.1, dof=dof)} for dof in (3.0, inf))
-    (few, true_of_few), (many, true) = (drawn(sheet, Streams(5), "n") for sheet in sheets)
+    (few, true_of_few), (many, true) = (draw_constants(sheet, Streams(5), "n") for sheet in sheets)
     assert true_of_few == true != {"x": 2.0}
     assert few["x"].u != many["x"].u == 0.1
 

@@ -24,7 +24,7 @@ from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoa
 from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.impact import contact_angle
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage, find_rig
 from virtual_lab.streams import Streams
@@ -195,7 +195,7 @@ class _Modal:
 def specimen(bat: str, draws: Streams) -> Specimen:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=made_bat(catalog.load_bat(bat).spec, draws),
+        bat=make_bat(catalog.load_bat(bat).spec, draws),
         balls=draw_balls(ball, 12, draws),
         collision=_Modal(),
     )

@@ -7,7 +7,7 @@ import pytest
 
 from virtual_lab.catalog import load, load_bat
 from virtual_lab.catalog.specs import BallSpec
-from virtual_lab.simulation.physics.truth import draw_balls, draw_lot, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, draw_lot, make_bat
 from virtual_lab.streams import Streams
 
 
@@ -17,7 +17,7 @@ def test_both_moduli_of_a_bat_scatter_by_one_factor(name: str) -> None:
     spec = load_bat(name).spec
     drawn = spec.body.material
     for seed in range(5):
-        made = made_bat(spec, Streams(seed)).body.material
+        made = make_bat(spec, Streams(seed)).body.material
         stiffer = made.youngs_modulus / drawn.youngs_modulus
         assert abs(stiffer - 1) > 1e-6
         assert made.shear_modulus / drawn.shear_modulus == pytest.approx(stiffer, rel=1e-12)

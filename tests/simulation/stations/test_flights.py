@@ -12,7 +12,7 @@ from tests.rigs.conformance import _Modal
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     MotionRung,
     RigOutput,
@@ -38,7 +38,7 @@ def fired(
     for part, values in changes.items():
         station = replace(station, **{part: replace(getattr(station, part), **values)})
     specimen = Specimen(
-        bat=made_bat(catalog.load_bat("r161").spec, draws),
+        bat=make_bat(catalog.load_bat("r161").spec, draws),
         balls=draw_balls(ball, 6, draws),
         collision=_Modal(),
     )

@@ -11,7 +11,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
-from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, make_bat
 from virtual_lab.simulation.stations.impact import error_free, thrown_back, wall_restitution
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.streams import Quiet
@@ -24,7 +24,7 @@ FROM_KNOB = 6 * INCH
 def specimen_of(bat: str) -> Specimen:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     return Specimen(
-        bat=made_bat(catalog.load_bat(bat).spec, Quiet()),
+        bat=make_bat(catalog.load_bat(bat).spec, Quiet()),
         balls=draw_balls(ball, 3, Quiet()),
         collision=_Modal(),
     )

@@ -399,7 +399,7 @@ def gate_edges(record: Record) -> Array:
     return np.stack([broke, cleared], axis=-1)
 
 
-def beam_passages(record: Record) -> Array:
+def blocking_times(record: Record) -> Array:
     """Return the time for which the incoming ball blocks each gate [s], shape (shot, gate).
 
     The time is NaN if the gate missed an edge. Raises `AssertionError` for a record of anything but
@@ -421,7 +421,7 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     `event` is the entry of the notebook to which the rows refer. `shots` is the range of shots,
     counted from 0.
     """
-    passages = beam_passages(record)[shots.start : shots.stop]
+    passages = blocking_times(record)[shots.start : shots.stop]
     ratio = passages[:, 0] / passages[:, -1]
     early = ratio > 1 + _beyond("sabot-trip")
     if isinstance(record, BoardRecord):  # sabots shed a fragment now and then on any day

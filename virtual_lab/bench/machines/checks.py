@@ -23,7 +23,7 @@ from virtual_lab.lab.laboratory import collision_of
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, Record
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.fault import instrument_of
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage
 from virtual_lab.units import MPH, Array
 
@@ -177,7 +177,7 @@ def _with_standards(laboratory: Laboratory) -> Laboratory:
         laboratory,
         setup=replace(laboratory.setup, faults=FaultSet(faults=faults)),
         specimen=Specimen(
-            bat=made_bat(cylinder, laboratory.draws),
+            bat=make_bat(cylinder, laboratory.draws),
             balls=draw_balls(ball, 1, laboratory.draws),
             collision=collision_of(cylinder, ball, laboratory.rules.spec),
         ),

@@ -28,7 +28,7 @@ from virtual_lab.simulation.motion.events import play_events
 from virtual_lab.simulation.motion.played import PlayedShots
 from virtual_lab.simulation.motion.scene import ShotScene
 from virtual_lab.simulation.physics.beam import Free, Support, beam_of
-from virtual_lab.simulation.physics.truth import draw_balls, made_bat
+from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.cannon_station import RestingBatStation
 from virtual_lab.simulation.stations.flights import scene_of
 from virtual_lab.simulation.stations.rig import FilmingStation, ShotPlan, Specimen, Stage, find_rig
@@ -169,7 +169,7 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
         rebound=clear_rebound(event.sketch),
     )
     specimen = Specimen(
-        bat=made_bat(setup.bat.spec, Quiet()),
+        bat=make_bat(setup.bat.spec, Quiet()),
         balls=draw_balls(ball, 1, Quiet()),
         collision=collision,
     )

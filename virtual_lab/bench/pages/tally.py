@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from virtual_lab.bench.day.entries import record_of
-from virtual_lab.bench.day.readings import beam_passages, gate_edges
+from virtual_lab.bench.day.readings import blocking_times, gate_edges
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.output.svg import Panel, figure
 from virtual_lab.records import BoardRecord, EncoderRecord, GateRecord, PendulumRecord
@@ -128,7 +128,7 @@ def _gate_texts(record: Any, shots: int) -> tuple[list[str], list[str], Array]:
         missed = [str(gate + 1) for gate in np.flatnonzero(~gates)]
         return "all" if not missed else f"missed gate {', '.join(missed)}"
 
-    passages = beam_passages(record)
+    passages = blocking_times(record)
     return (
         [words(each) for each in complete[:, 0]],
         [words(each) for each in complete[:, 1]],

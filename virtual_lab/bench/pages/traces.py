@@ -85,7 +85,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
     missing = int((~np.isfinite(edges[:, :, 0])).sum())
     return Traces(
         shot=shot,
-        drawn="".join(panel.drawn() for panel in panels),
+        drawn="".join(panel.svg() for panel in panels),
         data=json.dumps(data, separators=(",", ":")),
         height=panels[-1].bottom + 32.0,
         first=round(first, 1),

@@ -23,7 +23,7 @@ from virtual_lab.bench.scoring.costs import CostlyDecision, costly_decisions, re
 from virtual_lab.bench.scoring.deviations import (
     Deviation,
     deviations,
-    needless_seconds,
+    extra_check_seconds,
 )
 from virtual_lab.bench.scoring.scores import (
     ScoredResult,
@@ -233,7 +233,7 @@ def debrief(
     justified = justified_rejections(day, judged) | before_repair(day, faults)
     expert_desk = Desk(expert or expert_day(apparatus, day))
     result = result_score(outcome)
-    needless = needless_seconds(judged, desk)
+    needless = extra_check_seconds(judged, desk)
     values = (
         result,
         detection_score(named, faults, rates),

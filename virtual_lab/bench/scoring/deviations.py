@@ -58,7 +58,7 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
         before = before.after(event)
 
 
-def needless_seconds(judged: list[Deviation], desk: Desk) -> float:
+def extra_check_seconds(judged: list[Deviation], desk: Desk) -> float:
     """Return the total time [s] of the additional checks that a reading justified.
 
     The procedure does not require these checks, and the economy score does not count their time.

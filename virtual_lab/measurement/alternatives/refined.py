@@ -48,7 +48,7 @@ def propagate_metric(
     return propagate_inputs(model, inputs, method=method, draws=draws)
 
 
-def too_wide(linear: Budget) -> Component | None:
+def low_dof_source(linear: Budget) -> Component | None:
     """Return the source with the fewest degrees of freedom if they are below 3, otherwise None.
 
     Monte Carlo draws of such a source scatter so widely that u does not settle. If a component of

@@ -21,7 +21,7 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.output.rounding import beyond
 from virtual_lab.records import REFERENCE_MASS, PendulumRecord
-from virtual_lab.uncertainty.budget import types_a
+from virtual_lab.uncertainty.budget import type_a_component
 from virtual_lab.units import Array, Mask
 
 # uncertainty of mean minus median swing, because swings shorten unevenly [share of the period]
@@ -149,7 +149,7 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
             f"{slowing.times[i]:.1f} times as much as the recorded amplitudes predict"
         ),
         slowing.times - 1,
-        types_a("scatter", np.zeros(evidence.laboratories), slowing.u, slowing.dof),
+        type_a_component("scatter", np.zeros(evidence.laboratories), slowing.u, slowing.dof),
         least=DECAY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
         compared=np.isfinite(slowing.times),
@@ -195,7 +195,7 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
                 f"median by {mean[i]:+.2%}; a passage may have been lost or counted twice"
             ),
             mean,
-            types_a("scatter", mean, spread / np.sqrt(number), number - 1.0),
+            type_a_component("scatter", mean, spread / np.sqrt(number), number - 1.0),
             least=EVEN_U,
             moves=moves,
             compared=compared,
@@ -227,7 +227,9 @@ def _worst_release(excess: Array, moves: Array) -> Pairs:
             f"differs by {deviation[i]:.2%} from that of the other releases"
         ),
         deviation,
-        types_a("scatter", deviation, spread * np.sqrt(1 + 1 / other_count), other_count - 1),
+        type_a_component(
+            "scatter", deviation, spread * np.sqrt(1 + 1 / other_count), other_count - 1
+        ),
         of="worst release",
         least=EVEN_U,
         moves=moves / number,
@@ -346,7 +348,7 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
             f"{change[i] * 1e3:+.2f} g while bat and balls were weighed"
         ),
         change,
-        types_a("scatter", change, scatter, 2.0 * (number - 1)),
+        type_a_component("scatter", change, scatter, 2.0 * (number - 1)),
         least=np.hypot(sqrt(2) * step, ROUNDING),
         moves=np.where(np.isfinite(moves), moves, np.inf),
     )
@@ -371,8 +373,8 @@ def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
             f"{calibration.value[i]:.3f} kg/m³ according to the calibration"
         ),
         difference,
-        types_a("climate", difference, measured.u, measured.dof)
-        + types_a("stated", difference, calibration.u, calibration.dof),
+        type_a_component("climate", difference, measured.u, measured.dof)
+        + type_a_component("stated", difference, calibration.u, calibration.dof),
         least=DENSITY_U,
         moves=np.where(np.isfinite(moves), moves, np.inf),
     )
@@ -476,7 +478,7 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
             f"{e0.shape[1]} balls (balls/gates)"
         ),
         change,
-        types_a("scatter", np.zeros(change.shape), scatter, dof),
+        type_a_component("scatter", np.zeros(change.shape), scatter, dof),
         least=1e-5,
         moves=np.where(np.isfinite(shared), np.abs(shared) / 2, np.inf),
     )

@@ -16,7 +16,7 @@ from virtual_lab.measurement.reduction.gates import INBOUND, OUTBOUND, GateReadi
 from virtual_lab.measurement.reduction.shot_algebra import drag_of
 from virtual_lab.records import AimMarks
 from virtual_lab.relations.flight import time_before
-from virtual_lab.uncertainty.budget import Components, Variants, types_a
+from virtual_lab.uncertainty.budget import Components, Variants, type_a_component
 from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
@@ -58,7 +58,7 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
             "boards-in-line",
             _board_said(board, direction, mean, mask, evidence),
             mean,
-            survey + types_a("scatter", mean, u, number - 1),
+            survey + type_a_component("scatter", mean, u, number - 1),
             of=f"board {board + 1}{WAYS[direction]}",
             least=1e-5,
             moves=evidence.moves(survey),
@@ -157,8 +157,8 @@ class Heights:
         variants = Variants.of({name: evidence.reduced.constants[name] for name in names})
         columns = np.concatenate([*variants.columns.values()], axis=2)
         survey = variants.components(np.sum(weights[:, None] * columns, axis=2))
-        survey += types_a("beams", mean, np.sqrt(square))
-        return mean, survey + types_a("scatter", mean, u, number - 1), number
+        survey += type_a_component("beams", mean, np.sqrt(square))
+        return mean, survey + type_a_component("scatter", mean, u, number - 1), number
 
     def growth(self, values: Array) -> tuple[Array, Array, Array]:
         """Return the slope of `values` (shot,) over the height at the target, its u, and its dof.
@@ -212,7 +212,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
             "heights",
             _growth_said(board, slope),
             slope,
-            types_a("scatter", slope, u, dof),
+            type_a_component("scatter", slope, u, dof),
             of=f"board {board + 1} over height",
             least=SCALE_U,
             compared=dof >= 1,
@@ -228,7 +228,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
         _height_said("balls strike the bat", "the marks of impact/aim", difference),
         difference,
         components
-        + types_a(
+        + type_a_component(
             "marks", difference, across.std(axis=1, ddof=1) / sqrt(mark_count), mark_count - 1.0
         ),
         of="marks",

@@ -15,7 +15,7 @@ from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.records import AimMarks
-from virtual_lab.uncertainty.budget import Components, Variants, types_a, weighted_sums
+from virtual_lab.uncertainty.budget import Components, Variants, type_a_component, weighted_sums
 from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.units import Array, Mask
 
@@ -101,7 +101,7 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
             "aim",
             _aim_said(axis, number, mean),
             mean,
-            survey + types_a("scatter", mean, u, number - 1),
+            survey + type_a_component("scatter", mean, u, number - 1),
             of=axis,
             least=1e-5,
             moves=moves,
@@ -176,7 +176,7 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
             "encoder-halves",
             _halves_said(evidence, channel, change * moves, mask),
             change,
-            types_a("fit", change, np.sqrt(evidence.per_laboratory(u**2))),
+            type_a_component("fit", change, np.sqrt(evidence.per_laboratory(u**2))),
             of="mean",
             least=np.abs(evidence.per_laboratory(rounding)),
             moves=moves,
@@ -213,7 +213,7 @@ def _worst_shot(
         "encoder-halves",
         str,
         difference[shots],
-        types_a("fit", difference[shots], u[shots]),
+        type_a_component("fit", difference[shots], u[shots]),
         least=np.abs(rounding[shots]),
         moves=moves[owner],
         among=among[owner],
@@ -288,7 +288,8 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
             f"{mean[i]:+.4f} on average ({evidence.shots_of(has_both, i)})"
         ),
         mean,
-        shared + types_a("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),
+        shared
+        + type_a_component("scatter", mean, np.sqrt(square / np.maximum(number, 1)), degrees),
         least=1e-5,
         compared=compared,
     )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import Procedure
 from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
-from virtual_lab.uncertainty.budget import Budgets, combine_components, types_a
+from virtual_lab.uncertainty.budget import Budgets, combine_components, type_a_component
 from virtual_lab.units import Array, Mask
 
 CHOICE = "choice of the place"  # name of the component in a budget
@@ -70,7 +70,7 @@ def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     """
     if not (lost.rms > 0).any():
         return metric
-    components = metric.components + types_a(CHOICE, lost.mean, lost.u)
+    components = metric.components + type_a_component(CHOICE, lost.mean, lost.u)
     return replace(combine_components(metric.value + lost.mean, components), scatter=metric.scatter)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.uncertainty.budget import HITS, Budget, combine_components, types_a
+from virtual_lab.uncertainty.budget import HITS, Budget, combine_components, type_a_component
 from virtual_lab.units import Array, Mask
 
 
@@ -95,7 +95,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     free = 1 - np.sum(design * solved.T, axis=1)
     u = float(np.linalg.norm(half * (high - low) * residual / free))
     width, width_u = np.array([peak.width]), np.array([u if span.whole else 0.0])
-    scattered = types_a(HITS, width, width_u, place.size - powers.size)
+    scattered = type_a_component(HITS, width, width_u, place.size - powers.size)
     return Width(drop=drop, span=peak, budget=combine_components(width, scattered).row(0))
 
 

@@ -37,7 +37,7 @@ class ScanRules(NamedTuple):
 
 
 @njit(cache=True)
-def most_asked(rules: ScanRules) -> int:
+def max_scan_shots(rules: ScanRules) -> int:
     """Return an upper limit for the number of shots that a scan can need in one round."""
     places = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
     return places * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
@@ -104,7 +104,7 @@ def best_of(
 
 
 @njit(cache=True)
-def fresh_hits(
+def find_final_hits(
     best: float, place: Array, valid: Mask, rules: ScanRules, fresh: NDArray[np.int64]
 ) -> int:
     """Fill `fresh` with the indices of the valid final hits at `best` [m]. Return their number.
@@ -133,7 +133,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
 
     The number is 0 if the scan is complete. It is also 0 if at every position most balls did not
     rebound. The number is not limited by the attempts left. `out` must have at least as many
-    elements as `most_asked` returns. Elements beyond the number are not overwritten.
+    elements as `max_scan_shots` returns. Elements beyond the number are not overwritten.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
@@ -165,7 +165,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
                 middle = best
                 break
     fresh = np.empty(place.size, np.int64)
-    more = max(rules.final_hits - fresh_hits(middle, place, valid, rules, fresh), 0)
+    more = max(rules.final_hits - find_final_hits(middle, place, valid, rules, fresh), 0)
     out[:more] = middle
     return more
 
@@ -187,7 +187,7 @@ def next_hits_of_block(
     number are not overwritten. In `place`, `valid` and `objective`, laboratory i has the shots from
     `starts[i]` up to, but not including, `starts[i + 1]`.
     """
-    positions = np.empty(most_asked(rules))
+    positions = np.empty(max_scan_shots(rules))
     for laboratory in range(number.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
         request = next_hits(place[rows], valid[rows], objective[rows], rules, positions)
@@ -247,7 +247,7 @@ def scans_of_block(
         )
         if rules.final_hits:
             fresh = np.empty(at.size, np.int64)
-            count = fresh_hits(best, at, good, rules, fresh)
+            count = find_final_hits(best, at, good, rules, fresh)
             mine[fresh[max(count - rules.final_hits, 0) : count]] = True
         else:
             for shot in range(at.size):

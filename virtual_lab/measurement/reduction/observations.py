@@ -23,7 +23,7 @@ from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.flights import FlightReadings
 from virtual_lab.measurement.reduction.makers import flight_readings
-from virtual_lab.measurement.reduction.rate import RateFit, empty_rates, summed_up, unwrap
+from virtual_lab.measurement.reduction.rate import RateFit, empty_rates, rates_from_summary, unwrap
 from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.records import (
@@ -349,7 +349,7 @@ def _rates(
     if shots != len(contact):
         raise InputError(where, "shots", shots, f"the log has {len(contact)} shots")
     if isinstance(record, RateRecord):
-        return summed_up(record)
+        return rates_from_summary(record)
     ticks = np.diff(record.times)
     if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < 1e-3 * ticks.min()):
         raise InputError(where, "times", None, "must increase in equal steps")

@@ -111,7 +111,7 @@ def empty_rates(shots: int) -> RateFit:
     )
 
 
-def summed_up(record: RateRecord) -> RateFit:
+def rates_from_summary(record: RateRecord) -> RateFit:
     """Return the encoder results that the encoder's own recorder computed, arrays (shot,).
 
     `rate`, `rate_u` and `before` [counts/s] and `angle` [counts] are copied from the record. The

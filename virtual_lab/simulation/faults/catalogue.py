@@ -13,9 +13,9 @@ from virtual_lab.records import BoardRecord
 from virtual_lab.simulation.faults.fault import (
     Fault,
     FaultContext,
-    constant_off,
+    change_constant,
+    change_sheet,
     other_sheet,
-    sheet_off,
 )
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
@@ -185,7 +185,7 @@ def scraps_of_beams(station: Station) -> Station:
     The fragments break beams of the light boards. A station without light boards is returned
     unchanged.
     """
-    return sheet_off("gates", sabot_rate=SCRAPS)(station) or station
+    return change_sheet("gates", sabot_rate=SCRAPS)(station) or station
 
 
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
@@ -283,28 +283,29 @@ CATALOGUE: Mapping[str, Fault] = {
     fault.name: fault
     for fault in (
         # The recorder's clock is fast, far beyond the limit of its data sheet.
-        Fault(name="gate-clock", station=constant_off("gates", "clock", times=1 + 100e-6)),
+        Fault(name="gate-clock", station=change_constant("gates", "clock", times=1 + 100e-6)),
         _at_bat("gate-doubles", "gates", cleared_twice),
         _at_bat("gate-misses", "gates", every_second_missed),
         # The gate nearest the bat was moved toward the cannon after its survey.
-        Fault(name="gate-moved", station=constant_off("gates", "distance", plus=1e-3)),
+        Fault(name="gate-moved", station=change_constant("gates", "distance", plus=1e-3)),
         Fault(name="sabot-trip", station=scraps_of_beams, channel="gates", record=scraps_ahead),
         Fault(name="wall-drift", stage=Stage.BALLS, channel="gates", record=drifting),
         # The aim is above the bat's axis, or too far from its tip.
-        Fault(name="aim-across", station=constant_off("cannon", "across", plus=0.3 * INCH)),
-        Fault(name="aim-along", station=constant_off("cannon", "along", plus=0.5 * INCH)),
+        Fault(name="aim-across", station=change_constant("cannon", "across", plus=0.3 * INCH)),
+        Fault(name="aim-along", station=change_constant("cannon", "along", plus=0.5 * INCH)),
         _at_bat("bat-not-at-rest", "encoder", still_swinging),
         # A dry bearing has a drag torque [N m], and under the impact the friction of a plain
         # bearing.
         Fault(
-            name="bearing-friction", station=sheet_off("pivot", constant_torque=1.0, friction=0.1)
+            name="bearing-friction",
+            station=change_sheet("pivot", constant_torque=1.0, friction=0.1),
         ),
         Fault(name="cannon-slow", plan=too_slow),
         # The encoder has half the counts per turn of its data sheet.
-        Fault(name="encoder-half-counts", station=constant_off("encoder", "scale", times=0.5)),
+        Fault(name="encoder-half-counts", station=change_constant("encoder", "scale", times=0.5)),
         _at_bat("encoder-play", "encoder", loose),
         _at_bat("encoder-slip", "encoder", slipping),
-        Fault(name="pivot-off", station=constant_off("pivot", "from_knob", plus=5e-3)),
+        Fault(name="pivot-off", station=change_constant("pivot", "from_knob", plus=5e-3)),
         # Errors of people and documents.
         _at_bench("balance-from-knob", "balance", from_knob),
         # Two digits were transposed: 5.152 oz for 5.125 oz.
@@ -329,7 +330,7 @@ CATALOGUE: Mapping[str, Fault] = {
         Fault(
             name="scale-not-tared",
             stage=Stage.BENCH,
-            station=constant_off("scale", "zero", plus=2e-3),
+            station=change_constant("scale", "zero", plus=2e-3),
         ),
         Fault(name="wrong-lot", specimen=livelier),
     )

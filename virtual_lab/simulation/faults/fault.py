@@ -71,7 +71,7 @@ class Fault:
         return self.station is None or self.station(station) is not None
 
 
-def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
+def change_constant(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
     """Return a hook for `Fault.station` that changes a true constant but not its calibration.
 
     `part` is the name of the instrument. The true value of its `constant` is multiplied by `times`
@@ -92,7 +92,7 @@ def constant_off(part: str, constant: str, *, times: float = 1.0, plus: float = 
     return standing
 
 
-def sheet_off(part: str, **values: float) -> Standing:
+def change_sheet(part: str, **values: float) -> Standing:
     """Return a hook for `Fault.station` that changes values on the data sheet of an instrument.
 
     `part` is the name of the instrument, and `values` are the new values [SI] by their keys on the

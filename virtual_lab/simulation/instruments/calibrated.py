@@ -100,7 +100,7 @@ def stated_constant(value: float, sigma: float, dof: float = inf) -> Estimate:
     return Estimate(value=value, u=sigma, dof=dof if sigma else inf)
 
 
-def drawn(
+def draw_constants(
     sheet: Mapping[str, Estimate], draws: Draws, name: str
 ) -> tuple[dict[str, Stated], dict[str, TrueConstant]]:
     """Return the constants on an instrument's certificate and its true constants, drawn at random.
@@ -128,12 +128,14 @@ def drawn(
     for at, (key, constant) in enumerate(sheet.items()):
         error, chance = of_each[at], of_each[len(sheet) + at]
         share = _share(chance, constant.dof) if constant.dof < inf else 1.0
-        stated[key] = at_all(constant, laboratories, share)
+        stated[key] = repeat_constant(constant, laboratories, share)
         true[key] = constant.value + constant.u * error
     return stated, true
 
 
-def at_all(constant: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0) -> Stated:
+def repeat_constant(
+    constant: Estimate, laboratories: tuple[int, ...], share: Array | float = 1.0
+) -> Stated:
     """Return `constant` for one laboratory, or repeated for each laboratory of a block.
 
     `laboratories` is the shape of the block: (n,), or () for one laboratory. The result is
@@ -178,7 +180,7 @@ class CalibratedInstrument(Generic[S]):
     @classmethod
     def commission(cls, spec: S, draws: Draws, name: str) -> Self:
         """Return an instrument of a data sheet, with constants drawn under `name`."""
-        return cls(spec, *drawn(_certificate_of(spec), draws, name))
+        return cls(spec, *draw_constants(_certificate_of(spec), draws, name))
 
     def restated(
         self, records: Sequence[Record], known: Mapping[str, Estimate], draws: Draws, name: str
@@ -190,7 +192,7 @@ class CalibratedInstrument(Generic[S]):
         values = {key: each.value for key, each in known.items()}
         fresh = self.commission(self.spec.restated(records, values), draws, name)
         sheet = {key: each for key, each in known.items() if key in fresh.true}
-        stated, true = drawn(sheet, draws, name)
+        stated, true = draw_constants(sheet, draws, name)
         return replace(fresh, stated=stated, true={**fresh.true, **true})
 
     @property
@@ -212,7 +214,7 @@ class CalibratedInstrument(Generic[S]):
         """Return the known constants: `Estimate` for one laboratory, `Estimates` for a block."""
         constants = {key: stated for key, stated in self.stated.items() if key not in self.unknown}
         exact = self.exact().items()
-        return constants | {key: at_all(one, self.laboratories) for key, one in exact}
+        return constants | {key: repeat_constant(one, self.laboratories) for key, one in exact}
 
     def errors(self) -> dict[str, Any]:
         """Return the true constants, to be sealed."""

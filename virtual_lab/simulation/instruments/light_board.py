@@ -17,7 +17,7 @@ from annotated_types import Ge, Gt, Lt, MinLen
 
 from virtual_lab.catalog.specs import Dimension
 from virtual_lab.records import BoardRecord, PassageRecord, Record
-from virtual_lab.simulation.instruments.calibrated import Freedom, drawn, stated_constant
+from virtual_lab.simulation.instruments.calibrated import Freedom, draw_constants, stated_constant
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import (
     BallGates,
@@ -106,7 +106,7 @@ class LightBoards(BallGates[LightBoardSpec]):
     @classmethod
     def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
         trips = draws.normal(f"{name}.trips", (len(spec.distances), spec.beams))
-        return cls(spec, *drawn(spec.certificate(), draws, name), spec.trip_spread * trips)
+        return cls(spec, *draw_constants(spec.certificate(), draws, name), spec.trip_spread * trips)
 
     def exact(self) -> dict[str, Estimate]:
         spec = self.spec

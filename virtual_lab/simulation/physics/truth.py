@@ -233,7 +233,7 @@ def _as_lists(arrays: Mapping[str, Array]) -> dict[str, Any]:
     return {name: np.ma.masked_invalid(values).tolist(None) for name, values in arrays.items()}
 
 
-def made_bat(spec: BatSpec, draws: Draws) -> TrueBat:
+def make_bat(spec: BatSpec, draws: Draws) -> TrueBat:
     """Return an individual bat of a design, with random deviations from the data sheet.
 
     Density, stiffness and the slope of the density along the bat vary by the spread of the sheet.

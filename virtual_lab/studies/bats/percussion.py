@@ -32,7 +32,7 @@ from virtual_lab.simulation.faults.fault import other_sheet
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
-from virtual_lab.uncertainty.budget import HITS, Variants, combine_components, types_a
+from virtual_lab.uncertainty.budget import HITS, Variants, combine_components, type_a_component
 from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import INCH, Array
 
@@ -340,7 +340,9 @@ def _u_of_mean(reduced: Reduction, readings: ImpactReadings, field: str, error: 
     hits, weights = error[None, detected], np.full((1, many), 1 / many)
     scatter = Scatter.of_hits(hits, weights, np.zeros((1, many)), np.zeros((1, 0, many)))
     mean = hits.mean(axis=1)
-    return float(combine_components(mean, parts + types_a(HITS, mean, scatter.u, scatter.dof)).u[0])
+    return float(
+        combine_components(mean, parts + type_a_component(HITS, mean, scatter.u, scatter.dof)).u[0]
+    )
 
 
 def _root_mean_square(values: list[float]) -> float | None:

@@ -31,14 +31,14 @@ def test_the_projection_is_that_of_opencv() -> None:
     matrix = np.array([[lens.focal, 0, lens.centre[0]], [0, lens.focal, lens.centre[1]], [0, 0, 1]])
     translation = -lens.rotation @ lens.place
     theirs = cv2.projectPoints(points, turn, translation, matrix, lens.distortion)[0].reshape(-1, 2)
-    assert np.abs(lens.drawn(lens.to_camera(points)) - theirs).max() < 1e-9
+    assert np.abs(lens.to_pixels(lens.to_camera(points)) - theirs).max() < 1e-9
     assert np.abs(rotation(turn.ravel()) - lens.rotation).max() < 1e-12
 
 
 def test_x_runs_right_and_y_up() -> None:
     """Seen from above, the ball flies to the right and the tip of the bat is at the top."""
     lens = Camera.commission(SPEC, Quiet(), "lens").lens
-    origin, ahead, tip = lens.drawn(lens.to_camera([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))
+    origin, ahead, tip = lens.to_pixels(lens.to_camera([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]]))
     assert ahead[0] - origin[0] > 50
     assert tip[1] - origin[1] < -50
 
@@ -80,7 +80,7 @@ def test_a_rendered_sphere_lies_where_its_outline_is() -> None:
     # tangent points: a circle nearer than the center
     sine = radius / far
     points = place * (1 - sine**2) + radius * np.sqrt(1 - sine**2) * rim
-    px, py = lens.drawn(points).T
+    px, py = lens.to_pixels(points).T
     cross = px * np.roll(py, -1) - np.roll(px, -1) * py
     area = cross.sum() / 2
     x = ((px + np.roll(px, -1)) * cross).sum() / 6 / area

@@ -32,7 +32,7 @@ def test_opencv_finds_the_corners_and_the_lens() -> None:
             assert plane  # tilted board: may leave the picture; the flat one (first) may not
             continue
         # order of the corners: may start at any of the four outer ones
-        true = lens.drawn(lens.to_camera(places))
+        true = lens.to_pixels(lens.to_camera(places))
         order = np.linalg.norm(true[:, None] - corners, axis=2).argmin(axis=1)
         assert len(set(order)) == len(order)
         deviation = corners[order] - true
@@ -54,7 +54,7 @@ def test_opencv_finds_the_corners_and_the_lens() -> None:
     ends = np.array([[-0.17, 0.0, 0.0], [0.17, 0.05, 0.0]])
     middle = flat[0].mean(axis=0)
     solved = cv2.projectPoints(ends, turns[0], ways[0], matrix, bent)[0].reshape(-1, 2)
-    true = lens.drawn(lens.to_camera(ends * [1, -1, 1] + middle))  # y axis of the board: down
+    true = lens.to_pixels(lens.to_camera(ends * [1, -1, 1] + middle))  # y axis of the board: down
     assert np.linalg.norm(np.diff(solved, axis=0)) == pytest.approx(
         np.linalg.norm(np.diff(true, axis=0)), rel=1e-4
     )

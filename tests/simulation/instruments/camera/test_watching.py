@@ -125,7 +125,7 @@ def test_a_turned_bat_is_drawn_at_its_angle() -> None:
         middle = cover[row] @ np.arange(1280) / cover[row].sum()
         assert middle == pytest.approx((left + right) / 2, abs=0.01)
     # end of the bat: 0.15 m beyond the impact position
-    tip = camera.lens.drawn(camera.lens.to_camera([0.0695 + 0.75 * np.sin(0.05), 0.15, 0.0]))
+    tip = camera.lens.to_pixels(camera.lens.to_camera([0.0695 + 0.75 * np.sin(0.05), 0.15, 0.0]))
     assert np.flatnonzero(cover.sum(axis=1) > 1)[0] == pytest.approx(tip[1], abs=4)
 
 

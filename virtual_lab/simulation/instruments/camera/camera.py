@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, draw_constants
 from virtual_lab.simulation.instruments.camera.ball import Light, render_balls
 from virtual_lab.simulation.instruments.camera.lens import TrueLens
 from virtual_lab.simulation.instruments.camera.scene import FilmedBat, background, flicker, windows
@@ -35,7 +35,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
     @classmethod
     def commission(cls, spec: CameraSpec, draws: Draws, name: str) -> Self:
         sensor = Sensor.commission(spec.sensor, draws, f"{name}.sensor")
-        return cls(spec, *drawn(spec.certificate(), draws, name), sensor)
+        return cls(spec, *draw_constants(spec.certificate(), draws, name), sensor)
 
     def exact(self) -> dict[str, Estimate]:
         clock = self.spec.clock
@@ -89,7 +89,7 @@ class Camera(CalibratedInstrument[CameraSpec]):
         missing = draws.uniform(f"{name}.lost", count, slots) + 0.5 < spec.clock.drop_rate
         shot = np.repeat(np.arange(shots), count)
         position = course.at(shot, times.ravel())
-        image = lens.drawn(lens.to_camera(position + lift))
+        image = lens.to_pixels(lens.to_camera(position + lift))
         inside = (image >= -0.5).all(axis=1)
         inside &= (image < [spec.sensor.columns - 0.5, spec.sensor.rows - 0.5]).all(axis=1)
         recorded = (inside.reshape(shots, count) | whole) & ~missing
@@ -99,7 +99,8 @@ class Camera(CalibratedInstrument[CameraSpec]):
         touch = np.clip([course.contact[row], course.leaving[row]], ends[0], ends[1])
         points = np.stack([ends[0], touch[0], touch[1], ends[1]], axis=1)
         path = np.stack(
-            [lens.drawn(lens.to_camera(course.at(row, when) + lift)) for when in points.T], axis=1
+            [lens.to_pixels(lens.to_camera(course.at(row, when) + lift)) for when in points.T],
+            axis=1,
         )
         jitter = spec.clock.jitter * draws.normal(f"{name}.jitter", count, slots)
         axes, spin = course.axes(row, time)

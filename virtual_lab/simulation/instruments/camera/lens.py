@@ -76,7 +76,7 @@ class TrueLens:
         """Return points of the rig [m], (…, 3), in axes of the camera."""
         return np.asarray((np.asarray(points, dtype=np.float64) - self.place) @ self.rotation.T)
 
-    def drawn(self, points: ArrayLike) -> Array:
+    def to_pixels(self, points: ArrayLike) -> Array:
         """Return the pixels (…, 2) of points (…, 3) in axes of the camera."""
         return project_points(points, self.focal, self.centre, self.distortion)
 
@@ -95,8 +95,8 @@ class TrueLens:
         around = np.arange(16) * np.pi / 8  # directions in which the outline is traced
         u, v = np.cos(around), np.sin(around)
         rim = u[:, None] * view[:, None, :, 0] + v[:, None] * view[:, None, :, 1]
-        centre = self.drawn(direction)
-        traced = self.drawn(direction[:, None] + opening[:, None, None] * rim) - centre[:, None]
+        centre = self.to_pixels(direction)
+        traced = self.to_pixels(direction[:, None] + opening[:, None, None] * rim) - centre[:, None]
         terms = np.linalg.pinv(np.stack([u, v, u * u, u * v, v * v], axis=1))
         warp = np.einsum("kp,npc->nck", terms, traced)
         return Outlines(centre=centre, warp=warp, view=view)

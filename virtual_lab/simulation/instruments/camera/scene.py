@@ -38,7 +38,7 @@ class FilmedBat:
         def edge(side: float) -> Array:
             x = self.pivot[0] + self.stations * sine + side * self.half_widths * cosine
             y = self.pivot[1] + self.stations * cosine - side * self.half_widths * sine
-            return lens.drawn(lens.to_camera(np.stack([x, y, np.zeros_like(x)], axis=-1)))
+            return lens.to_pixels(lens.to_camera(np.stack([x, y, np.zeros_like(x)], axis=-1)))
 
         return edge(-1.0), edge(1.0)
 

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, drawn
+from virtual_lab.simulation.instruments.calibrated import CalibratedInstrument, draw_constants
 from virtual_lab.simulation.instruments.camera.spec import SensorSpec
 from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -33,7 +33,7 @@ class Sensor(CalibratedInstrument[SensorSpec]):
         shape = (spec.rows, spec.columns)
         response = 1 + spec.photo_response * draws.normal(f"{name}.response", shape)
         offset = spec.dark_signal * draws.normal(f"{name}.offset", shape)
-        certificate = drawn(spec.certificate(), draws, name)
+        certificate = draw_constants(spec.certificate(), draws, name)
         return cls(spec, *certificate, response.astype(np.float32), offset.astype(np.float32))
 
     @property
