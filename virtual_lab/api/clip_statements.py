@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import wraps
 from math import hypot
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from virtual_lab.parameters import ParameterRule, between, read_word
 from virtual_lab.sheets import AnyEntry, Sheet, entry_name, entry_rule
 
-Value = TypeVar("Value")
 LARGEST_BALL, LARGEST_SCALE = 1.0, 1000.0  # largest allowed diameter and distance [m]
 CLICK_U = 1.0  # u of a point that a person gives [pixels]
 # relative u of a diameter that is stated without u; the rules allow a baseball to vary by 1.4 %,
@@ -23,23 +21,14 @@ CLICK_U = 1.0  # u of a point that a person gives [pixels]
 UNSTATED_U = 0.01
 
 
-def _optional(read: Callable[[str], Value]) -> Callable[[str | None], Value | None]:
-    """Return a reader that returns None for None."""
-
-    @wraps(read)
-    def read_or_none(text: str | None) -> Value | None:
-        return None if text is None else read(text)
-
-    return read_or_none
-
-
-@_optional
-def read_seconds(text: str) -> float:
+def read_seconds(text: str | None) -> float | None:
     """Return a time in seconds from a string such as ``8ms`` or ``1/120``.
 
     A fraction such as ``1/120`` needs no unit. None gives None. Raises `ValueError` for a string of
     another form, for any other number without a unit, for a time outside 0 to 1 s, and for ``1/0``.
     """
+    if text is None:
+        return None
     from virtual_lab.units import to_si
 
     form = r"\s*([\d.e-]+)\s*(?:/\s*([\d.]+)\s*)?([mu]?s)?\s*"
@@ -50,13 +39,14 @@ def read_seconds(text: str) -> float:
     return _within(to_si(float(match[1]) / divisor, match[3] or "s", "time"), 0, 1)
 
 
-@_optional
-def read_mass(text: str) -> float:
+def read_mass(text: str | None) -> float | None:
     """Return a mass in kilograms from a string such as ``145g``.
 
     None gives None. Raises `ValueError` for a string of another form, for an unknown unit, and for
     a mass outside 0.1 g to 10 kg.
     """
+    if text is None:
+        return None
     from virtual_lab.units import DIMENSIONS, to_si
 
     match = re.fullmatch(r"\s*([\d.e-]+)\s*([a-z]+)\s*", text)
@@ -65,36 +55,39 @@ def read_mass(text: str) -> float:
     return _within(to_si(float(match[1]), match[2], "mass"), 1e-4, 10)
 
 
-@_optional
-def read_frames(text: str) -> tuple[int, int]:
+def read_frames(text: str | None) -> tuple[int, int] | None:
     """Return the numbers of the first and last frame from a string such as ``17:52``.
 
     Frames are counted from 0. None gives None. Raises `ValueError` for a string of another form,
     for a negative number, and if the first is not before the last.
     """
+    if text is None:
+        return None
     first, last = map(int, text.split(":"))
     return int(_within(first, 0, last - 1)), last
 
 
-@_optional
-def read_region(text: str) -> tuple[float, float, float, float]:
+def read_region(text: str | None) -> tuple[float, float, float, float] | None:
     """Return x, y, width and height [px] of a part of the picture from ``10,20,300,200``.
 
     x and y are the position of the part's upper left corner, counted from the upper left corner of
     the picture. None gives None. Raises `ValueError` for a string of another form, for a width or
     height below 1 px, and for any number beyond ±1e6 px.
     """
+    if text is None:
+        return None
     x, y, wide, high = _numbers(text, 4)
     return x, y, _within(wide, 1, 1e6), _within(high, 1, 1e6)
 
 
-@_optional
-def read_position(text: str) -> tuple[float, float, int]:
+def read_position(text: str | None) -> tuple[float, float, int] | None:
     """Return x and y of a ball [px], and its frame number, from a string such as ``210,85@17``.
 
     x and y are counted from the upper left corner of the picture. None gives None. Raises
     `ValueError` for a string of another form, and for x or y beyond ±1e6 px.
     """
+    if text is None:
+        return None
     position, frame = text.split("@")
     x, y = _numbers(position, 2)
     return x, y, int(frame)
