@@ -20,6 +20,7 @@ from virtual_lab.bench.day.doubts import fault_sheets
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import preparation
+from virtual_lab.bench.entrance.review import replay
 from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import (
@@ -267,6 +268,11 @@ def test_commands_list_a_class_replay_a_day_and_try_a_scenario(
     entries = run("--replay", str(tmp_path / "=cmd" / LOG))
     assert [row["action"] for row in entries][:2] == ["Tare the scale", "Weigh the bat"]
     assert {row["same"] for row in entries} == {True}
+    text = replay(tmp_path / "=cmd").text
+    assert max(map(len, text.splitlines())) <= 100
+    words = " ".join(text.split())
+    for row in entries:
+        assert all(row[key] in words for key in ("action", "entered", "shown"))
     with pytest.raises(InputError, match="not handed in"):
         run("--replay", str(tmp_path / "plain-day"))
     for other in ("copy.sqlite", "nowhere"):  # never the day that lies beside it

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from textwrap import fill
 from typing import Any
 
 from virtual_lab.bench.day.actions import Action
@@ -82,6 +83,30 @@ class PlayedEntry:
     entered: str = column("entered")
     shown: str = column("shown")
     same: bool = column("same", form=lambda row: "yes" if row.same else "NO")
+
+    @property
+    def text(self) -> str:
+        """One line for the entry, and indented lines for what was entered and shown."""
+        differs = "" if self.same else "  DIFFERS FROM THE LOG"
+        lines = [f"{self.entry:5d}  {self.time_min:5.1f} min  {self.action}{differs}"]
+        for name, words in (("entered", self.entered), ("shown", self.shown)):
+            if words:
+                indent = " " * 18
+                lines.append(
+                    fill(f"{name}: {words}", 100, initial_indent=indent, subsequent_indent=indent)
+                )
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Replay(Rows[PlayedEntry]):
+    """The entries of a replayed day."""
+
+    @property
+    def text(self) -> str:
+        """The title, one block of lines per entry, and the words on the comparison."""
+        entries = "\n".join(row.text for row in self.rows)
+        return "\n\n".join((self.title, entries, self.words))
 
 
 def summary(folder: str | Path) -> Rows[ClassDay]:
@@ -230,7 +255,7 @@ def _advice(scenario: Scenario, rows: list[TriedDay]) -> list[str]:
     return words
 
 
-def replay(path: str | Path) -> Rows[PlayedEntry]:
+def replay(path: str | Path) -> Replay:
     """Repeat a day from its log; return one row per entry.
 
     A row states whether the repeated entry equals the entry in the log.
@@ -268,7 +293,7 @@ def replay(path: str | Path) -> Rows[PlayedEntry]:
     words = (
         f"entries that differ from the log: {', '.join(differ)}" if differ else "all entries agree"
     )
-    return Rows(name="replay", title=day.scenario.title, rows=rows, words=words)
+    return Replay(name="replay", title=day.scenario.title, rows=rows, words=words)
 
 
 def played_folder(path: str | Path) -> Path:
