@@ -47,6 +47,7 @@ DEFINED: dict[str, dict[str, Fraction]] = {
     "density": {"kg/m^3": Fraction(1)},
     "modulus": {"Pa": Fraction(1), "MPa": Fraction(10**6), "GPa": Fraction(10**9)},
     "temperature": {"K": Fraction(1), "mK": Fraction(1, 1000)},
+    "temperature difference": {"K": Fraction(1), "mK": Fraction(1, 1000)},
     "pressure": {"Pa": Fraction(1), "hPa": Fraction(100), "kPa": Fraction(1000)},
     "acceleration": {"m/s^2": Fraction(1), "in/s^2": INCH},
     "stiffness": {"N/m^a": Fraction(1)},
@@ -55,7 +56,12 @@ DEFINED: dict[str, dict[str, Fraction]] = {
     "quadratic torque": {"N m s^2": Fraction(1)},
     "number": {"1": Fraction(1), "%": Fraction(1, 100), "ppm": Fraction(1, 10**6)},
 }
-EVERY = [(dimension, unit) for dimension, known in units.DIMENSIONS.items() for unit in known]
+EVERY = [
+    (dimension, unit)
+    for dimension, known in units.DIMENSIONS.items()
+    for unit in known
+    if unit not in units.CELSIUS
+]
 ROUNDING = 4e-16  # relative size of two roundings of a double
 
 
@@ -98,3 +104,12 @@ def test_a_unit_of_another_dimension_is_refused(unit: str, dimension: str) -> No
         units.to_si(1.0, unit, dimension)
     with pytest.raises(KeyError):
         units.from_si(1.0, unit, dimension)
+
+
+@pytest.mark.parametrize("unit", units.CELSIUS)
+def test_water_freezes_at_0_degrees_celsius(unit: str) -> None:
+    """0 °C are 273.15 K exactly; a difference of temperature has no zero."""
+    assert units.to_si(0.0, unit, "temperature") == 273.15
+    assert units.from_si(294.15, unit, "temperature") == units.convert(294.15, "K", unit) == 21.0
+    with pytest.raises(KeyError):
+        units.to_si(1.0, unit, "temperature difference")

@@ -9,13 +9,14 @@ module, so it also has the types of arrays and the options of compiled functions
 from __future__ import annotations
 
 from math import pi
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]  # in SI; docstrings give shapes
 Mask = NDArray[np.bool_]
+Value = TypeVar("Value", float, Array)
 
 # options of kernels called from Python: no wrapper for C, which takes time to compile
 KERNEL: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
@@ -31,6 +32,8 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 OZ_IN2 = OUNCE * INCH**2  # kg m^2
 DEGREE = pi / 180  # rad
 MILLISECOND = 1e-3  # s
+ZERO_CELSIUS = 273.15  # K
+CELSIUS = ("degC", "°C")  # units whose zero is not that of the SI unit
 
 DIMENSIONS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": INCH, "um": 1e-6},
@@ -47,7 +50,8 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "angular acceleration": {"rad/s^2": 1.0},
     "rate": {"1/s": 1.0},
     "density": {"kg/m^3": 1.0},
-    "temperature": {"K": 1.0, "mK": 1e-3},  # also for differences of temperature
+    "temperature": {"K": 1.0, "mK": 1e-3, "degC": 1.0, "°C": 1.0},  # 0 °C is `ZERO_CELSIUS`
+    "temperature difference": {"K": 1.0, "mK": 1e-3},
     "pressure": {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3},
     "modulus": {"Pa": 1.0, "MPa": 1e6, "GPa": 1e9},
     "acceleration": {"m/s^2": 1.0, "in/s^2": INCH},
@@ -59,22 +63,24 @@ DIMENSIONS: dict[str, dict[str, float]] = {
 }
 
 
-def to_si(value: float, unit: str, dimension: str) -> float:
+def to_si(value: Value, unit: str, dimension: str) -> Value:
     """Return `value` converted from `unit` to the SI unit of `dimension`.
 
     `dimension` is a key of `DIMENSIONS`, such as "speed", and `unit` is one of its units, such as
-    "mph". Degrees Celsius are not among the units. Raises `KeyError` for another dimension or unit.
+    "mph". Raises `KeyError` for another dimension or unit.
     """
-    return value * DIMENSIONS[dimension][unit]
+    number = value * DIMENSIONS[dimension][unit]
+    return number + ZERO_CELSIUS if unit in CELSIUS else number
 
 
 def from_si(value: float, unit: str, dimension: str) -> float:
     """Return `value` converted from the SI unit of `dimension` to `unit`.
 
     `dimension` is a key of `DIMENSIONS`, such as "speed", and `unit` is one of its units, such as
-    "mph". Degrees Celsius are not among the units. Raises `KeyError` for another dimension or unit.
+    "mph". Raises `KeyError` for another dimension or unit.
     """
-    return value / DIMENSIONS[dimension][unit]
+    number = value - ZERO_CELSIUS if unit in CELSIUS else value
+    return number / DIMENSIONS[dimension][unit]
 
 
 def suffix(unit: str) -> str:
@@ -99,9 +105,9 @@ def convert(value: float, unit: str, target: str) -> float:
     """
     if unit == target:
         return value
-    for sizes in DIMENSIONS.values():
-        if unit in sizes and target in sizes:
-            return value * sizes[unit] / sizes[target]
+    for dimension, units in DIMENSIONS.items():
+        if unit in units and target in units:
+            return from_si(to_si(value, unit, dimension), target, dimension)
     raise ValueError(f"{unit} and {target} are units of different dimensions")
 
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rigs.bench import BenchSpec
 from tests.test_units import DEFINED
 from virtual_lab import catalog
 from virtual_lab.bench.day.scenario import load_scenario
@@ -529,3 +530,18 @@ def test_a_bat_based_on_itself_is_refused(tmp_path: Path) -> None:
 def test_an_unknown_kind_is_named() -> None:
     with pytest.raises(InputError, match=r"^kind = 'bat'; did you mean bats"):
         catalog.find("bat", "r161")
+
+
+def test_a_hall_in_degrees_celsius_and_percent() -> None:
+    """The mean may be in °C; its spread is a difference, which is in K."""
+    bench = (DATA / "rigs" / "bench.toml").read_text(encoding="utf-8")
+    kelvin = bench.replace('value = 294.15, unit = "K"', 'value = 21, unit = "degC"')
+    assert kelvin.count("degC") == 2
+    hall = catalog.read(kelvin, "mine.toml", BenchSpec).spec.hall
+    assert (hall.temperature, hall.humidity) == (294.15, 0.45)
+    spread = bench.replace('value = 1.5, unit = "K"', 'value = 1.5, unit = "degC"')
+    with pytest.raises(
+        InputError, match=r"mine\.toml: hall\.temperature_spread = '1\.5 degC'"
+    ) as no:
+        catalog.read(spread, "mine.toml", BenchSpec)
+    assert str(no.value).endswith("not a unit of temperature difference, allowed: K, mK")

@@ -31,8 +31,7 @@ from virtual_lab.output.metrics import METRICS, QUANTITIES
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.records.particulars import InstrumentIdentity
-from virtual_lab.relations.air import ZERO_CELSIUS
-from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2
+from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2, ZERO_CELSIUS
 
 NONE = "–"
 SYMBOLS = {

@@ -86,10 +86,15 @@ CONSTANTS = {  # key: "instrument.constant"
         10,
     ),
     "climate.temperature": Constant(
-        "temperature", "reading minus true temperature", "thermometer", "K", -20, 20
+        "temperature difference", "reading minus true temperature", "thermometer", "K", -20, 20
     ),
     "climate.temperature_resolution": Constant(
-        "temperature", "smallest step of the thermometer", "thermometer, smallest step", "K", 0, 20
+        "temperature difference",
+        "smallest step of the thermometer",
+        "thermometer, smallest step",
+        "K",
+        0,
+        20,
     ),
     "climate.humidity": Constant(
         "number", "reading minus true relative humidity", "hygrometer", "", -0.5, 0.5

@@ -84,7 +84,10 @@ class ClimateReadings(Record):
             "temperature_K", ("reading",), "air temperature shown by the thermometer"
         ),
         "humidity": RecordColumn(
-            "humidity", ("reading",), "relative humidity shown by the hygrometer, 0 to 1"
+            "humidity",
+            ("reading",),
+            "relative humidity shown by the hygrometer, 0 to 1",
+            is_share=True,
         ),
         "pressure": RecordColumn(
             "pressure_Pa", ("reading",), "air pressure shown by the barometer"

@@ -51,6 +51,7 @@ class RecordColumn:
     meaning: str
     may_be_missing: bool = False
     is_index: bool = False  # whether it holds the index of an item, from 0 like index columns
+    is_share: bool = False  # whether it is a share, 0 to 1, that a form may also state in percent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from virtual_lab.units import Array
+from virtual_lab.units import ZERO_CELSIUS, Array
 
 FORMULA_U = 22e-6  # relative u of the formula, without the u of the readings
 MASS_OVER_R = 3.483740e-3  # ratio of the molar mass of dry air to the gas constant [kg K/J]
 WATER_LIGHTER = 0.3780  # 1 minus the ratio of the molar masses of water and dry air
-ZERO_CELSIUS = 273.15  # [K]
 
 
 def air_density(

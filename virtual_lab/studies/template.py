@@ -147,7 +147,7 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
     rest = "; the file contains only the first row" if _is_long(record) else ""
     yield f"# Index ranges of the simulated test: {numbers}{rest}."
     for column in record.columns.values():
-        alternatives = [name for name in column_names(column.name) if name != column.name]
+        alternatives = [name for name in column_names(column) if name != column.name]
         once = f" once for each {', '.join(column.axes)}" if set(column.axes) < set(sizes) else ""
         units = f" (or {', '.join(alternatives)})" if alternatives else ""
         yield f"# {column.name}{units}{once}: {column.meaning}"

@@ -18,6 +18,7 @@ from tests.records.test_records import ANY, FLIGHTS, bits, records
 from virtual_lab.errors import InputError
 from virtual_lab.records import RECORD_TYPES, GateRecord, MassReadings, PendulumRecord, Record
 from virtual_lab.records.foreign.table import ChannelForm, column_names, read_channel
+from virtual_lab.units import to_si
 
 # whole numbers stay apart in whatever unit; what a unit makes of them is tested to 1e-14
 WHOLE = st.integers(-(10**9), 10**9).map(float)
@@ -39,7 +40,7 @@ COLUMNS = {  # every column of every record, and what its unit may be, written b
     "counts_per_s_before": {"counts_per_s_before": 1},
     "counts_at_contact": {"counts_at_contact": 1},
     "temperature_K": {"temperature_K": 1, "temperature_mK": 1e-3},
-    "humidity": {"humidity": 1},
+    "humidity": {"humidity": 1, "humidity_percent": 0.01},
     "pressure_Pa": {"pressure_Pa": 1, "pressure_hPa": 100, "pressure_kPa": 1000},
     **{
         f"{name}_m": {f"{name}_{unit}": factor for unit, factor in LENGTHS.items()}
@@ -73,14 +74,31 @@ def is_blank(record: Record) -> bool:
     return all(np.isnan(getattr(record, field)).all() for field in record.columns)
 
 
-def columns() -> list[str]:
-    return sorted({c.name for kind in RECORD_TYPES.values() for c in kind.columns.values()})
+EVERY = {c.name: c for kind in RECORD_TYPES.values() for c in kind.columns.values()}
 
 
-@pytest.mark.parametrize("column", columns())
+@pytest.mark.parametrize("column", EVERY)
 def test_a_column_takes_every_unit_of_its_dimension(column: str) -> None:
     """Against the table written by hand above: the dimension of the unit, and a rate is no time."""
-    assert column_names(column) == pytest.approx(COLUMNS[column], rel=1e-15)
+    names = column_names(EVERY[column])
+    factors = {name: to_si(1.0, *unit) for name, unit in names.items()}
+    for name in ("temperature_degC", "temperature_°C"):
+        assert factors.pop(name, 274.15) == 274.15
+    assert factors == pytest.approx(COLUMNS[column], rel=1e-15)
+
+
+def test_a_climate_in_degrees_celsius_and_percent_is_read_in_si() -> None:
+    table = pd.DataFrame(
+        {"reading": [0, 1], "°C": [21.0, 21.5], "rh": [45, 47.5], "pressure_hPa": [1000, 1001]}
+    )
+    form = ChannelForm(
+        record="climate",
+        file="theirs.csv",
+        columns={"temperature_degC": "°C", "humidity_percent": "rh"},
+    )
+    record = read(table, form, 0)
+    np.testing.assert_allclose(record.temperature, [294.15, 294.65], rtol=1e-15)
+    np.testing.assert_allclose(record.humidity, [0.45, 0.475], rtol=1e-15)
 
 
 @given(

@@ -72,5 +72,5 @@ def _units(key: str) -> dict[str, str]:
         unit: dimension
         for dimension, units in DIMENSIONS.items()
         for unit in units
-        if only is None or only.dimension == dimension
+        if (dimension == only.dimension if only else dimension != "temperature")
     }

@@ -13,8 +13,8 @@ from virtual_lab.catalog.specs import Spec, Whole
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import inside, read_table
 from virtual_lab.records import Record, record_types
-from virtual_lab.records.record import require_numbers
-from virtual_lab.units import DIMENSIONS, suffix
+from virtual_lab.records.record import RecordColumn, require_numbers
+from virtual_lab.units import DIMENSIONS, from_si, suffix, to_si
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,33 +47,35 @@ class ChannelForm(Spec):
 
 @dataclass(frozen=True, slots=True)
 class _Meaning:
-    """Meaning of a header: our column, and the factor from its unit to SI."""
+    """Meaning of a header: our column, and the unit of its values with its dimension."""
 
     column: str
-    factor: float
+    unit: str
+    dimension: str
 
 
-def column_names(column: str) -> dict[str, float]:
-    """Return the allowed names of a column, one per unit, with the factor from each unit to SI.
+def column_names(column: RecordColumn) -> dict[str, tuple[str, str]]:
+    """Return the allowed names of a column, each with the unit of its values and its dimension.
 
-    For ``mass_kg`` the result is ``{"mass_kg": 1.0, "mass_oz": 0.02835, …}``. If `column` does not
-    end in an SI unit, such as a count or an index, the result holds only `column` with the factor
-    1.
+    For ``mass_kg`` the result is ``{"mass_kg": ("kg", "mass"), "mass_oz": ("oz", "mass"), …}``. If
+    the column does not end in an SI unit, such as a count or an index, it is a number. A share is
+    also allowed in percent, such as ``humidity_percent``.
     """
     fitting = [
         (dimension, ending)
         for dimension, units in DIMENSIONS.items()
         for unit, factor in units.items()
         if factor == 1
-        and column.endswith(ending := f"_{suffix(unit)}")
+        and column.name.endswith(ending := f"_{suffix(unit)}")
         # "_per_s" ends a rate, not a time
-        and not column.removesuffix(ending).endswith("_per")
+        and not column.name.removesuffix(ending).endswith("_per")
     ]
     if not fitting:
-        return {column: 1.0}
+        percent = {f"{column.name}_percent": ("%", "number")} if column.is_share else {}
+        return {column.name: ("1", "number"), **percent}
     dimension, ending = max(fitting, key=lambda each: len(each[1]))
-    stem = column.removesuffix(ending)
-    return {f"{stem}_{suffix(unit)}": factor for unit, factor in DIMENSIONS[dimension].items()}
+    stem = column.name.removesuffix(ending)
+    return {f"{stem}_{suffix(unit)}": (unit, dimension) for unit in DIMENSIONS[dimension]}
 
 
 def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where: str) -> Record:
@@ -119,25 +121,30 @@ def read_channel(form: ChannelForm, folder: Path, index_from: FirstIndex, where:
         if column.axes != tuple(kind.axes()):
             once = record.groupby(list(column.axes))[column.name].transform("first")
             record = record.assign(**{column.name: record[column.name].fillna(once)})
-    factors = {column: meanings[name].factor for column, name in names.items()}
-    record = record.assign(**{key: record[key] * by for key, by in factors.items() if by != 1})
+    units = {key: (meanings[name].unit, meanings[name].dimension) for key, name in names.items()}
+    values_si = {
+        key: to_si(record[key].to_numpy(float), *unit)
+        for key, unit in units.items()
+        if unit[0] != "1"
+    }
+    record = record.assign(**values_si)
     try:
         return kind.from_table(record, str(path), first)
     except InputError as fault:
         name = names.get(fault.key, fault.key)
         value = fault.value
         if isinstance(value, float):
-            value = value / factors.get(fault.key, 1.0)
+            value = from_si(value, *units.get(fault.key, ("1", "number")))
         raise InputError(fault.where, headers.get(name, name), value, fault.allowed) from fault
 
 
 def _meanings(kind: type[Record]) -> dict[str, _Meaning]:
     """Return the allowed names of all columns of a record's file, in our order."""
-    indices = {axis: _Meaning(axis, 1.0) for axis in kind.axes()}
+    indices = {axis: _Meaning(axis, "1", "number") for axis in kind.axes()}
     return indices | {
-        name: _Meaning(column.name, factor)
+        name: _Meaning(column.name, *unit)
         for column in kind.columns.values()
-        for name, factor in column_names(column.name).items()
+        for name, unit in column_names(column).items()
     }
 
 
@@ -239,7 +246,7 @@ def _names(table: pd.DataFrame) -> str:
 
 
 def _allowed_columns(kind: type[Record]) -> str:
-    columns = (" or ".join(column_names(column.name)) for column in kind.columns.values())
+    columns = (" or ".join(column_names(column)) for column in kind.columns.values())
     return "; ".join([*kind.axes(), *columns])
 
 

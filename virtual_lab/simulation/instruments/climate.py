@@ -23,7 +23,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 
 POSSIBLE = 0.05, 0.95  # range of the relative humidity
 SHOWN = ("temperature", "humidity", "pressure")
-Kelvin = Annotated[float, Ge(0), Dimension("temperature")]
+Kelvin = Annotated[float, Ge(0), Dimension("temperature difference")]
 Share = Annotated[float, Ge(0), Le(1), Dimension("number")]
 Pascal = Annotated[float, Ge(0), Dimension("pressure")]
 
@@ -54,7 +54,7 @@ class ClimateLoggerSpec(CalibratedSpec):
 
     kind: str
     title: str
-    temperature: Annotated[float, Dimension("temperature")]
+    temperature: Annotated[float, Dimension("temperature difference")]
     temperature_u: Kelvin
     temperature_resolution: Kelvin
     humidity: Annotated[float, Dimension("number")]
