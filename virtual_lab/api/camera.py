@@ -196,13 +196,14 @@ def track(
 
         A `Sheet` of a ball is also allowed. A number without a unit is rejected.
     mass
-        Mass of the ball in g, kg or oz, for example ``145g``. It is used to compute the drag.
+        Mass of the ball in g, kg or oz, for example ``145g``. It is used to compute the drag, and
+        replaces the mass of the type of ball.
     fps
         Frames per second of real time, including repeated frames. By default the frame rate in the
         file. If this rate contradicts g, the rate is computed from the fall of the ball.
     exposure
-        Exposure time of a frame, for example ``1/120`` or ``8ms``. With a calibration file, it must
-        be stated here or in this file.
+        Exposure time of a frame, for example ``1/120`` or ``8ms``. With a calibration file, the
+        exposure time must be stated here or in the calibration file.
     gravity
         Local gravity [m/s²]. By default 9.81 ± 0.025.
     frames
@@ -249,7 +250,8 @@ def track(
     Raises
     ------
     InputError
-        The clip cannot be read, an option is unknown, or a value has another form.
+        The clip cannot be read, an option is unknown, or a value does not have the form that is
+        described above.
     """
     import numpy as np
 

@@ -648,7 +648,8 @@ def sweep(
 
         A sheet, or a list of several, is also allowed.
     laboratories
-        Number of laboratories. The seed and a number, from 0, identify each laboratory.
+        Number of laboratories. They are numbered from 0. The seed and this number identify a
+        laboratory.
     seed
         Seed of the study.
     individual

@@ -34,7 +34,7 @@ def chart(
     Raises
     ------
     InputError
-        The part is unknown, or no rig of the study uses a changed instrument.
+        The part is unknown, or an entry of `instruments` is not used for this part.
     """
     result: SpeedChart = _study(part, "chart")(progress)
     return result
@@ -63,7 +63,7 @@ def stability(
     Raises
     ------
     InputError
-        The part is unknown, or no rig of the study uses a changed instrument.
+        The part is unknown, or an entry of `instruments` is not used for this part.
     """
     result: StabilityMap = _study(part, "stability")(progress)
     return result

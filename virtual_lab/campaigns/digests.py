@@ -53,10 +53,10 @@ def checked_file(path: Path) -> bytes:
 
 
 def checked_footer(path: Path) -> bytes:
-    """Return the footer of a Parquet file after a check of its digest.
+    """Check the digest of a Parquet file's footer; return a file with this footer but no data.
 
-    The result has the Parquet mark at both ends, but no data. Raises `InputError` if the file
-    cannot be read, and `ChangedPartError` if the footer was changed.
+    The file is returned as bytes, with the Parquet mark at the beginning and at the end. Raises
+    `InputError` if the file cannot be read, and `ChangedPartError` if the footer was changed.
     """
     end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
     if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:

@@ -36,7 +36,7 @@ def _list_counts(kind: str) -> Callable[[Mapping[str, Any]], str]:
 def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
     """Return the columns of a summary table and their printed form, keyed by column name.
 
-    `changed` lists the names of the columns with settings that the study changes.
+    `changed` lists the column names of the settings that the study changes.
     """
     keys = ["bat", "procedure", *changed, "tests", "missing"]
     return {
@@ -76,7 +76,8 @@ def summary_of(
     unit
         SI unit of the metric; "" for a pure number.
     parts
-        Parts of the case, with the content of their files, sorted by laboratories and day.
+        Parts of the case, with the content of their files. A part holds the tests of one block of
+        laboratories on one day. The parts are sorted by block, then by day.
     """
     verdicts, flags = Counter[str](), Counter[str]()
     missing, about, sums = 0, np.nan, np.zeros(9)

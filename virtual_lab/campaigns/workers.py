@@ -55,13 +55,13 @@ def make_part(folder: str, number: int) -> Fault:
 
 
 def make_parts(folder: Path, numbers: Iterable[int], workers_or_address: int | str) -> Outcomes:
-    """Make the parts of several blocks; yield the number and the fault of each block.
+    """Make the part of each block of laboratories; yield number and fault of each block.
 
-    A pair is yielded as soon as its part is finished, so the order is arbitrary. The fault is "" if
-    there is none. Otherwise it is a sentence, or an `InputError` that should end the run.
-    `workers_or_address` is a number of processes, or the address of a Dask scheduler. Raises
-    `InputError` if the extra ``dask`` is not installed, and if the scheduler does not answer or has
-    no worker.
+    A part is a file with the tests of one block. Number and fault are yielded as soon as the part
+    is finished, so the order is arbitrary. The fault is "" if there is none. Otherwise it is a
+    sentence, or an `InputError` that should end the run. `workers_or_address` is a number of
+    processes, or the address of a Dask scheduler. Raises `InputError` if the extra ``dask`` is not
+    installed, and if the scheduler does not answer or has no worker.
     """
     if isinstance(workers_or_address, str):
         return _by_dask(folder, numbers, workers_or_address)

@@ -45,10 +45,9 @@ def require_paper(paper: str) -> None:
 
 
 def require_pdf(paper: str) -> None:
-    """Raise `InputError` if no PDF can be made.
+    """Raise `InputError` for an unknown paper size, or if the extra ``pdf`` is not installed.
 
-    The reason is a paper size other than ``a4`` and ``letter``, or that the extra ``pdf`` is not
-    installed.
+    The paper sizes are ``a4`` and ``letter``.
     """
     require_paper(paper)
     _typst()

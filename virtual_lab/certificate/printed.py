@@ -278,8 +278,8 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     * `decides`: there is a result, and the bat meets every rule other than the limit.
     * `uncertain`: u is not printed as 0.
 
-    A document without a result, such as an INVALID test, has no `uncertain` and no keys for value
-    and uncertainty.
+    If the document states no result, for example for an INVALID test, the returned dictionary has
+    no `uncertain` and no keys for value and uncertainty.
     """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]

@@ -38,7 +38,8 @@ def day(
     """Carry out a test day action by action, and learn the cost of each decision.
 
     You do this on a page in the browser (needs the extra 'bench'). A simulated operator or a script
-    can do it for you. In this case --out saves the log, the sealed truth and the debrief.
+    can do it for you. The option --out of the command then saves the log, the sealed truth and the
+    debrief.
 
     Parameters
     ----------

@@ -47,8 +47,9 @@ def camera_chart(
     * ``bias_over_limit``: largest absolute error along an axis in pictures without noise, over all
       positions of the ball within a pixel, divided by the limit.
     * ``ms_a_frame``: processor time per frame [ms].
-    * ``lost``, ``flagged``, ``wrong_unsaid``: shares of pictures, 0 to 1. They are pictures without
-      a position, with a position and a flag, and with an error above 5 u but without a flag.
+    * ``lost``: share of pictures without a position, 0 to 1.
+    * ``flagged``: share of pictures with a position and a flag, 0 to 1.
+    * ``wrong_unsaid``: share of pictures with an error above 5 u but without a flag, 0 to 1.
 
     Error and bias are None if no ball was located. The bias is also None for a stitched ball,
     because its pattern differs in each picture.

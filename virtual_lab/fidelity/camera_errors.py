@@ -30,9 +30,11 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
     """Return the score of the located positions in a batch of pictures.
 
     * `rms`: rms error along an axis [px].
-    * `bias`: largest absolute mean error along an axis, over all positions of the ball within a
-      pixel, divided by the limit of the batch. It has no unit.
-    * `lost`, `flagged`, `unsaid`: shares of all pictures, 0 to 1.
+    * `bias`: largest absolute bias along an axis, divided by the limit of the batch (no unit). A
+      bias is the mean error of the pictures with the same x relative to the grid of pixels.
+    * `lost`: share of pictures without a position, 0 to 1.
+    * `flagged`: share of pictures with a position and a flag, 0 to 1.
+    * `unsaid`: share of pictures with an error above 5 u but without a flag, 0 to 1.
 
     If no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
     """

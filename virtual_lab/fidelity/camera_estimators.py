@@ -67,8 +67,8 @@ def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     """Return an estimator for several pictures that calls `place` for each picture.
 
     `place` returns a position [px from the corner of the region] or None. The result is NaN with a
-    flag if `place` returns None, or if the position is at least one ball radius away from the
-    initial position.
+    flag if `place` returns None, or if the position is at least one ball radius away from the start
+    position in the estimator's input.
     """
 
     def estimator(inputs: EstimatorInput) -> Located:

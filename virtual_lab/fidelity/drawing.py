@@ -115,14 +115,15 @@ def draw_maps(
     Parameters
     ----------
     rows
-        Cells. Each has the keys `value` (column of the map) and `state`.
+        Cells of all maps, one dictionary per cell. Each has the keys `value` (column of the map)
+        and `state`.
     title
         Title of the figure.
     states
         Enumeration of the states.
     map_of
-        Function of a cell that returns the name of its map. By default it is the value of the key
-        `map`, after the value of the key `method` if there is one.
+        Function of a cell that returns the name of its map. By default the name is the value of the
+        key `map`. If the cell has the key `method`, the name is ``METHOD: MAP``.
     line_of
         Function of a cell that returns the label of its row in the map. By default it is the value
         of the key `step`.

@@ -92,7 +92,7 @@ def motion_chart(
     steps
         Time steps of the simulated hits [s].
     losses
-        Time steps for the energy loss of a bat that rotates without a hit [s].
+        Time steps at which a bat rotates without a hit, to measure its energy loss [s].
     batch
         Number of shots for the timing of the closed form.
     """

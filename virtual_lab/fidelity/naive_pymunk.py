@@ -143,7 +143,7 @@ def naive_errors(
     Parameters
     ----------
     scene
-        Shots at the bat of `rod`.
+        Shots at the bat that `rod` returns.
     step
         Time step [s].
     iterations

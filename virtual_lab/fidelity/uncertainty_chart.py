@@ -50,10 +50,10 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_uncertainty(rows: list[Row], title: str) -> PageFigure:
-    """Return a figure of the errors of uncertainty, divided by u, against the time [ms].
+    """Return a figure of the errors of u and interval, divided by u, against the run time [ms].
 
-    `rows` are the rows of `uncertainty_chart`. The three panels show the errors of u, of the lower
-    end and of the upper end of the interval.
+    `rows` are the rows of `uncertainty_chart`. The run time is for one processor core. The three
+    panels show the errors of u, of the lower end and of the upper end of the interval.
     """
     from virtual_lab.output.page_figure import PageFigure
 

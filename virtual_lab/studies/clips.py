@@ -108,7 +108,8 @@ def clip_coverage(
     seed
         Seed of the first laboratory; the others follow.
     summed
-        The camera writes positions with the least possible scatter instead of pictures.
+        Let the camera write positions of the ball, with the least possible scatter, instead of
+        pictures.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -184,7 +184,8 @@ def coverage(
     laboratories
         Number of laboratories. Bat, balls and calibration errors differ between laboratories.
     seed
-        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
+        Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
+        laboratory.
     summed
         Let the instruments record summary values instead of every gate edge and encoder count, and
         let every laboratory test the nominal bat. This is much faster.
@@ -262,7 +263,7 @@ def _counting(tested: BlockTest, take: Callable[[BlockTest], Taken]) -> tuple[in
 
 
 def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: int) -> CoverageTable:
-    """Return the table of the study from the samples of all blocks of laboratories.
+    """Return the table of a coverage study from the samples of all its blocks of laboratories.
 
     The table has one row per quantity, the metric first. `seed` is the seed of the study.
     Laboratories with an INVALID test are only counted. Raises `ValueError` if no laboratory has a
@@ -358,10 +359,10 @@ class Sample:
 def sample(tested: BlockTest) -> Sample:
     """Return the results of a block of laboratories for the coverage study, in SI units.
 
-    The arrays have the shape (laboratory,). They are numbers of shots, impact position [m from the
-    tip], scatter, and for each quantity (keyed by name) its value, standard uncertainty, degrees of
-    freedom and true value. Laboratories with an INVALID test are included; the mask `sound` is
-    False for them.
+    The arrays have the shape (laboratory,). They are the numbers of shots, the impact position [m
+    from the tip], and the scatter of the impact positions and of the metric. For each quantity,
+    keyed by name, there are the value, the standard uncertainty, the degrees of freedom and the
+    true value. Laboratories with an INVALID test are included; the mask `sound` is False for them.
     """
     certified, reduced = tested.certified, tested.certified.reduced
     owner, metric = reduced.owner, reduced.shot_metric

@@ -258,7 +258,8 @@ def critique(
     laboratories
         Number of laboratories that test every bat by every procedure.
     seed
-        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
+        Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
+        laboratory.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

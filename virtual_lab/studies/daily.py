@@ -208,10 +208,11 @@ def daily(
     hits
         Number of hits each morning.
     drift
-        Daily loss of rebound speed at the wall, as a fraction of the rebound speed from a rigid
-        wall, such as 0.0005.
+        Loss of rebound speed at the wall per day, for example 0.0005. It is a fraction of the
+        rebound speed before the losses, when the wall is rigid.
     step
-        Sudden loss of rebound speed at the wall, as a fraction of the same rebound speed.
+        Sudden loss of rebound speed at the wall, as a fraction of the rebound speed before the
+        losses.
     faults
         Fault of the impact rig.
 

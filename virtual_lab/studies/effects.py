@@ -141,7 +141,8 @@ def effects(
     laboratories
         Number of laboratories, at least four per component.
     seed
-        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
+        Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
+        laboratory.
     summed
         Let the instruments record summary values instead of every gate edge and encoder count, and
         let every laboratory test the nominal bat. This is much faster.

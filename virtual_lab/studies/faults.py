@@ -181,7 +181,8 @@ def faults(
     laboratories
         Number of simulated laboratories, each with other balls and calibration errors.
     seed
-        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
+        Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
+        laboratory.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 
@@ -193,8 +194,9 @@ def faults(
 
     Returns
     -------
-    Rows
-        One row per procedure and fault. The first row of a procedure is a day without a fault.
+    FaultTable
+        Table with one row per procedure and fault. The first row of a procedure is a day without a
+        fault.
 
     Raises
     ------

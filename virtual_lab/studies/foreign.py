@@ -17,10 +17,10 @@ from virtual_lab.records.session import SESSION, Session, load_session
 
 
 def our_session(procedure: str) -> Session:
-    """Return the session of a simulated test by a procedure, the pattern for its empty forms.
+    """Return the session of a simulated test by a procedure.
 
-    To save time the test has no noise, and the bat is rigid. Raises `InputError` for an unknown
-    procedure.
+    The session is the pattern for the empty record forms that `template` writes. To save time the
+    test has no noise, and the bat is rigid. Raises `InputError` for an unknown procedure.
     """
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.simulation.stations.rig import Reality
@@ -39,7 +39,8 @@ def our_session(procedure: str) -> Session:
 def certify_folder(folder: Path, apply_options: Callable[[Session], Session]) -> Certification:
     """Return the certification of a folder of raw records.
 
-    The folder is either a session of this program or the form of another laboratory.
+    The folder holds either a session of this program, or a record form that another laboratory
+    filled in.
 
     Parameters
     ----------

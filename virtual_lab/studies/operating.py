@@ -107,9 +107,9 @@ def operating(
 ) -> OperatingCurves:
     """Show the probability that a bat passes, as a function of its true metric.
 
-    Each laboratory makes three tests of a bat. The table has the probability for one test and for
-    the best of three. The instruments record summary values instead of every gate edge and encoder
-    count, and all laboratories test the nominal bat.
+    Each laboratory makes three tests of a bat. The table has the probability that one test passes,
+    and the probability that at least one of three tests passes. The instruments record summary
+    values instead of every gate edge and encoder count, and all laboratories test the nominal bat.
 
     Parameters
     ----------
@@ -124,7 +124,8 @@ def operating(
     laboratories
         Number of laboratories, each with three tests.
     seed
-        Seed of the study, which uses the laboratories number 0, 1, 2 … of this seed.
+        Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
+        laboratory.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -48,9 +48,10 @@ MEASURED = {  # quantities read in channels of the bench
 def template(procedure: AnyProcedure, folder: Folder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
-    Instead of a procedure, ``laboratory`` writes only an empty file of particulars (laboratory,
-    customer, bat) for ``certify``, and ``prices`` writes only an empty file of prices for ``plan``.
-    If an error is raised, no partial files are left. The path of the folder or file is returned.
+    If `procedure` is ``laboratory``, only a template for the file of particulars (laboratory,
+    customer, bat) for ``certify`` is written. If `procedure` is ``prices``, only a template for the
+    file of prices for ``plan`` is written. If an error is raised, no partial files are left. The
+    path of the folder or file is returned.
 
     Parameters
     ----------

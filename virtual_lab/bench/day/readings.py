@@ -415,8 +415,9 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     which it blocks the last gate. It is 1 for a round ball. There is no such row if no ball has
     both times.
 
-    For light boards, an additional first row holds the number of balls that blocked the first gate
-    too early. The ratios of these balls are left out.
+    For light boards, an additional first row holds the number of balls with a ratio that is clearly
+    too large. In these shots, a fragment of the sabot blocked the first gate before the ball did.
+    These ratios are left out.
 
     `event` is the entry of the notebook to which the rows refer. `shots` is the range of shots,
     counted from 0.

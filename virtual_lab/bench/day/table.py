@@ -90,9 +90,10 @@ class ActionTable(Spec):
 
 @cache
 def channels() -> Mapping[str, str]:
-    """Return the name of the record that each measuring action writes, keyed by action name.
+    """Return the name of the bench record that each measuring action writes, keyed by action name.
 
-    The record is a channel of the bench. Actions that write no such record are left out.
+    The name does not include the stage, for example ``pendulum`` for the file ``bench/pendulum``.
+    Actions that write no bench record are left out.
     """
     return {name: each.channel for name, each in action_table().actions.items() if each.channel}
 

@@ -114,7 +114,8 @@ def rehearse(
         Name of a shipped scenario, or path of a .toml file.
     operator
         ``book``, ``expert``, ``careful``, ``careless``, ``cheating``, or a generator function that
-        yields actions. It has one parameter, a function that returns the current desk.
+        yields actions. The generator function has one parameter, a function that returns the
+        current `Desk` (the results of the day so far).
     script
         Path of a .json file with actions, instead of an operator.
     seed

@@ -129,9 +129,10 @@ def trends(folder: str | Path) -> Rows[CurvePoint]:
     """Return the learning curves of the trainees below `folder`, one row per point of a curve.
 
     Each trainee has one curve per score and one curve per fault. A point is the value of one day.
-    For a fault that was present, it is 1 if the trainee named it and 0 if not. All days of a
-    trainee must be in one folder. The names of the days determine their order. Practice days are
-    left out. Raises `InputError` if there is no day, or if the files of a day cannot be used.
+    In the curve of a fault, the value is 1 if the trainee named the fault and 0 if not. Days on
+    which the fault was not present have no point in this curve. All days of a trainee must be in
+    one folder. The names of the days determine their order. Practice days are left out. Raises
+    `InputError` if there is no day, or if the files of a day cannot be used.
     """
     root, points = Path(folder), list[CurvePoint]()
     before: dict[tuple[str, str], list[float]] = {}

@@ -125,11 +125,12 @@ def _scatter(day: Desk, corrected: Desk) -> float:
 
 
 def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]) -> Desk:
-    """Return the desk of a new day after the given actions, ready to be reduced.
+    """Repeat the given actions on a new day, and return the `Desk` (the results) of this day.
 
     The shots in `by_windows`, counted from 0, are accepted or rejected by the acceptance windows
-    instead of by the trainee. Raises `InputError` if an action is impossible, or if a record that
-    the acceptance windows need is missing.
+    instead of by the trainee. Checklists and all actions after the measurement, such as a verdict,
+    are left out. Raises `InputError` if an action is impossible, or if a record that the acceptance
+    windows need is missing.
     """
     # a new day rejects checklists, which change nothing
     left_out = {"reduce", "enter-result", "give-verdict", "hand-in", DISPUTE, *CHECKLISTS}

@@ -305,8 +305,8 @@ def debrief_of(day: StoredDay, expert: Day | None = None) -> Debrief:
 def expert_day(apparatus: Apparatus, day: Day) -> Day:
     """Return the day of the simulated expert in the trainee's laboratory.
 
-    Machines, bat and balls are the same as in the trainee's `day`. If another laboratory supplied
-    the first entries of `day`, the expert continues after these entries.
+    Machines, bat and balls are the same as in the trainee's `day`. In some scenarios, the first
+    entries of `day` come from another laboratory. The expert then continues after these entries.
     """
     return run_operator(apparatus, operator_of("expert"), day.until(day.supplied_events))
 

@@ -46,10 +46,14 @@ class Deviation:
 def deviations(desk: Desk) -> Iterator[Deviation]:
     """Yield the judgment of each deviation from the procedure, in the order of the entries.
 
-    There are three kinds of deviation: an omission that the trainee noted, a rejection of a hit
-    that was within the acceptance windows, and an additional check that an earlier reading beyond
-    its limit justified. Struck-out entries are not judged. Entries that another laboratory supplied
-    are not judged either.
+    There are three kinds of deviation:
+
+    * an omission that the trainee noted;
+    * the rejection of a hit that was within the acceptance windows;
+    * an additional check, if an earlier reading was beyond its limit and thus justified the check.
+
+    Struck-out entries are not judged. Entries that another laboratory supplied are not judged
+    either.
     """
     before = Desk(desk.day.until(0))
     for event in desk.day.events:

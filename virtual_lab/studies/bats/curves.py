@@ -20,10 +20,11 @@ PLACE = "impact position from the barrel tip $z$, in"
 
 
 def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
-    """Draw Fig. 2 of the paper: e, r and e_A in the upper panel, e_A, v_bat and v_f in the lower.
+    """Draw Fig. 2 of the paper: two panels of quantities against the impact position.
 
-    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
-    batted-ball speed. The positions are 1 to 12 in from the tip, and the speeds are in mph.
+    The upper panel shows the bat-ball restitution e, the recoil factor r, and the collision
+    efficiency e_A. The lower panel shows e_A, the bat speed v_bat, and the batted-ball speed v_f.
+    The positions are 1 to 12 in from the tip, and the speeds are in mph.
 
     Parameters
     ----------

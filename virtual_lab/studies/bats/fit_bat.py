@@ -278,8 +278,8 @@ def remark_on(quantity: str, *values: float) -> str:
     """Return a remark if the peak position of e_A is at an end of the searched range.
 
     Otherwise the result is an empty string. e_A is the collision efficiency. `quantity` is the name
-    of a quantity, and `values` are its values for several bats. Only the peak position of e_A can
-    have a remark. It is in inches from the tip, and the range is 2 to 10 in.
+    of a quantity, and `values` are its values for several bats. Only the peak position of e_A [in
+    from the tip] can have a remark. The searched range is 2 to 10 in.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):

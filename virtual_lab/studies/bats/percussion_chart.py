@@ -18,8 +18,9 @@ COLOURS = {"recoil": "#0072b2", "rebound": "#d55e00", "plain": "#009e73", "loose
 def draw_percussion(table: pd.DataFrame, percussion_in: float, bat: str) -> PageFigure:
     """Draw three panels against the impact position: errors of e_A, shifts of e_A, and impulses.
 
-    e_A is the collision efficiency. The shifts are caused by the bearing of the pivot. The impulses
-    act on its axis.
+    e_A is the collision efficiency. The errors are the rms differences of measured and true e_A;
+    the upper panel also shows the stated u. The shifts are caused by the bearing of the pivot. The
+    impulses act on the axis of the pivot.
 
     Parameters
     ----------

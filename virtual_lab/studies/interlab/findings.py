@@ -110,15 +110,16 @@ def interlab(
     """Compare laboratories: repeatability, reproducibility, and their causes.
 
     In each exercise, several laboratories test the same bat with several lots of balls. The table
-    has the standard deviations of repeats, lots and laboratories (ISO 5725-2), predicted and
-    simulated effects of each factor alone, and the effect of a control bat.
+    has the standard deviations of repeats, lots and laboratories (ISO 5725-2). It also has the
+    effect of each factor alone, both predicted and simulated, and the effect of a control bat.
 
     Parameters
     ----------
     study
-        Study file, .toml. Its keys are ``procedures``, ``bats``, ``laboratories`` per exercise,
-        ``exercises``, ``lots`` per laboratory, ``repeats`` per lot, ``alone`` (number of
-        laboratories for each factor alone), ``seed``, ``control`` (a control bat) and ``factors``.
+        Study file, .toml. The required keys are ``procedures``, ``bats``, ``laboratories`` (number
+        per exercise), ``seed`` and ``factors``. The optional keys are ``exercises``, ``lots``
+        (number per laboratory), ``repeats`` (number per lot), ``alone`` (number of laboratories for
+        each factor alone) and ``control`` (a control bat).
     predict
         Predict the effect of each factor without simulating any laboratory.
     workers

@@ -180,8 +180,8 @@ def support(name: str) -> Support:
 def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> ModalModel:
     """Return the modal model of a bat of the catalog, with a number of bending modes.
 
-    `support_name` is free, pivoted, clamped or held, as in `support`. Raises `InputError` for an
-    unknown bat, and `KeyError` for another support.
+    `support_name` is free, pivoted, clamped or held (by a hand), as in `support`. Raises
+    `InputError` for an unknown bat, and `KeyError` for another support.
     """
     if support_name == "free" and modes == BENDING_MODES:
         return free_model(body(bat))
@@ -291,11 +291,11 @@ def centre_of_percussion_in(bat: str) -> float:
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
     """Return the largest batted-ball speed v_f by Eq. (3) [mph] and its position [in].
 
-    `z` are at least four increasing positions [in from the tip], shape (position,). Positions are
-    distances from the tip. `e_A`, the collision efficiency, and `bat_speed` are the values at these
-    positions; `bat_speed` may be a single number. The speeds of pitch and bat are in mph. Between
-    positions v_f is interpolated by a spline. The maximum may be at an end. Raises `ValueError` for
-    positions that do not increase, and for values that are not finite.
+    `z` are at least four increasing positions [in from the tip], shape (position,). `e_A`, the
+    collision efficiency, and `bat_speed` are the values at these positions; `bat_speed` may be a
+    single number. The speeds of pitch and bat are in mph. Between positions v_f is interpolated by
+    a spline. The maximum may be at an end. Raises `ValueError` for positions that do not increase,
+    and for values that are not finite.
     """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
@@ -304,10 +304,10 @@ def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> 
 def game_bat_speed(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
     """Return the bat speed [mph] at positions `z` [in from the tip], in the shape of `z`.
 
-    The bat is swung under standard game conditions. The speed is interpolated from 0.5 to 16 in.
-    Positions outside this range have the speed at its nearest end. `swing` is the exponent n of the
-    swing law, 0 to 0.5 in steps of 0.1; None means the law of constant energy. Raises `KeyError`
-    for another exponent, and `InputError` for an unknown bat.
+    The bat is swung under standard game conditions. The speed is interpolated from 0.5 to 16 in. A
+    position outside this range gets the speed at the nearer end of the range. `swing` is the
+    exponent n of the swing law, 0 to 0.5 in steps of 0.1; None means the law of constant energy.
+    Raises `KeyError` for another exponent, and `InputError` for an unknown bat.
     """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(

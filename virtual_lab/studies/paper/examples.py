@@ -130,12 +130,12 @@ def farther(curve: str) -> float:
 
 
 def slower_there(curve: str) -> float:
-    """Return the bat speed of R161 minus the bat speed of EA70 [mph], at the peaks of a curve.
+    """Return the bat speed at the peak of R161 minus the bat speed at the peak of EA70 [mph].
 
-    Each speed is the speed at the impact position where the curve of this bat has its peak. `curve`
-    is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
-    ``batted_speed_mph``, under standard game conditions with swing exponent 0. Raises `KeyError`
-    for an unknown curve.
+    R161 is the wood bat and EA70 the aluminum bat of the paper. The peak of a bat is the impact
+    position at which its `curve` is largest. `curve` is ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, under standard
+    game conditions with swing exponent 0. Raises `KeyError` for an unknown curve.
     """
     speeds = [float(game_bat_speed(bat, top(bat, curve).place)) for bat in (WOOD, ALUMINIUM)]
     return speeds[0] - speeds[1]
@@ -152,9 +152,10 @@ def mass_share(light: str, heavy: str) -> float:
 def thinner_is_livelier() -> float:
     """Return the increase of the peak performance factor (BPF) of EA70 by a thinner wall.
 
-    The thinner wall is the wall of the loaded bats. The peak with the thinner wall is computed for
-    a free bat at rest, 3 to 8 in from the tip, at 160 mph. The peak with the original wall is
-    computed under standard game conditions.
+    EA70 is the aluminum bat of the paper. The thinner wall is the wall of the catalog bat
+    ``barrel-loaded``. The peak with the thinner wall is computed for a free bat at rest, 3 to 8 in
+    from the tip, at 160 mph. The peak with the original wall is computed under standard game
+    conditions.
     """
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass

@@ -146,7 +146,7 @@ def effect_of_support(bat: str, support_name: str) -> float:
     """Return the largest absolute change of e_A if a free bat gets a support.
 
     e_A is the collision efficiency. The bat is hit 3 to 8 in from the tip, at 160 mph.
-    `support_name` is pivoted, clamped or held (by a spring), as in `support`. Raises `KeyError` for
+    `support_name` is pivoted, clamped or held (by a hand), as in `support`. Raises `KeyError` for
     another support, and `InputError` for an unknown bat.
     """
     gap = (
@@ -159,9 +159,9 @@ def effect_of_support(bat: str, support_name: str) -> float:
 def firmness() -> float:
     """Return the largest difference of the batted-ball speed between two handle supports [mph].
 
-    The absolute difference is returned. The bat is R161. One support is a clamp. The other is a
-    pivot on a spring (``held`` in `support`). It is at rest and is hit 3 to 8 in from the tip at
-    160 mph.
+    The absolute difference is returned. The bat is R161, the wood bat of the paper. One support is
+    a clamp. The other is a pivot on a spring (``held`` in `support`). The bat is at rest and is hit
+    3 to 8 in from the tip at 160 mph.
     """
     on_spring = collide_at(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(
@@ -256,10 +256,10 @@ def nearer_is_heavier() -> float:
 
 
 def rise_with_lighter_recoil() -> float:
-    """Return the smallest change of e_A if the recoil factor r decreases by 0.05.
+    """Return the smallest change of e_A, over a grid of e and r, if r decreases by 0.05.
 
-    It is positive if the collision efficiency e_A always rises. e_A is computed by Eq. (6) for a
-    bat-ball restitution e from 0 to 1 and r from 0 to 0.5.
+    The collision efficiency e_A is computed by Eq. (6). The grid has a bat-ball restitution e from
+    0 to 1 and a recoil factor r from 0 to 0.5. The result is positive if e_A always rises.
     """
     e_A = np.asarray(efficiency_from_restitution(*E_AND_R))
     return float(-np.diff(e_A, axis=0).max())
@@ -288,9 +288,10 @@ def efficiency(e: float, r: float) -> float:
 def overestimate(speed: float) -> float:
     """Return the error of the batted-ball speed v_f [mph] due to an e measured at `speed` [mph].
 
-    e is the bat-ball restitution. v_f is the speed at a relative speed of 160 mph. The numbers are
-    an example: e decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph, and the recoil factor
-    is 0.25.
+    e is the bat-ball restitution. Ball and bat meet at a relative speed of 160 mph. v_f is computed
+    with the e that belongs to `speed`, and with the e that belongs to 160 mph. The result is the
+    first value minus the second. The numbers are an example: e decreases linearly from 0.55 at 60
+    mph to 0.45 at 160 mph, and the recoil factor is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
@@ -331,12 +332,13 @@ def gain_by_equations() -> float:
 
 
 def energy_with_vibration(support_name: str) -> float:
-    """Return the largest absolute change of a hit's total energy caused by a support.
+    """Return the largest absolute change of the energy of a hit by a support, over 21 positions.
 
-    The total is the energy of the bat's rigid motion, of its bending and hoop vibration, and the
-    loss in the ball. It is divided by the ball's initial energy. The change is relative to a free
-    bat. R161 is hit at 21 positions, 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted,
-    clamped or held. Raises `KeyError` for another support.
+    The energy is the sum of three parts: the bat's rigid motion, its bending and hoop vibration,
+    and the loss in the ball. The energy of the rebounding ball is not included. The sum is divided
+    by the ball's initial energy. The change is relative to a free bat. R161, the wood bat of the
+    paper, is hit at impact positions 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted,
+    clamped or held (by a hand). Raises `KeyError` for another support.
     """
 
     def total(name: str) -> Array:
@@ -347,11 +349,12 @@ def energy_with_vibration(support_name: str) -> float:
 
 
 def least_energy_gap(support_name: str) -> float:
-    """Return the smallest absolute change of the energy of rigid motion caused by a support.
+    """Return the smallest absolute change of rigid-motion energy by a support, over 8 positions.
 
-    The energy is divided by the ball's initial energy. The change is relative to a free bat. R161
-    is hit at 8 positions, 3 to 4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped
-    or held. Raises `KeyError` for another support.
+    The energy is the energy of the bat's rigid motion, divided by the ball's initial energy. The
+    change is relative to a free bat. R161, the wood bat of the paper, is hit at impact positions 3
+    to 4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held (by a hand).
+    Raises `KeyError` for another support.
     """
     gap = (
         collide_at(WOOD, Z, support_name=support_name).energy.rigid

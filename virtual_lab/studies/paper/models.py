@@ -99,10 +99,11 @@ def shell_turns() -> float:
 
 
 def same_speed() -> float:
-    """Return the relative range of angular speed for the swing exponent 0, which is 0.
+    """Return the relative range of angular speed for the swing exponent 0.
 
     The range is the largest minus the smallest angular speed, divided by the mean, for bats with
-    moments of inertia of 15000 to 20000 oz in^2.
+    moments of inertia of 15000 to 20000 oz in^2. The result is 0, because all bats have the same
+    angular speed for this exponent.
     """
     speeds = np.asarray(game().swing(0.0).angular_speed(INERTIAS)) * np.ones_like(INERTIAS)
     return float(np.ptp(speeds) / speeds.mean())
@@ -157,8 +158,10 @@ def energy_exponent() -> float:
 def laws_apart() -> float:
     """Return the largest absolute difference of angular speed between two swing laws [%].
 
-    One law keeps the energy constant, and the other is the power law with n = 0.3. Before the
-    comparison, their ratio is scaled to a mean of 1. Moments of inertia are 15000 to 20000 oz in^2.
+    One law keeps the energy constant, and the other is the power law with n = 0.3. The angular
+    speed by the first law is divided by the angular speed by the second law, and this ratio is
+    scaled to a mean of 1. The result is its largest deviation from 1. Moments of inertia are 15000
+    to 20000 oz in^2.
     """
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power

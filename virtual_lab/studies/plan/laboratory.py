@@ -129,9 +129,9 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
     """Return the data sheets of the instruments of `rigs`, with each standard uncertainty halved.
 
     The result is keyed by the name of the instrument. If the data sheet of a rig itself has
-    standard uncertainties, for example of its pivot, it is also returned. Its key is then the name
-    of the table with these uncertainties; several names are joined by ``+``. Raises `InputError`
-    for an unknown rig.
+    standard uncertainties, for example of its pivot, this sheet is also returned. The key of this
+    sheet is the name of the table in it that has the uncertainties. If several tables have
+    uncertainties, their names are joined by ``+``. Raises `InputError` for an unknown rig.
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
@@ -149,9 +149,10 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
 def attempts(forecast: Forecast, counts: Counts) -> Array:
     """Return the largest number of shots that each plan allows, in the shape of the counts.
 
-    The number in the procedure is multiplied by the plan's expected number of shots, divided by the
-    procedure's expected number, and rounded up. The result is never below the number in the
-    procedure.
+    The procedure states a largest number of shots, the attempts, for its own number of hits. For a
+    plan, the attempts are multiplied by a ratio and rounded up: the expected number of shots in the
+    plan, divided by the expected number in the procedure. The result is never below the attempts in
+    the procedure.
     """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))

@@ -112,14 +112,14 @@ def plan(
 
     The table has the present laboratory and at most ten plans that should reach the target. It also
     has the cheapest single change of the present laboratory, if one is enough. The plans are sorted
-    by minutes, or by price if `prices` is given. A plan is left out if it would still reach the
-    target with one exchange fewer or with the next smaller value of one count.
+    by minutes, or by price if `prices` is given.
 
     A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
     procedure, rounded. Numbers between these are not tried. A plan may exchange up to eight
     instruments. The new instruments have half of each standard uncertainty, or the data sheets
     named in `prices`. Instruments that hardly lower u are not considered. An exchange does not
-    change the minutes.
+    change the minutes. A plan is left out if it would still reach the target with one exchanged
+    instrument fewer, or with the next smaller number of hits, balls or wall hits.
 
     To choose the plans, u is predicted to first order from the budget of the present laboratory.
     Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u

@@ -97,7 +97,7 @@ class Prices(Spec):
 
 
 def prices_form() -> Iterator[str]:
-    """Yield the lines of an empty file of prices, without newlines."""
+    """Yield the lines of a template for the file of prices, without newlines."""
     yield "# Prices for 'virtual-lab plan --prices'. Give each number its unit and its source."
     yield "# All prices are in one currency. An instrument is exchanged for one with half of each"
     yield '# standard uncertainty, or for that of a sheet beside this file: sheet = "offer.toml"'

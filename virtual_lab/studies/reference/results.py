@@ -356,11 +356,11 @@ def peak_contact_time(bat: str, speed: float) -> float:
 def barrel_travel(bat: str, speed: float) -> float:
     """Return the travel of the barrel during contact [in]: half its final speed times contact time.
 
-    e_A is the collision efficiency. The factor of one half is exact if the force is symmetric in
-    time. The impact is at the position of the free bat's largest e_A, 3 to 9 in from the tip. The
-    contact time is computed for the free bat. The final speed follows from e_A and the recoil of
-    the rigid bat with a pivot 6 in from the knob. `speed` is the relative speed of ball and bat
-    [mph]. Raises `InputError` for an unknown bat.
+    The factor of one half is exact if the force is symmetric in time. The impact is where the
+    collision efficiency e_A of the free bat is largest, 3 to 9 in from the tip. The contact time is
+    computed for the free bat. The final speed follows from e_A and the recoil of the rigid bat with
+    a pivot 6 in from the knob. `speed` is the relative speed of ball and bat [mph]. Raises
+    `InputError` for an unknown bat.
     """
     recoil, collisions, _ = _collide(body(bat), speed)
     best = int(np.argmax(collisions.collision_efficiency))

@@ -88,7 +88,8 @@ def improvements(
 ) -> list[Improvement]:
     """Return at most three rows: the changes of a laboratory that reduce the u of the metric most.
 
-    A row has the u predicted from the budget [SI]. It also has the standard deviation of the
+    A change halves the u of one instrument, or doubles the number of hits, balls or wall hits. A
+    row has the u predicted from the budget [SI]. It also has the standard deviation of the
     simulated errors after the change, and the 95 % interval of this standard deviation.
 
     Parameters
@@ -96,10 +97,11 @@ def improvements(
     certification
         The test; it must have a metric.
     playing
-        Days of the twin of the laboratory.
+        Simulated days of the twin, a simulation of the laboratory of the test.
     simulate
-        Function of the days of the twin after a change. It returns the standard deviation of the
-        errors of the metric [SI], and the lower and upper limit of its 95 % interval.
+        Function that simulates the days of a twin with a change. It takes the days. It returns the
+        standard deviation of the errors of the metric [SI], and the two limits of its 95 %
+        interval.
     """
     assert certification.metric is not None
     rows, u = [], certification.metric.u

@@ -190,9 +190,9 @@ def twin(
         Number of days on which the instruments record only summary values; at least 100.
     full_days
         Largest number of days on which the instruments record every gate edge and encoder count, to
-        compare the readings. It must be 0 or at least 250, so that an unusual reading can be
-        significant. Fewer days are simulated if no reading can become significant. None are
-        simulated for records of summary values.
+        compare the readings. It must be 0 or at least 250, because a reading cannot be significant
+        with fewer days. The simulation ends earlier if the remaining days cannot make a reading
+        significant. No such days are simulated for records of summary values.
     faults
         Folder for simulated days with each fault of the catalog that the rigs can have, in four
         sizes. Days that are already in the folder are not simulated again. This takes a few
