@@ -56,9 +56,10 @@ class BallCannonStation(RestingBatStation):
 def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
     """Return the parts of a ball cannon, keyed by the field names of `BallCannonStation`.
 
-    The errors of the instruments are random, or zero if the laboratory is ideal. Frame and stop are
-    those of the data sheet. The key ``ideal`` is True if the laboratory is ideal. Raises
-    `InputError` for an unknown or invalid data sheet.
+    The errors of the instruments are random, or zero if the laboratory is ideal. The frame around
+    each gate, and the stop that ends the recoil of the bat, are taken from the data sheet. The key
+    ``ideal`` is True if the laboratory is ideal. Raises `InputError` for an unknown or invalid data
+    sheet.
     """
     holder = factory.as_asked(spec.holder)
     return {

@@ -90,8 +90,9 @@ def whole(
 ) -> ParameterRule:
     """Return the rule of a parameter that is a whole number from `least` to `most`, both included.
 
-    Any integer type is allowed, but no boolean. The rule describes the allowed values as "one whole
-    number from `least`", or "one whole number from `words`" if `words` is not empty. `python` is
+    Any integer type is allowed, but no boolean. The rule describes the allowed values in words, for
+    example "one whole number from 1" for `least` = 1. If `words` is not empty, it takes the place
+    of the number, for example "one whole number from 1 to 50" for `words` = "1 to 50". `python` is
     advice for users of Python. It is not printed on the command line.
     """
 

@@ -278,11 +278,12 @@ def words_of(words: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def entry_rule(kind: str, more: str = "") -> ParameterRule:
-    """Return the rule that checks a parameter for a catalog entry: a name, a path or a sheet.
+    """Return the rule for a parameter that takes an entry of the catalog.
 
-    `kind` is the kind of entry, such as ``bats``. The rule rejects a sheet of another kind, but it
-    does not check whether a named entry exists. `more` is appended to the description of the
-    allowed values.
+    The value of the parameter is a name in the catalog, the path of a .toml file, or a `Sheet` (an
+    entry that may have changed values). `kind` is the kind of entry, such as ``bats``. The rule
+    rejects a sheet of another kind, but it does not check whether a named entry exists. `more` is
+    appended to the description of the allowed values.
     """
     one = kind.removesuffix("s")
     allowed = f"a {one}: its name (vl.shelf('{kind}')), a .toml file or a sheet, vl.{one}(…)"

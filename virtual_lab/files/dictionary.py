@@ -369,9 +369,10 @@ def with_units(table: pd.DataFrame) -> pd.DataFrame:
     """Store the units of a table's columns in its ``attrs["units"]``, and return the same table.
 
     ``attrs["units"]`` is a dictionary keyed by column name. A unit is "" for strings and counts,
-    and "1" for pure numbers. Columns that are not in the dictionary of columns are left out. If the
-    unit of some columns varies from row to row, the table states it in a column ``unit``. If all
-    rows state the same unit, it is stored for these columns. Otherwise ``of the row`` is stored.
+    and "1" for pure numbers. Columns that are not in the dictionary of columns are left out. Some
+    columns can have another unit in each row. A table with such columns has a column ``unit`` with
+    the unit of each row. If the unit is the same in all rows, it is stored for these columns.
+    Otherwise ``of the row`` is stored.
     """
     units = units_of(map(str, table.columns))
     stated = set(table["unit"]) if "unit" in table else set()

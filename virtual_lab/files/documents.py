@@ -151,8 +151,8 @@ def inside(folder: Path, name: str, where: str, key: str) -> Path:
     """Return the path of the file `name` in a folder. The file need not exist.
 
     Raises `InputError` if the path leads out of the folder by ``..`` or by a link, or if it cannot
-    be resolved. `where` is the document that states `name`, and `key` is its key. The error message
-    states both.
+    be resolved. `where` is the document that states `name`, and `key` is the key of the entry with
+    `name`. The error message states `where` and `key`.
     """
     path = folder / name
     try:

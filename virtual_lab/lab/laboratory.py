@@ -208,10 +208,11 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return the name in a session for the constant `name` of a station.
+    """Return the name in a session of a station's constant, such as ``impact.gates.clock``.
 
-    The stage is added in front, as in ``impact.gates.clock``. Constants of air and gravity are
-    common to all rigs in a hall. They begin with ``hall`` instead, as in ``hall.air.density``.
+    `name` is the name at the station, such as ``gates.clock``. The stage (kind of measurement) is
+    put in front of it. Constants of air and gravity are common to all rigs in a hall. They begin
+    with ``hall`` instead, as in ``hall.air.density``.
     """
     if name.startswith("hall."):
         return name

@@ -249,7 +249,8 @@ def constants_known() -> Iterator[None]:
 def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
     """Return the reduced shots of a block of laboratories, and the readings of the same shots.
 
-    All shots are reduced together, because they share the frequencies of the vibrations.
+    All shots are reduced together, because they share the frequencies of the vibrations in the
+    encoder record.
 
     Raises
     ------

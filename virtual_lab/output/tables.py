@@ -38,9 +38,10 @@ def column(title: str, unit: str = "", form: str | Callable[[Any], str] = ".4g")
 
 
 def inline() -> Any:
-    """Return a dataclass field for a value that is a dataclass or a mapping, without a key prefix.
+    """Return a dataclass field that becomes several columns of a table.
 
-    The fields or keys of the value become columns under their own names.
+    The value of the field is a dataclass or a mapping. Its fields or keys become columns under
+    their own names, without the name of the field in front.
     """
     return field(metadata={INLINE: True})
 

@@ -90,9 +90,9 @@ def pack(session: Session) -> PackedSession:
     """Return the files of a session as bytes and arrays, keyed by path in its folder.
 
     Nothing is written. The file ``session.json`` holds the SHA-256 of every other file. For the
-    hash of a text file, CR LF is replaced by LF. In a simulated session, the hash of a channel
-    covers a JSON text followed by the channel's file. The text is the entry ``simulation`` of
-    ``session.json`` in one line with sorted keys.
+    hash of a text file, CR LF is replaced by LF. In a simulated session, the hash of a channel also
+    covers the entry ``simulation`` of ``session.json``. This entry, as JSON in one line with sorted
+    keys, is put before the channel's file.
     """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)

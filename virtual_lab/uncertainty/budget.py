@@ -304,7 +304,8 @@ def means_of_hits(
     variants
         Sets of constants: set 0 has the estimates, the others have one constant shifted by its u.
     hits
-        Output of the model for each hit and set k of constants, (laboratory, k, hit).
+        Output of the model for each hit and set of constants, (laboratory, k, hit), where k is the
+        index of a set of constants.
     weights
         Weight of each hit in the result, (laboratory, hit); 0 for a missing hit.
     places
@@ -312,6 +313,7 @@ def means_of_hits(
         position.
     effects
         Derivative of the result with respect to each hit, (laboratory, hit); 0 for a missing hit.
+        It differs from `weights` if a hit also shifts the impact position of the result.
     earlier
         Variance of a hit in earlier tests of each laboratory, pooled with the variance in this
         test. None: no earlier tests. `Budgets.scatter` has the scatter of this test alone.
@@ -327,10 +329,11 @@ def means_of_hits(
 
 
 def weighted_sums(hits: Array, weights: Array) -> Array:
-    """Return the weighted sum of the hits for each set k of constants, (laboratory, k).
+    """Return the weighted sum of the hits for each set of constants, (laboratory, k).
 
-    `hits` has the shape (laboratory, k, hit), and `weights` (laboratory, hit). A hit of weight 0 is
-    left out even if it is NaN.
+    `hits` holds the values of the hits, (laboratory, k, hit), where k is the index of a set of
+    calibration constants and readings. `weights` is (laboratory, hit). A hit of weight 0 is left
+    out even if it is NaN.
     """
     from virtual_lab.uncertainty.budget_kernel import weigh
 

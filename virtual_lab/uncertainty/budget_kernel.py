@@ -19,10 +19,11 @@ Whole = NDArray[np.int64]
 
 @njit(**KERNEL, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
-    """Fill `out`, (laboratory, k), with the weighted sum of the hits for each set k of constants.
+    """Fill `out`, (laboratory, k), with the weighted sum of the hits for each set of constants.
 
-    `hits` has the shape (laboratory, k, hit), and `weights` (laboratory, hit). A hit of weight 0 is
-    left out even if it is NaN.
+    `hits` holds the values of the hits, (laboratory, k, hit), where k is the index of a set of
+    calibration constants and readings. `weights` is (laboratory, hit). A hit of weight 0 is left
+    out even if it is NaN.
     """
     for laboratory in range(len(hits)):
         for k in range(hits.shape[1]):
@@ -43,9 +44,10 @@ def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: A
     * u of the sum, caused by the scatter of the hits;
     * degrees of freedom of this u;
     * sum of the squared weights;
-    * weighted mean of the variance of a hit;
-    * the same variance minus the part explained by constants, which can be negative;
-    * degrees of freedom of the variance.
+    * variance of a hit, as a weighted mean over the impact positions;
+    * variance of a hit minus the variance that the uncertainties of the constants explain; this
+      difference can be negative;
+    * degrees of freedom of the variance of a hit.
 
     A variance is computed within each impact position. A hit of weight 0 is left out. For a
     laboratory without hits, the variances are NaN.

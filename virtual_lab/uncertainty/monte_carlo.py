@@ -192,8 +192,8 @@ def standard_rule(batches: Batches, infinite: bool) -> Array:
     """Make draws by the rule of JCGM 101, 7.9.4, and return the tolerances, (output, 4).
 
     The second axis is mean, u and the two ends of the interval, in the unit of the output. The
-    draws end when two standard errors of each number are within its tolerance, or at `MOST_DRAWS`
-    draws. If u is infinite (`infinite`), the tolerances of mean and u are inf.
+    draws end when twice the standard error of each number is at most its tolerance, or at
+    `MOST_DRAWS` draws. If u is infinite (`infinite`), the tolerances of mean and u are inf.
     """
     batches.draw_to(2)
     while len(batches) * BATCH < MOST_DRAWS:

@@ -124,9 +124,9 @@ def propagate_inputs(
 def first_order(model: Model, probability: float) -> Propagated:
     """Return value, u, interval and components of each output by first order (GUM 5.1).
 
-    The result also has the correlation of the outputs that the inputs cause. `probability` is the
-    coverage probability of the interval. A note states the reason if an output has u = 0. Raises
-    `InputError` for an output that cannot be used.
+    The result also has the correlation between the outputs, which is caused by their common inputs.
+    `probability` is the coverage probability of the interval. A note states the reason if an output
+    has u = 0. Raises `InputError` for an output that cannot be used.
     """
     inputs = model.inputs
     variants = Variants.of(

@@ -33,11 +33,12 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     """Return the metric of one test for each exponent of the swing law in the procedure.
 
     By the swing law, bat speed is proportional to the mass or inertia of the bat to the power -n. A
-    result states the exponent n, the budget of the metric, and the position of the maximum from the
-    barrel tip [m]. The results have the order of `exponents` in the procedure's game. The tuple is
-    empty if the procedure lists no exponents, or if the hits give no result for at least one of
-    them. All results use the same hits. They were aimed at the maximum for the procedure's main
-    exponent. For another exponent the maximum is a few tenths of an inch away.
+    result states the exponent n, the budget of the metric, and the impact position with the largest
+    metric [m from the barrel tip]. The results have the order of `exponents` in the procedure's
+    game. The tuple is empty if the procedure lists no exponents, or if the hits give no result for
+    at least one of them. All results use the same hits. The hits were aimed at the position with
+    the largest metric for the procedure's main exponent. For another exponent this position is a
+    few tenths of an inch away.
     """
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:

@@ -79,9 +79,9 @@ def compare_camera(
 ) -> CameraComparison | None:
     """Return e_A, e and BPF from camera and gates for the same hits of one laboratory.
 
-    The result also holds both combined, their difference, and the camera's readings of each shot.
-    It is None if there is no camera record, or if the balls were not timed by gates or light
-    boards.
+    For each quantity, the result also holds the weighted mean of camera and gates, and the
+    difference camera minus gates. It also holds the camera's readings of each shot. The result is
+    None if there is no camera record, or if the balls were not timed by gates or light boards.
 
     Raises
     ------

@@ -62,10 +62,10 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
     record
         Image windows with their background, or positions that the camera itself tracked.
     x
-        Calibration constants of the stage's camera and radius of the ball, keyed by name. Each is a
-        single number.
+        Calibration constants of the camera and the radius of the ball, keyed by name, such as
+        ``impact.camera.focal`` and ``ball.radius``. Each is a single number.
     stage
-        First part of the constants' names, always ``impact``.
+        First part of the names of the camera's constants, always ``impact``.
 
     Raises
     ------

@@ -280,7 +280,8 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     """Return the observed change of the pendulum's period, divided by the predicted change.
 
     `Slowing.times` is this ratio. The result also holds its standard uncertainty and degrees of
-    freedom, and the number of counted releases. All arrays are (laboratory,).
+    freedom, and the number of counted releases, the releases of the pendulum that are used
+    (`counted_releases`). All arrays are (laboratory,).
 
     The period of a pendulum grows with the square of the amplitude, so it shortens as the swing
     decays. The change is predicted from the recorded amplitudes. The ratio is 1 if they are

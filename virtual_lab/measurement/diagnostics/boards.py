@@ -181,12 +181,13 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     """Yield comparisons of the heights at which incoming balls pass the boards and reach the bat.
 
     Two comparisons are yielded for each board except the first and the last. The first compares the
-    mean height at the board with the line through the first and last boards. The second is for the
-    height scale of the board, relative to the first and last boards. One more comparison is the
-    mean height at the bat minus the mean height of the marks on the aim paper. It is left out if
-    there are too few marks or none. `Pairs.sigmas`, (laboratory,), is the absolute difference in
-    units of its standard uncertainty. Nothing is yielded if the instrument does not measure
-    heights. A laboratory with too few shots is not compared.
+    mean height at the board with the line through the first and last boards. The second compares
+    the slope of this difference over the height of the ball with 0. The slope differs from 0 if the
+    height scale of the board is wrong relative to the first and last boards. One more comparison is
+    the mean height at the bat minus the mean height of the marks on the aim paper. This comparison
+    is left out if there are too few marks or none. `Pairs.sigmas`, (laboratory,), is the absolute
+    difference in units of its standard uncertainty. Nothing is yielded if the instrument does not
+    measure heights. A laboratory with too few shots is not compared.
     """
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:

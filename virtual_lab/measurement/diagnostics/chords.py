@@ -21,16 +21,17 @@ SIZE = 0.02  # relative tolerance of the diameter; the rules allow ±0.014 (9 to
 
 
 def chords(evidence: Evidence) -> Iterator[Raised]:
-    """Yield flags for laboratories in which the gates measured implausible ball diameters.
+    """Yield the flags about implausible ball diameters that the gates measured.
 
     A diameter is computed from the time for which the ball breaks a beam, minus the time that the
     ball takes to cross the thickness of the beam. A beam that misses the center of the ball shows
     less than the diameter, but no beam can show more.
 
-    Two flags are yielded for the gates at the wall, and two for the gates at the bat. The first
-    flag is raised if a diameter is more than 2 % too large. The second is raised if the 90 %
-    quantile of the diameters is more than 2 % too small. All flags are yielded, even if they are
-    raised in no laboratory. Nothing is yielded for gates that recorded no edges.
+    A flag holds the laboratories in which it is raised. Two flags are yielded for the gates at the
+    wall, and two for the gates at the bat. The first flag is raised if a diameter is more than 2 %
+    too large. The second is raised if the 90 % quantile of the diameters is more than 2 % too
+    small. A flag is also yielded if no laboratory raises it. Nothing is yielded for gates that
+    recorded no edges.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))

@@ -139,8 +139,9 @@ def pairs(
     """Return a comparison of two measurements in each laboratory. Their difference should be 0.
 
     The arrays of the result are (laboratory,). `sigmas` is the absolute difference in units of its
-    standard uncertainty, and `likely` is its two-sided p-value. `harmful` is the p-value if a
-    difference that shifts the test result by less than `HARMLESS` of its u is treated as noise.
+    standard uncertainty, and `likely` is its two-sided p-value. `harmful` is a second p-value. For
+    this p-value, a difference is noise if it shifts the test result by less than `HARMLESS` times
+    the u of the test result.
 
     Parameters
     ----------
@@ -157,8 +158,8 @@ def pairs(
     of
         Name of the comparison, if the check makes several.
     least
-        Lower bound of the standard uncertainty of `value`, in the same unit. The bound is added in
-        quadrature.
+        Additional standard uncertainty of `value`, in the same unit. It is added in quadrature, so
+        the u of the difference is at least `least`.
     moves
         Largest shift of the test result per unit of `value`, divided by the standard uncertainty of
         the test result. By default the shift is not limited.

@@ -113,8 +113,8 @@ def check(evidence: Evidence) -> Checked:
     """Return the results of all checks for a block of sessions.
 
     `Checked.answers` has one entry per check, in the order of the test day. An entry is empty if
-    the check yields nothing. A flag in an entry may be raised in no laboratory. `Checked.left_out`
-    names the checks that cannot be done because the records lack the readings.
+    the check yields nothing. An entry can also hold a flag that no laboratory raises.
+    `Checked.left_out` names the checks that cannot be done because the records lack the readings.
     """
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}
     unweighed = REFERENCE_MASS not in evidence.block.records["bench"]

@@ -65,8 +65,10 @@ def shortfalls(
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     """Return the budgets of a block, with the mean shortfall of each laboratory added to its value.
 
-    `lost` are the shortfalls of `shortfalls`. Their standard uncertainty becomes the component
-    `CHOICE` of each budget. If all shortfalls are 0, the budgets are returned unchanged.
+    A shortfall is the expected amount by which a neighbor of the chosen impact position is truly
+    better. `lost` holds the shortfalls, see `shortfalls`. The standard uncertainty of the shortfall
+    becomes the component `CHOICE` of each budget. If all shortfalls are 0, the budgets are returned
+    unchanged.
     """
     if not (lost.rms > 0).any():
         return metric

@@ -58,8 +58,8 @@ def metric_of(
         Test procedure. Only its metric, its ball correction, and its speeds of pitch and bat are
         used.
     control
-        Measured e of the control bat with this lot, divided by its known e. Only the correction
-        ``control-bat`` uses it.
+        Measured e of the control bat with the test's lot of balls, divided by the known e of the
+        control bat. Only the correction ``control-bat`` uses it.
     """
 
     def metric(curve: Curve, bat: BatProperties) -> Array:
@@ -92,10 +92,10 @@ def objective_of(
 ) -> Objective:
     """Return the quantity that a scan maximizes, and its derivative with respect to the metric.
 
-    Both arrays are (..., shot). If the scan seeks the batted-ball speed, the quantity is v_f [m/s]
-    at the speeds of the procedure, and `metric` must be BESR. Otherwise, and without a scan, the
-    quantity is the metric and its derivative is 1. `place` is the impact position from the barrel
-    tip [m].
+    The quantity and its derivative have the shape of `metric`, (..., shot). If the scan seeks the
+    batted-ball speed, the quantity is v_f [m/s] at the speeds of the procedure, and `metric` must
+    be BESR. Otherwise, and without a scan, the quantity is the metric and its derivative is 1.
+    `place` is the impact position from the barrel tip [m].
     """
     if procedure.scan is None or procedure.scan.seeks == "metric":
         return Objective(metric, np.ones_like(metric))

@@ -303,10 +303,10 @@ def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Itera
 def verdicts_of(
     procedure: Procedure, reasons: Iterable[Reason], laboratories: int
 ) -> tuple[Verdict, ...]:
-    """Return the verdict of each laboratory, given the reasons against it.
+    """Return the verdict of each laboratory, given the reasons for FAIL and INVALID.
 
-    INVALID takes precedence over FAIL. Without a reason the verdict is PASS, or MEASURED if the
-    procedure states no limit.
+    If there are reasons for both, the verdict is INVALID. A laboratory without a reason has the
+    verdict PASS, or MEASURED if the procedure states no limit.
     """
     sound = Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
     verdicts = np.full(laboratories, sound, dtype=object)

@@ -107,11 +107,13 @@ def best_of(
 def find_final_hits(
     best: float, place: Array, valid: Mask, rules: ScanRules, fresh: NDArray[np.int64]
 ) -> int:
-    """Fill `fresh` with the indices of the valid final hits at `best` [m]. Return their number.
+    """Fill `fresh` with the indices of the final hits at `best` [m]. Return the number of hits.
 
-    The first `rules.valid_hits` valid hits at this position belong to the scan. All later valid
-    hits are final hits. If the procedure requires consecutive final hits, an invalid shot at the
-    position restarts their count. `fresh` must have at least as many elements as there are shots.
+    `best` is the position that the scan chose. The first `rules.valid_hits` valid hits at this
+    position belong to the scan. All later valid hits at this position are final hits. If the
+    procedure requires consecutive final hits, an invalid shot at the position discards the final
+    hits before it. Elements of `fresh` beyond the returned number have no meaning. `fresh` must
+    have at least as many elements as there are shots.
     """
     count, of_scan = 0, 0
     for shot in range(place.size):
@@ -182,10 +184,11 @@ def next_hits_of_block(
 ) -> None:
     """Fill `number` and `out` with the number and positions of each laboratory's next shots [m].
 
-    `number` is (laboratory,). It is 0 if the scan is complete, if it has no attempts left, or if at
-    every position most balls did not rebound. `out` is (laboratory, attempts). Elements beyond the
-    number are not overwritten. In `place`, `valid` and `objective`, laboratory i has the shots from
-    `starts[i]` up to, but not including, `starts[i + 1]`.
+    `number` is (laboratory,). The number of a laboratory is 0 if its scan is complete, if the
+    laboratory has no attempts left, or if at every position most balls did not rebound. `out` is
+    (laboratory, attempts). Elements beyond the number are not overwritten. Laboratory i has the
+    shots from `starts[i]` up to, but not including, `starts[i + 1]` in `place`, `valid` and
+    `objective`.
     """
     positions = np.empty(max_scan_shots(rules))
     for laboratory in range(number.size):

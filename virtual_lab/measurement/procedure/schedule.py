@@ -57,8 +57,8 @@ def next_shots(
 
     Positions are distances from the barrel tip [m]. A round may have several shots per laboratory.
     Without a scan, the round has one shot at the center of percussion for each missing valid hit.
-    With a scan, it has the missing hits at the positions that the scan needs next. The number of
-    shots is limited to the attempts left. It is 0 if a test is complete.
+    With a scan, it has the missing hits at the positions that the scan needs next. A laboratory
+    gets at most as many shots as it has attempts left, and none if its test is complete.
 
     Parameters
     ----------

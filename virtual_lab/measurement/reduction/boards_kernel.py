@@ -20,9 +20,9 @@ def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, mis
 
     Two curves are fitted over the positions of the broken beams: a line to the middle times of the
     interruptions, and a parabola to their squared durations. The results of a board are NaN if the
-    ball broke fewer than four of its beams. They are also NaN if the distance of the fitted height
-    from the mean height of the broken beams is at least the number of beams times their spacing.
-    The misfit is NaN if no board has a result.
+    ball broke fewer than four of its beams. They are also NaN if the fitted height is too far from
+    the mean height of the broken beams. The limit is the beam spacing times the number of all beams
+    of the board. The misfit is NaN if no board has a result.
 
     Parameters
     ----------

@@ -26,8 +26,9 @@ def fit_speeds(
 ) -> None:
     """Fill `out` with the speeds at the target [m/s], (direction, row, shot).
 
-    Direction 0 is in, direction 1 is out. Speeds are positive in both directions. A speed is NaN if
-    fewer than two gates detected the ball in its direction. A row is one set of constants.
+    A row is one set of constants: distances, clock rate and drag rate. Direction 0 is in, direction
+    1 is out. Speeds are positive in both directions. A speed is NaN if fewer than two gates
+    detected the ball in its direction.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ def fit_speeds(
         Times at which the balls passed the gates, (batch, direction, gate, shot) [s], NaN if not
         detected.
     batch
-        Index on the first axis of `times` for each row, (row,).
+        Index on the first axis of `times` for each set of constants, (row,).
     distances
         Distances of the gates from the target, (row, gate) [m].
     clock

@@ -151,9 +151,9 @@ def counted_releases(odd: Mask) -> Mask:
     """Return a mask of the releases of the pendulum to use, (laboratory, release).
 
     These are the releases without an odd swing. `odd` is the mask of the odd swings, (laboratory,
-    release, swing), see `odd_swings`. If fewer than two releases of a laboratory, or fewer than
-    half, have no odd swing, all its releases are used, because the records do not show which are
-    right.
+    release, swing), see `odd_swings`. If a laboratory has fewer than two such releases, or if they
+    are fewer than half of its releases, all its releases are used. The records then do not show
+    which releases are right.
     """
     even = ~odd.any(axis=2)
     too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
@@ -167,8 +167,9 @@ def _exactly(value: Array) -> Estimates:
 def reference_readings(block: SessionBlock) -> Array:
     """Return the readings of the reference mass, (laboratory, 2, repeat) [kg].
 
-    On the second axis, item 0 was read before bat and balls were weighed, and item 1 after. Raises
-    `InputError` if the record is missing, does not have two items, or has only one reading of each.
+    On the second axis, index 0 holds the readings before bat and balls were weighed, and index 1
+    the readings after. Raises `InputError` if the record is missing, does not have these two sets
+    of readings, or has only one reading per set.
     """
     readings = _table(block, REFERENCE_MASS)
     if readings.shape[1] != 2 or readings.shape[2] < 2:
@@ -179,11 +180,12 @@ def reference_readings(block: SessionBlock) -> Array:
 
 
 def observe_balls(block: SessionBlock) -> BallReadings:
-    """Return the readings of the balls from scale and wall, arrays (laboratory, 1, ...) [SI].
+    """Return the readings of the balls from scale and wall in a block of laboratories [SI].
 
-    If the gates did not detect a ball in both directions, the hit is ignored and its ball index is
-    -1. Raises `InputError` for a record that is missing or cannot be used, and for a ball with
-    fewer than two detected hits.
+    The arrays have the shape (laboratory, 1, ball) or (laboratory, 1, hit). The axis of length 1 is
+    the axis for sets of constants in later computations. If the gates did not detect a ball in both
+    directions, the hit is ignored and its ball index is -1. Raises `InputError` for a record that
+    is missing or cannot be used, and for a ball with fewer than two detected hits.
     """
     log, flights = _log_and_flights(block, "balls")
     mass = _table(block, "ball-mass").mean(axis=-1)

@@ -127,10 +127,10 @@ class ReductionSettings:
 def bat_properties(x: Constants) -> BatProperties:
     """Return mass, length, balance, inertia and barrel radius of bats [SI].
 
-    The readings are corrected by the calibration. `x` holds the bench readings and calibration
-    constants, keyed by name. `z_cm` is the distance of the center of mass from the tip, and
-    `inertia_cm` is the moment of inertia about the center of mass. The values have the shape of the
-    constants: numbers, or columns (..., k, 1).
+    The readings are corrected by the calibration. In the result, `z_cm` is the distance of the
+    center of mass from the tip, and `inertia_cm` is the moment of inertia about the center of mass.
+    `x` holds the bench readings and calibration constants, keyed by name. The results have the
+    shape of the constants: numbers, or columns (..., k, 1).
     """
     mass = (x["bat.mass"] - x["bench.scale.zero"]) / x["bench.scale.span"]
     length = x["bat.length"] - x["bench.rule.offset"]

@@ -30,8 +30,8 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
         Time at which the ball would reach a bat that is square to it, from the gates and before
         corrections, shape (shot,) [s].
     reach
-        Time in which the ball travels as far as the bat moves per encoder count at the impact
-        position, shape (shot,) [s].
+        Distance that the bat moves during one encoder count at the impact position, divided by the
+        speed of the ball, shape (shot,) [s].
 
     Raises
     ------

@@ -38,13 +38,18 @@ def balls_of_sets(
     `speed_out` are (..., hit): the index of the ball, and three speeds [m/s]. A hit with a negative
     ball index is ignored.
 
-    `restitution` and `faster` are (..., ball), `speed` and `slope` are (...). The excess speed
-    `faster` is the mean measured speed of a ball's hits minus the mean nominal speed of all hits
-    [m/s]. The slope of e0 over speed [s/m] is computed from differences within each ball. It is the
-    slope of e0 over the nominal speed, divided by the slope of the measured speed over the nominal
-    speed. A direct fit over the measured speed would be biased, because an error of this speed also
-    affects e0. The results of a ball without hits are NaN. The slope is NaN if all hits have the
-    same nominal speed.
+    The results are:
+
+    * `restitution`, (..., ball): mean e0 of each ball;
+    * `faster`, (..., ball): excess speed of each ball, which is the mean measured speed of the
+      ball's hits minus the mean nominal speed of all hits [m/s];
+    * `speed`, (...): mean nominal speed of all hits [m/s];
+    * `slope`, (...): slope of e0 over speed [s/m].
+
+    The slope is computed from differences within each ball. It is the slope of e0 over the nominal
+    speed, divided by the slope of the measured speed over the nominal speed. A direct fit over the
+    measured speed would be biased, because an error of this speed also affects e0. The results of a
+    ball without hits are NaN. The slope is NaN if all hits have the same nominal speed.
     """
     counts, middle = np.zeros(masses.size), np.zeros(masses.size)
     restitution[:], faster[:], speed[0] = 0.0, 0.0, 0.0

@@ -439,7 +439,9 @@ def collide_lanes(
     """Integrate n collisions of bats with N flexible modes, and write the results to `out`.
 
     The collisions (scenes) are integrated in parallel lanes; a finished lane takes the next scene.
-    The symbols are explained in `modal_kernel`. The results of a doubtful scene are not valid.
+    The symbols are explained in `modal_kernel`. A scene is doubtful if a step may have hidden an
+    event, such as a touch, or if the scene takes too many steps. The results of a doubtful scene
+    are not valid.
 
     Parameters
     ----------
@@ -462,7 +464,8 @@ def collide_lanes(
     out
         Results, from `prepare_results`:
 
-        * p and p' of all modes, then s and s', at the last release [SI], (n, 2 N + 2);
+        * state at the last release [SI], (n, 2 N + 2): displacements p and velocities p' of all
+          modes, then displacement s and velocity s' of the rigid motion;
         * time from first touch to last release [s], energy lost in the ball [J], and error of the
           energy balance, as a share of the initial energy, (n, 3);
         * number of contacts, number of reloads before release, 1 for a doubtful scene (otherwise

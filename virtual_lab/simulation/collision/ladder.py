@@ -109,8 +109,8 @@ def choose(
     safety factor. The scenes should be similar to the shots of the test. Two arguments select the
     model:
 
-    * `rung` names one of `COLLISION_RUNGS`, which is used even if its error is large. The rung
-      ``modal`` has the default number of modes.
+    * `rung` names one of `COLLISION_RUNGS`. This model is used even if its error is large, and
+      `standard_uncertainty` is ignored. The rung ``modal`` has the default number of modes.
     * `standard_uncertainty` is the standard uncertainty u of the e_A that will be measured. The
       fastest model with an error of at most `SHARE` times this u is used. If there is none, the
       reference model is used.
@@ -354,9 +354,10 @@ def probing_scenes(
 
     In each scene the nominal `ball` hits the bat at the relative `speed` [m/s], with the ball-wall
     restitution e0 of the ball at this speed. The positions are about `PROBING.every` apart. They
-    cover the range `PROBING.places`, which is extended to include `places`, the lowest and highest
-    distance from the tip [m]. Raises `InputError` for a negative position, and for a speed that is
-    not positive, not finite, or above 1e6 m/s.
+    cover at least the range `PROBING.places`. `places` is a second range, the lowest and the
+    highest distance from the tip [m]. If it goes beyond the first range, the positions cover both.
+    Raises `InputError` for a negative position, and for a speed that is not positive, not finite,
+    or above 1e6 m/s.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

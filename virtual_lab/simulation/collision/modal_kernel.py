@@ -300,10 +300,15 @@ def collide(
 ) -> tuple[Array, Array, Counts]:
     """Integrate n collisions of bats with N flexible modes one after another.
 
-    Three arrays are returned: states (n, 2 N + 2), sums (n, 3) and counts (n, 3). States and sums
-    have the columns of the first two arrays of `collide_lanes`. The counts are the number of
-    contacts, the number of reloads, and a `Failure`. The states and sums of a failed scene are not
-    valid.
+    Three arrays are returned:
+
+    * states at the last release [SI], (n, 2 N + 2): displacements p and velocities p' of all modes,
+      then displacement s and velocity s' of the rigid motion;
+    * sums, (n, 3): time from first touch to last release [s], energy lost in the ball [J], and
+      error of the energy balance as a share of the initial energy;
+    * counts, (n, 3): number of contacts, number of reloads, and a `Failure`.
+
+    The states and sums of a failed scene are not valid.
 
     Parameters
     ----------

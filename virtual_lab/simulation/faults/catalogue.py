@@ -191,9 +191,10 @@ def scraps_of_beams(station: Station) -> Station:
 def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
     """Return gate times in which sabot fragments break the beam of the first gate before the ball.
 
-    In about 60 % of the shots, fragments fly 30 mm ahead of the ball. The result is a mapping with
-    the key ``times`` [s], an array of the shape of the times in the record. For light boards the
-    mapping is empty; the simulation of the boards includes the fragments.
+    `record` is the gates' record without the fault. `written` is its context: station, plan and
+    random numbers. In about 60 % of the shots, fragments fly 30 mm ahead of the ball. The result is
+    a mapping with the key ``times`` [s], an array of the shape of the times in the record. For
+    light boards the mapping is empty; the simulation of the boards includes the fragments.
     """
     if isinstance(record, BoardRecord):
         return {}
@@ -255,8 +256,10 @@ def loose(record: Any, written: FaultContext) -> Arrays:
 def still_swinging(record: Any, written: FaultContext) -> Arrays:
     """Return the encoder counts for a bat that still swings at 0.3 rad/s when the ball is fired.
 
-    The direction is random from shot to shot. The result is a mapping with the key ``counts``, an
-    array (shot, sample). Raises `KeyError` for a station without an encoder.
+    `record` is the encoder's record without the fault. `written` is its context: station, plan and
+    random numbers. The direction of the swing is random from shot to shot. The result is a mapping
+    with the key ``counts``, an array (shot, sample). Raises `KeyError` for a station without an
+    encoder.
     """
     direction = np.where(written.some(0.5), 1.0, -1.0)
     rotation = counts_per_turn(written) / tau * 0.3 * record.times

@@ -143,10 +143,11 @@ def sum_up(
 
 @njit(cache=True)
 def gain_memory(radius: float) -> Array:
-    """Return an empty table for the results of `fill_gains`, (row, 4).
+    """Return a table of zeros in which `fill_gains` stores results, (row, 4).
 
-    `radius` is the largest radius of the balls [beam pitches]. All values are 0, which means that
-    the table has no entry yet.
+    `radius` is the largest radius of the balls [beam pitches]. There is one row for each
+    combination of the number of missing beams and the rounded position of the ball between two
+    beams. A row of zeros holds no result yet.
     """
     return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 

@@ -267,13 +267,14 @@ def _write(state: Moving, row: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
-    """Simulate `shots` until their next contact with the bat, or until their end.
+    """Start or resume shots, and simulate each until its next contact with the bat or its end.
 
-    The events are added to `log`, which is changed in place. A shot pauses at a contact, because
-    the caller must compute its collision efficiency e_A. `log.waits` is then True for this shot.
+    A shot pauses at a contact with the bat, because the caller must compute the collision
+    efficiency e_A of the contact. `log.waits` is then True for this shot. The next call with the
+    shot resumes it. The events are added to `log`, which is changed in place.
 
-    `shots` are indices. `efficiency`, (len(shots),), is the e_A of the contact at which each shot
-    was paused. It is ignored for a shot that was not paused.
+    `shots` holds the indices of the shots. `efficiency`, (len(shots),), is the e_A of the contact
+    at which each shot was paused. It is ignored for a shot that was not paused.
     """
     for number in range(shots.size):
         i = shots[number]

@@ -188,8 +188,8 @@ def _recoil(
 def wall_restitution(scenes: Scenes) -> Array:
     """Return the ball-wall restitution e0 of the balls, computed from the force law, (n,).
 
-    e0 is the square root of the work of the force during unloading divided by its work during
-    loading. It does not depend on the stiffness of the ball. The wall is rigid.
+    The square of e0 is the work of the force during unloading, divided by the work of the force
+    during loading. e0 does not depend on the stiffness of the ball. The wall is rigid.
     """
     x, weights = gauss_points(64)  # exact to rounding for any ball
     share, width = ((1 + x) / 2) ** 4, ((1 + x) / 2) ** 3 * weights  # dense near zero compression

@@ -23,8 +23,9 @@ def frame_times(
 ) -> tuple[Array, tuple[str, ...]]:
     """Return the time of each frame, (frame,) [s], and a tuple of warnings.
 
-    The times are the time stamps of the calibration if it has any. Without them they follow from
-    the frame rate of the calibration. Without both they follow from the file.
+    The times are the time stamps of the calibration if it has any. Otherwise the times are computed
+    from the frame rate of the calibration. If the calibration states neither, the times are taken
+    from the file.
 
     Parameters
     ----------

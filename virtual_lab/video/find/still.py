@@ -322,12 +322,13 @@ def warp_back(
 
 
 def share_of(pictures: Sequence[Image]) -> float:
-    """Return the quantile of the gray values of a pixel that is used as its background, 0 to 1.
+    """Return the level of the quantile that gives the background of the pictures, 0 to 1.
 
-    It is 0.5, the median, for color pictures and for fewer than eight pictures. In gray pictures
-    from a laboratory, a slow ball may cover a pixel most of the time. With eight or more gray
-    pictures, the quantile is therefore below 0.5 if the ball is lighter than the background, and
-    above 0.5 if it is darker.
+    The background of a pixel is a quantile of the pixel's gray values in all pictures. The level is
+    0.5, the median, for color pictures and for fewer than eight pictures. In gray pictures from a
+    laboratory, a slow ball may cover a pixel most of the time. With eight or more gray pictures,
+    the level is therefore below 0.5 if the ball is lighter than the background, and above 0.5 if
+    the ball is darker.
     """
     if pictures[0].ndim == 3 or len(pictures) < _STILL.fewest:
         return 0.5

@@ -108,7 +108,8 @@ class Falls:
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:
     """Return a list with one note if the stated size of the ball contradicts the stated length.
 
-    The list is empty if they agree, or if one of them was not stated.
+    The stated length is a known distance in the picture, such as the distance between two points.
+    The list is empty if size and length agree, or if one of them was not stated.
     """
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):

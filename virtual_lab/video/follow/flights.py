@@ -283,7 +283,8 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     """Return the contacts between consecutive flights, as pairs of flight index and time [frames].
 
     The index is that of the flight before the contact. Flights that pass each other at a distance
-    have no contact. Flights made of blobs have no contact if more than `FLIGHTS.contact_frames`
+    have no contact. `fit` is the joint fit of the flights. Flights with positions from blobs
+    (bright regions), which are not sharp, have no contact if more than `FLIGHTS.contact_frames`
     frames are between them.
     """
     contacts = []
@@ -407,7 +408,7 @@ def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequen
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
-    """Return the flights without positions that a contact or another flight makes doubtful.
+    """Remove the positions that a contact or another flight makes doubtful; return the flights.
 
     At a contact, the earlier flight keeps the positions with an exposure that ends before the
     contact. The later flight keeps the positions with an exposure that begins after it. An unknown

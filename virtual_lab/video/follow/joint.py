@@ -325,8 +325,8 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
     flight
         Flight with sharp positions.
     residuals
-        Residuals of its positions, (position, axis) [pixels]. Residuals larger than noise and
-        pattern explain increase the covariance.
+        Residuals of its positions, (position, axis) [pixels]. The covariance is increased if the
+        residuals are larger than noise and pattern explain.
     late
         Time of each position since the middle of the flight, (position,) [frames].
     """

@@ -87,7 +87,7 @@ def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -
     """Fit the flights again with other options, and return the new fit.
 
     `changed` are arguments of `fit_flights`. Unless they are changed, the readout time and the
-    floor are those of `fit`. All other arguments have their default values.
+    contacts with a common floor are those of `fit`. All other arguments have their default values.
     """
     same: dict[str, Any] = {"readout": fit.readout, "floor": fit.floor}
     return fit_flights(scene, ways, **same | changed)

@@ -62,8 +62,8 @@ def clip_scene(
 
     Positions are in pixels and times in frames. The unit of length of g (`fall`) and of drag is the
     pixel if the scale of the picture is known. Otherwise it is the radius of the ball, and
-    `in_radii` is True. Both are None if neither scale nor diameter is known. `fall` is also None if
-    most frames are stored twice.
+    `in_radii` is True. `fall` and `drag` are None if neither scale nor diameter is known. `fall` is
+    also None if most frames are stored twice.
 
     Parameters
     ----------

@@ -90,8 +90,8 @@ def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece
     """Return whether the ball should be located sharply, by its outline (`sharpen`).
 
     This needs a calibration that states a camera, the lens blur or the exposure. The camera must
-    not move, and the clip must not be interlaced. There must be one or two flights, and gravity
-    must not be the requested ruler. The location may still fail.
+    not move, and the clip must not be interlaced (`watched`). `ways` must hold one or two flights,
+    and gravity must not be the requested ruler. The location may still fail.
     """
     calibration = knowledge.calibration
     # A file that only states rate or scale replaces options and is not a reason for an outline fit.
@@ -201,8 +201,10 @@ def settle(
 
     The returned ball has all positions. A usable position that is in no flight gets the flag
     `OFF_WAY`. Notes name each flight that leaves the plane or does not fit the model of a flight.
-    `aside` of the ball has fits with other slopes to the plane, from which the u is computed.
-    Raises `NotSharpError` if too few positions of a flight remain.
+    The plane is the plane in which the ball moves. `aside` of the ball has additional fits, in
+    which the slope of one flight relative to the plane is one standard uncertainty larger. The
+    uncertainty of the results is computed from these fits. Raises `NotSharpError` if too few
+    positions of a flight remain.
 
     Parameters
     ----------

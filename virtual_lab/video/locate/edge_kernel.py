@@ -136,8 +136,10 @@ def sector_sums(
         from the gray values of the pixels instead of the model, and only some of the rows are used.
     sums
         Overwritten with one set of equations per sector, (sector + 1, n, n). The last set is for
-        pixels off the rim. The n variables are the shared parameters, the knots of the pattern at
-        the beginning and at the end of the sector, and the residual of the pixel.
+        pixels off the rim. A set is a weighted sum of products over the pixels of the sector. The n
+        factors of a pixel are the derivatives of its gray value with respect to the shared
+        parameters, and to the knots of the pattern at the beginning and at the end of the sector,
+        and last the residual of the gray value.
     """
     region, back, way = view
     rows, cols = region.shape

@@ -104,7 +104,7 @@ def squares(start: Located, shape: tuple[int, int]) -> tuple[Array, tuple[int, i
     The corners, (region, 2), are x and y of the upper left pixel in the frame. All regions have the
     same shape, (rows, columns), which contains the largest ball with a margin. A region that would
     extend beyond the frame is moved inside, and the ball is then not in its middle. `shape` is the
-    number of rows and columns of the frame.
+    shape of the frame, (rows, columns).
     """
     blur = np.hypot(start.blur_x, start.blur_y)
     half = float(np.nanmax(1.1 * start.radius + blur / 2)) + MARGIN

@@ -34,10 +34,10 @@ class Electronics(NamedTuple):
 def expect(
     electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
 ) -> bool:
-    """Fill `out` with the expected electrons of each pixel, and return whether any pixel is dark.
+    """Fill `out` with expected electrons per pixel; return whether a pixel has fewer than 25.
 
-    A pixel is dark if it has fewer than 25 electrons. Its noise must be drawn from a Poisson
-    distribution instead of a normal one.
+    The expected electrons include the `dark` electrons. The noise of a pixel with fewer than 25
+    must be drawn from a Poisson distribution instead of a normal one.
 
     Parameters
     ----------
