@@ -142,10 +142,11 @@ def choice(*values: str) -> ParameterRule:
 
 
 def several(one: ParameterRule, words: str = "") -> ParameterRule:
-    """Return the rule of a parameter that is one value or a list of at least one value.
+    """Return the rule of a parameter for which one value or a non-empty list is allowed.
 
     The value or list is converted to a tuple. The rule `one` checks and converts each value.
-    `words`, if not empty, describes the allowed values instead of the text in `one`.
+    Messages describe the allowed values by `words`, or by the text of the rule `one` if `words` is
+    empty.
     """
 
     def read(value: Any) -> tuple[Any, ...]:

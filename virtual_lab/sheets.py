@@ -397,9 +397,10 @@ AnyStudy = Annotated[
 
 
 def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
-    """Return the data sheet of a rig or of one of its instruments, and a key of this sheet.
+    """Return the data sheet of a rig or of one of its instruments, and the key in this sheet.
 
-    The function does not check whether the sheet has the key.
+    The second result is the rest of `key` after the stage, or after the instrument. The function
+    does not check whether the sheet has this key.
 
     Parameters
     ----------

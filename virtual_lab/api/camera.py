@@ -439,7 +439,7 @@ def board(
     camera
         Camera: a name in the catalog or a .toml file.
 
-        A sheet is also allowed.
+        In Python, a `Sheet` of a camera is also allowed.
     views
         Number of pictures, 3 to 60.
     seed

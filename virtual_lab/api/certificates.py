@@ -640,13 +640,13 @@ def sweep(
     bats
         Bat: a name in the catalog or a .toml file.
 
-        A sheet, or a list of several, is also allowed.
+        In Python, a sheet such as ``vl.bat("r161")``, or a list, is also allowed.
     more
         Further bats. A list as `bats` has the same effect.
     procedures
         Test procedure: a name in the catalog or a .toml file.
 
-        A sheet, or a list of several, is also allowed.
+        In Python, a sheet such as ``vl.procedure("bbcor")``, or a list, is also allowed.
     laboratories
         Number of laboratories. They are numbered from 0. The seed and this number identify a
         laboratory.

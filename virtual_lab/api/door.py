@@ -27,10 +27,10 @@ Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
     """Return the public function `name`. Its module is imported at the first call.
 
-    `place` holds the module of the function and its name in this module. If the function has a
-    parameter `progress` and a call does not set it, the progress is shown on stderr. A call raises
-    `InputError` for an argument that is missing, unknown or not allowed, and for an instrument that
-    no rig of the test uses.
+    `place` is (module, name): the module that defines the function, and the name of the function
+    there. If the function has a parameter `progress` and a call does not set it, the progress is
+    shown on stderr. A call raises `InputError` for an argument that is missing, unknown or not
+    allowed, and for an instrument that no rig of the test uses.
     """
     description = describe(*place)
 

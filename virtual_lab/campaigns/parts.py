@@ -108,8 +108,9 @@ def table_of(block: Block, seed: int, layout: PartColumns) -> pa.Table:
 def meaning_of(column: str) -> str:
     """Return the meaning of a table column of a campaign, in words.
 
-    A column that is not in the dictionary has the name of a key that the study changes. It holds
-    the value of this key.
+    For a column in the data dictionary, the meaning is taken from there. Any other column holds the
+    values of a key that the study changes, and has the name of this key; the result is then "value
+    of" and the name.
     """
     known = column_meaning(column)
     return known.meaning if known else f"value of {column}"
@@ -261,9 +262,9 @@ def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> 
     """Read and check the Parquet file of a block; return it as a `Part`.
 
     If `whole`, the whole file is checked, and the part contains it. Otherwise only the footer is
-    read and checked. If the file is missing, changed or unreadable, or holds other tests, no error
-    is raised. The field `wrong` of the part then states the fault. `layout` has the type and the
-    unit of each column, keyed by name.
+    read and checked. If the file is missing, changed or unreadable, or does not hold the tests of
+    `block`, no error is raised. The field `wrong` of the part then states the fault. `layout` has
+    the type and the unit of each column, keyed by name.
     """
     import pyarrow as pa
 

@@ -48,7 +48,7 @@ def summary_columns(changed: Iterable[str]) -> dict[str, Column]:
 
 
 def with_all_flags(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the rows of a summary with the same flag counts in every row.
+    """Return the rows of a summary, each with a count for every flag.
 
     Each flag that occurs in any row gets a count in all rows. The count is 0 in a row without this
     flag.

@@ -218,10 +218,11 @@ def load_bat(name: str) -> Entry[BatSpec]:
 def read_bat(text: str, where: str) -> Entry[BatSpec]:
     """Return the bat that a TOML `text` describes, with numbers in SI units.
 
-    A text with the key ``base`` describes a modification: it states only the values that differ
-    from this bat of the catalog. In such a text `wall_factor` can be a plain number instead of a
-    table. Its source is then ``not stated``. `where` is the name of the file in error messages.
-    Raises `InputError` for an invalid text and for an unknown base.
+    A text with the key ``base`` describes a modified bat. ``base`` is the name of a bat in the
+    catalog, and the text states only the values that differ from this bat. In such a text
+    `wall_factor` can be a plain number instead of a table. Its source is then ``not stated``.
+    `where` is the name of the file in error messages. Raises `InputError` for an invalid text and
+    for an unknown base.
     """
     document = _parse(text, where)
     if "base" not in document:

@@ -80,10 +80,10 @@ def same_text(path: Path) -> str:
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
     """Yield one mismatch per key of a JSON file that differs from the values `here`.
 
-    Nothing is yielded if all agree. Numbers that differ only by rounding are equal. `text` is the
-    file content that this program writes for `here`. If all keys agree but the file differs from
-    `text`, the first different line is the only mismatch. A file that cannot be read is one
-    mismatch.
+    Numbers that differ only by rounding are equal. `text` is the file content that this program
+    writes for `here`. If all keys agree but the file differs from `text`, the first different line
+    is the only mismatch. Nothing is yielded if keys and text agree. A file that cannot be read is
+    one mismatch.
     """
     try:
         stated = read_json(path)

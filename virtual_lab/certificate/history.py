@@ -51,9 +51,9 @@ def earlier_scatter(
     Raises
     ------
     InputError
-        There are fewer than three tests, a folder has no certificate, the records of a test do not
-        yield its certificate, or a test is listed twice, is the current test, is of another kind,
-        or is INVALID.
+        There are fewer than three tests, a folder has no certificate, a certificate differs from
+        the result recomputed from its records, or a test is listed twice, is the current test, is
+        of another kind, or is INVALID.
     """
     if not folders:
         return {}

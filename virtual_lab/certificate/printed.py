@@ -89,7 +89,7 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
     * A number is a string in printed units, rounded to its uncertainty; a dash or "" if missing.
     * A table is a list of rows, or a dictionary with ``heads`` and ``rows``; its cells are strings.
     * A group of values, such as ``conditions``, is a dictionary of strings.
-    * A condition that the template tests, such as ``swung``, is a bool.
+    * A value that only switches a part of the certificate on or off, such as ``swung``, is a bool.
     * The number of shots in ``rebound`` is an int; 0 if the check was not made.
     * A part that the certificate does not have is None, "" or an empty list.
     """

@@ -40,9 +40,10 @@ def commit() -> CommitStated | None:
 def commit_of(root: Path) -> CommitStated | None:
     """Return the Git commit of a clone of this project in the folder `root`.
 
-    The result is None if `root` does not contain this project's pyproject.toml, if there is no
-    commit, and for a repository in an unknown format, such as SHA-256. Any other repository gives
-    None too, even if the virtual environment of the program is in it. Git is not called.
+    The result is None if `root` does not contain this project's pyproject.toml. A repository of
+    another project therefore gives None, even if the program is installed in a virtual environment
+    inside it. The result is also None if there is no commit, and for a repository in an unknown
+    format, such as SHA-256. Git is not called.
 
     The field `changes` of the result is a digest of the program files that differ from git's index.
     It is empty if no file differs. Staged changes (``git add``) and untracked files do not affect

@@ -39,10 +39,10 @@ def json_schema() -> dict[str, Any]:
 
 
 def document_classes(kind: Any) -> dict[str, type]:
-    """Return the dataclasses that occur in a type, keyed by class name.
+    """Return all dataclasses in a type annotation, keyed by class name.
 
-    They include the dataclasses in the fields of these classes. The result is empty for a type
-    without dataclasses.
+    For example, ``list[A] | None`` gives the dataclass A, and all dataclasses in the annotations of
+    the fields of A. The result is empty for a type without dataclasses.
     """
     if isinstance(kind, type) and is_dataclass(kind):
         inner = [document_classes(each) for each in get_type_hints(kind).values()]

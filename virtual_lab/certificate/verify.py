@@ -237,10 +237,10 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
 
 
 def made_elsewhere(stated: Mapping[str, Any]) -> str:
-    """Return a sentence if another program made a certificate, otherwise "".
+    """Return a sentence if another version of the program made a certificate, otherwise "".
 
-    The sentence names both programs. A program is another one if its version or commit differs.
-    `stated` are the JSON values of the certificate.
+    The sentence names both versions and commits. It is returned if the version or the commit in the
+    certificate differs from the running program. `stated` are the JSON values of the certificate.
     """
     here = program.commit()
     of_here = (program.versions()["virtual-lab"], here and asdict(here))

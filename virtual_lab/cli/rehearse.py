@@ -171,7 +171,11 @@ def branch(day: Folder, entry: int, folder: Folder) -> Answer:
 
 
 def check(scenario: AnyName) -> StudyResult:
-    """Check a scenario: play it and print minutes, shots, and the faults that an expert finds."""
+    """Check the scenario of a rehearsal by six simulated test days.
+
+    The operators `book` and `expert` carry out three test days each. One row per test day is
+    returned, with its duration [min], its number of shots, and the faults that the operator named.
+    """
     from virtual_lab.bench.entrance.review import check_scenario
 
     return check_scenario(str(scenario))

@@ -104,10 +104,11 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
 
 
 def draw_camera(rows: list[Row], title: str) -> PageFigure:
-    """Return a figure of rms error [px] against time per frame [ms], with one panel per ball.
+    """Return a figure of the rms position error [px] over computing time [ms], one panel per ball.
 
-    `rows` are the rows of `camera_chart`. A method that finds the ball in less than half of the
-    pictures is not drawn.
+    `rows` are the rows of `camera_chart`. Each method that locates the ball has its own color. The
+    error is along one axis of the picture, and the time is per frame. A method that finds the ball
+    in less than half of the pictures is not drawn.
     """
     from matplotlib.lines import Line2D
 

@@ -24,12 +24,12 @@ ERRORS = (0.002, 0.02, 0.1, 0.5)  # standard deviations of a position [px]
 def dropped_frames(
     counts: Sequence[int] = (0, 1, 2, 3, 5), flights: int = 24
 ) -> list[dict[str, Any]]:
-    """Return one row per number of dropped frames and error of the located positions.
+    """Return one row per combination of a number of dropped frames and a position error.
 
-    The standard deviations of the error are `ERRORS` [px]. A row has the same keys as in
-    `camera_stability.picture_cells`, with two differences. ``rms_unflagged`` is the relative rms
-    error of the speed of the incoming balls without a flag. The numbers of pictures are numbers of
-    balls. The state follows from the rms error of all incoming balls.
+    The error of a located position is random; its standard deviations are `ERRORS` [px]. A row has
+    the same keys as in `camera_stability.picture_cells`, with two differences. ``rms_unflagged`` is
+    the relative rms error of the speed of the incoming balls without a flag. The numbers of
+    pictures are numbers of balls. The state follows from the rms error of all incoming balls.
 
     Parameters
     ----------

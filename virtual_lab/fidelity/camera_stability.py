@@ -86,16 +86,17 @@ def picture_cells(
 ) -> list[Row]:
     """Return one row per combination of condition, ball and method.
 
-    A condition is one value of the quantity of a map, such as the contrast. The methods are the
-    convex hull and the edge fit. A row has these keys:
+    In a map, one quantity varies, such as the contrast. A condition is one value of this quantity.
+    The methods locate the ball by the convex hull or by the edge fit. A row has these keys:
 
     * ``map``, ``value``, ``ball``, ``method``: the combination.
     * ``state``: a value of `PictureState`.
     * ``rms_unflagged``: rms error along an axis in pictures without a flag [px]; None if there are
       no such pictures.
-    * ``pictures``, ``unsaid``, ``flagged``, ``lost``: numbers of pictures. They are all pictures,
-      pictures that are wrong without a flag, pictures with a position and a flag, and pictures
-      without a position.
+    * ``pictures``: number of all pictures.
+    * ``unsaid``: number of pictures with a wrong position and no flag.
+    * ``flagged``: number of pictures with a position and a flag.
+    * ``lost``: number of pictures without a position.
 
     Parameters
     ----------

@@ -103,11 +103,12 @@ class Point:
 def collision_chart(progress: Progress = quiet, extent: Extent = Extent()) -> SpeedChart:
     """Return the chart of the collision models, one row per model and setting.
 
-    A row refers to random scenes on the barrel, 2 to 12 in from the tip. It holds the largest and
-    the rms error of e_A, and the processor time per shot [µs]. It also holds two shares, 0 to 1,
-    which refer to the same number of scenes along the whole bat. The first is the share of scenes
-    in which the error of e_A exceeds its standard uncertainty on a certificate. The second is the
-    share of scenes that the model rejects.
+    Each row is computed from two sets of random scenes of the same size. A scene is one hit of the
+    ball at the bat. The first set has hits on the barrel, 2 to 12 in from the tip. It gives the
+    largest and the rms error of the collision efficiency e_A, and the processor time per shot [µs].
+    The second set has hits along the whole bat. It gives two shares, 0 to 1. The first is the share
+    of scenes in which the error of e_A exceeds the standard uncertainty that a certificate states
+    for e_A. The second is the share of scenes that the model rejects.
     """
     rows = []
     for point in _points(catalog.load_bat("r161").spec.body, extent):

@@ -72,7 +72,7 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConver
     bats
         Bats: names in the catalog or .toml files. By default every bat in the catalog.
 
-        Sheets are also allowed.
+        In Python, sheets such as ``vl.bat("r161")`` are also allowed.
     progress
         Function that is called with a message, the number of bats done, and the total. If it is not
         given, the functions of `virtual_lab` and the commands show the progress on stderr.

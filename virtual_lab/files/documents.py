@@ -196,8 +196,8 @@ def read_table(path: Path, *, delimiter: str = ",", decimal: str = ".") -> pd.Da
 
     `delimiter` is a comma, a semicolon or a tab, and `decimal` is the decimal mark. An empty cell
     is a missing value. Raises `InputError` if the file cannot be read, is not UTF-8 text, has no
-    rows, uses another delimiter, or has a column name twice. Also raises it if a row is longer or
-    shorter than the header, but shorter rows are not detected in a file that contains quotes.
+    rows, uses another delimiter, has a column name twice, or has a row that is longer or shorter
+    than the header. Shorter rows are not detected in a file that contains quotation marks.
     """
     return parse_table(read_bytes(path), str(path), delimiter=delimiter, decimal=decimal)
 
@@ -335,9 +335,9 @@ def _is_result(folder: Path) -> bool:
 def check_writable(target: Path, key: str) -> None:
     """Raise `InputError` unless a file or folder can be created at `target`.
 
-    The check creates a temporary folder and removes it, because a system may report a folder as
-    writable although no file can be created in it, such as ``/proc``. `key` is the name of the
-    target in the error message.
+    The check creates a temporary folder and removes it. A system may report a folder such as
+    ``/proc`` as writable although no file can be created in it. `key` is the name of the target in
+    the error message.
     """
     existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
     try:
@@ -369,9 +369,9 @@ def new_folder(target: Path, settings: str = "", *, overwrite: bool = False) -> 
     Raises
     ------
     InputError
-        `target` is the current folder, is a file, or cannot be written. Or it is a folder with
-        files that must not be overwritten: without `overwrite` any such folder, with `overwrite`
-        one without ``settings.toml``. Or an `OSError` occurs within the context.
+        `target` is the current folder, is a file, or cannot be written. `target` is a folder with
+        files, and `overwrite` is False or the folder has no ``settings.toml``. An `OSError` occurs
+        within the context.
     """
     check_new_folder(target, overwrite=overwrite)
     try:

@@ -311,9 +311,10 @@ def reduce_shots(
 ) -> Reduction:
     """Return the results of the shots in `readings`, and which shots are valid, (shot,) [SI].
 
-    `block` must hold the records of the same shots. Each shot is reduced with the constants of its
-    laboratory. Raises `InputError` for a missing constant, and for missing aim marks if the
-    instrument does not measure heights.
+    `block` holds the records of these shots, and `preparation` the measured bats and balls of each
+    laboratory. Each shot is reduced with the constants of its laboratory. Raises `InputError` for a
+    missing constant. If the instrument that times the ball measures no heights, the error is also
+    raised for missing aim marks.
     """
     rules, constants, owner = preparation.procedure.spec, dict(preparation.constants), block.owner
     if not readings.flights.shows_height:

@@ -11,7 +11,7 @@ def decimals(u: float) -> int:
     """Return the number of decimal places that prints `u` with two significant digits, at least 0.
 
     The number is 0 if `u` rounds to 10 or more. A `u` of 100 or more therefore keeps all its digits
-    before the decimal point. The number is 6 if `u` is not finite or at most `LEAST`.
+    before the decimal point. The number is 6 if `u` is NaN, infinite, or at most 1e-9 (`LEAST`).
     """
     if not LEAST < u < inf:
         return 6

@@ -114,8 +114,8 @@ def table_text(
         Columns to print, in this order, keyed by column key. By default the printed columns of the
         dataclass, or one column per key of a mapping.
     across
-        Key of the values that become the column heads of a transposed table. Each row is then a
-        column. By default the table is not transposed.
+        Key of each row that holds the head of its column in a transposed table. In such a table
+        each element of `rows` is a column. By default the table is not transposed.
     """
     if not rows:
         return "nothing"

@@ -305,9 +305,11 @@ def particulars_of(
 
 
 def form() -> Iterator[str]:
-    """Yield the lines of a file of particulars with every key, to be filled in by the user.
+    """Yield the lines of a form for the particulars of a test, to be filled in by the user.
 
-    The file has the TOML format, with comments. The lines have no line ends.
+    Particulars are the names and addresses of laboratory, customer and persons, and the
+    identification of bat and instruments. The form is in TOML format, with every key and with
+    comments. The lines have no line ends.
     """
     words = {row.key: row.words for row in PRINTED}
     words["laboratory.logo"] = "Name of a .png or .svg file in the same folder, up to 200 kB"

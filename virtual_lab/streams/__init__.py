@@ -54,8 +54,9 @@ LABORATORIES = 2**32  # largest number of laboratories in one study
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
     """Return one value per shot, (shot, ...), from one value per laboratory, (laboratory, ...).
 
-    `owner` is the index of the laboratory of each shot, (shot,). If `owner` is `...`, there is a
-    single laboratory, and its values are returned unchanged; a number remains a number.
+    `owner` is the index of the laboratory of each shot, (shot,). `owner` may also be Python's
+    `Ellipsis`. It means that there is a single laboratory; `values` are then returned unchanged,
+    and a number remains a number.
     """
     return np.asarray(values)[owner][()]
 

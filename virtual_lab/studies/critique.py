@@ -235,14 +235,14 @@ def critique(
     bats
         At least two bats: names in the catalog or .toml files.
 
-        Sheets are also allowed.
+        In Python, sheets such as ``vl.bat("r161")`` are also allowed.
     more
         Further bats, instead of a list.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
         sport of the ball in play. A test uses the ball of its procedure.
 
-        A sheet, or a list of several, is also allowed.
+        In Python, a sheet such as ``vl.procedure("bbcor")``, or a list, is also allowed.
     swings
         Exponent n of the power law in the field, 0 to 0.5. By default 0, 0.3 and 0.5.
     swing_law

@@ -117,9 +117,9 @@ def effects(
 
     For two components, the real effect can differ from the stated effect for a known reason. The
     first is the slope of the collision efficiency along the barrel. Its stated uncertainty is the
-    spread over many bats, but the study tests one bat. For the slope, `real_effect` contains only
-    the slope error of this one bat, so `difference_in_se` is None. The slope error also changes
-    the real effect of the aim.
+    spread of the slope over many bats, but the study tests one bat. For the slope, `real_effect` is
+    therefore the effect of the slope error of this one bat. It cannot be compared with the stated
+    effect, and `difference_in_se` is None. The slope error also changes the real effect of the aim.
 
     The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
     ball, but the hits use different balls of the same dozen. If the bat-ball

@@ -177,7 +177,7 @@ def faults(
         Test procedure: a name in the catalog or a .toml file. By default all procedures with
         predictions of the faults.
 
-        A sheet, or a list of several, is also allowed.
+        In Python, a sheet such as ``vl.procedure("bbcor")``, or a list, is also allowed.
     laboratories
         Number of simulated laboratories, each with other balls and calibration errors.
     seed

@@ -116,11 +116,11 @@ def operating(
     bat
         Bat design: a name in the catalog or a .toml file.
 
-        A sheet is also allowed.
+        In Python, a sheet such as ``vl.bat("r161")`` is also allowed.
     procedures
         Test procedure: a name in the catalog or a .toml file. It must have a limit.
 
-        A sheet, or a list of several, is also allowed.
+        In Python, a sheet such as ``vl.procedure("bbcor")``, or a list, is also allowed.
     laboratories
         Number of laboratories, each with three tests.
     seed

@@ -73,11 +73,11 @@ def slope(
         At least two bats: names in the catalog or .toml files. By default the four bats of Table I
         of the paper of 2003.
 
-        Sheets are also allowed.
+        In Python, sheets such as ``vl.bat("r161")`` are also allowed.
     procedure
         Procedure that tests one impact position: a name in the catalog or a .toml file.
 
-        A sheet is also allowed.
+        In Python, a sheet such as ``vl.procedure("bbcor")`` is also allowed.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

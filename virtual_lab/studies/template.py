@@ -58,7 +58,7 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
     procedure
         A procedure: a name in the catalog or a .toml file. Or ``laboratory`` or ``prices``.
 
-        A sheet is also allowed.
+        In Python, a sheet such as ``vl.procedure("bbcor")`` is also allowed.
     folder
         New folder: ``laboratory.toml`` for the constants, and one CSV table per record. For
         ``laboratory`` and ``prices`` the new file.

@@ -46,7 +46,8 @@ def sobol_indices(
     The column ``total_order`` has the share with all its interactions (Saltelli 2010, by
     scipy.stats.sobol_indices). The columns ``first_order_se`` and ``total_order_se`` have their
     standard errors, computed as for independent points. With Sobol's sequence the errors are mostly
-    smaller. Within these errors, the total index can be below the first.
+    smaller. By chance, the total-order index can be smaller than the first-order index, within
+    these errors.
 
     Parameters
     ----------

@@ -194,8 +194,8 @@ def _readings(name: str, readings: Array) -> tuple[float, float]:
 def source_of(name: str, entry: Input) -> InputSource:
     """Return value, u and distribution of an input.
 
-    Raises `InputError` if `entry` is not an `Input`, is not valid, or has no uncertainty. The
-    message calls it `name`.
+    `name` is the name of the input in error messages. Raises `InputError` if `entry` is not an
+    `Input`, is not valid, or has no uncertainty.
     """
     if not isinstance(entry, Input):
         raise InputError("", name, entry, "allowed: vl.Input(…)")

@@ -51,9 +51,9 @@ def propagate_inputs(
     ----------
     model
         A function of named inputs that returns one number, or a mapping of names to numbers. It is
-        called with arrays (k,) and returns arrays (k,). If it accepts only numbers, it is called
-        row by row, and a note says so. An input with groups of n observations is passed as an array
-        (k, n), or as (n,) if the function is called row by row.
+        called for k sets of inputs at a time, with an array (k,) per input, and returns arrays
+        (k,). If it accepts only numbers, it is called for one set at a time, and a note says so. An
+        input that consists of n observations is passed as an array (k, n), or as (n,) for one set.
     inputs
         The value for a name is an `Input`, a number without uncertainty, or readings (n,). The mean
         of the readings and its standard uncertainty are used. The value for a tuple of m names is
@@ -162,10 +162,10 @@ def first_order(model: Model, probability: float) -> Propagated:
 
 
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:
-    """Return the first-order result `linear` with value, u and interval to second order.
+    """Return value, u and interval of each output of a model, computed to second order.
 
-    The degrees of freedom remain those of `linear`, and the correlation of the outputs is None.
-    Raises `InputError` if the series does not converge.
+    `linear` is the first-order result. Its degrees of freedom are kept. The correlation of the
+    outputs is None. Raises `InputError` if the series does not converge.
     """
     points = SecondOrder.of(model.inputs)
     answers = model(points.columns)

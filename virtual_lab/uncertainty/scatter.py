@@ -127,11 +127,11 @@ class Scatter(AlignedArrays):
 
 
 def larger_today(today: Estimate, earlier: Estimate) -> bool:
-    """Return whether the variance of a hit is significantly larger today than in earlier tests.
+    """Return whether single hits have a significantly larger variance today than in earlier tests.
 
-    `today` and `earlier` are this variance with its u and degrees of freedom. The test is a
-    one-sided F test at a significance level of 1 %. The result is False if either variance has 0
-    degrees of freedom.
+    `today` is the variance of a single hit today, with its u and degrees of freedom. `earlier` is
+    the same for the earlier tests. The test is a one-sided F test at a significance level of 1 %.
+    The result is False if either variance has 0 degrees of freedom.
     """
     new, old = (HitVariance.of(Estimates.stack([each])) for each in (today, earlier))
     return bool(new.larger(old)[0])

@@ -20,7 +20,7 @@ class StepDue:
 
 
 def steps_due(day: Day) -> Iterator[StepDue]:
-    """Yield each step that has been due so far, done or not, in the order of the day.
+    """Yield each step that was due up to now, whether done or not, in the order of the day.
 
     The steps that prepare a shot are due once per shot. The removal of sabot scrap is not due
     before the first shot, because there is no scrap yet.

@@ -108,10 +108,10 @@ class PrintedRow(NamedTuple):
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
     """Yield one row per suspected fault.
 
-    A fault is suspected if a reading that indicates it is beyond its limits. The row is the first
-    such reading. The list ``unless`` of a fault names other faults that explain the same readings.
-    The fault is left out if one of these is suspected too. Nothing is yielded if all readings are
-    within their limits.
+    Some readings indicate a fault if they are outside their limits. The fault is then suspected,
+    and its row is the first such reading. The list ``unless`` of a fault names other faults that
+    explain the same readings. The fault is left out if one of these other faults is suspected too.
+    Nothing is yielded if all readings are within their limits.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):

@@ -151,11 +151,12 @@ def has_camera(laboratory: Laboratory) -> bool:
 
 
 def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
-    """Return six camera frames of a shot as one PNG, drawn from its sketch.
+    """Return six simulated camera frames of a shot as one PNG image.
 
-    The frames depend only on the sketch, on the impact position that was set, and on data sheets.
-    They reveal no true value. `event` is the notebook entry of the shot. The result is empty if the
-    ball missed the bat or the rig has no camera.
+    The frames are drawn from the sketch, the blurred top view of the shot that a trainee may see.
+    They also depend on the impact position that was set, and on data sheets, but on no true value.
+    `event` is the notebook entry of the shot. The result is empty if the ball missed the bat or the
+    rig has no camera.
     """
     station = find_rig(setup.rig, Stage.IMPACT).commission(Quiet(), ideal=True)
     if "rebound" not in event.sketch or not isinstance(station, FilmingStation):

@@ -63,10 +63,11 @@ def deviations(desk: Desk) -> Iterator[Deviation]:
 
 
 def extra_check_seconds(judged: list[Deviation], desk: Desk) -> float:
-    """Return the total time [s] of the additional checks that a reading justified.
+    """Return the total time [s] of the additional checks that an earlier reading justified.
 
-    The procedure does not require these checks, and the economy score does not count their time.
-    `judged` are the deviations of the day with their judgments.
+    A check is additional if the procedure does not require it. It is justified if an earlier
+    reading of an instrument was beyond its limit. The economy score does not count the time of
+    these checks. `judged` are the deviations of the day with their judgments.
     """
     entries = {each.entry for each in judged if each.judged == JUSTIFIED}
     return sum(

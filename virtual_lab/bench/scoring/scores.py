@@ -78,7 +78,8 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     * Another verdict, although INVALID would have been correct: 0.2.
     * The day has no result: 0.
     * All other cases: 1 if the error is at most U = 2 u, otherwise U / |error|. The score is halved
-      if the trainee gave MEASURED and PASS or FAIL was correct, or vice versa.
+      if the verdict is wrong. Such a wrong verdict is MEASURED instead of PASS or FAIL, or PASS or
+      FAIL instead of MEASURED.
     """
     right = day.right.word
     if {day.verdict, right} == {"PASS", "FAIL"}:

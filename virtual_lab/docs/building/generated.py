@@ -238,7 +238,10 @@ def dictionary() -> Iterator[tuple[str, str]]:
 
 
 def schema() -> Iterator[tuple[str, str]]:
-    """Yield name and text of the page of keys of ``certificate.json``, then of its JSON Schema."""
+    """Yield (file name, text) of two generated files about ``certificate.json``.
+
+    The first is a page with a table of its keys. The second is its JSON Schema.
+    """
     whole = json_schema()
     parts = [
         "# Keys of certificate.json\n",
@@ -300,9 +303,11 @@ def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx write the generated pages before the build, and change the links of pages.
+    """Register two steps of the build: write the generated pages, and adapt links.
 
-    The result states that Sphinx may process pages in parallel.
+    The generated pages are written before the build. A link to a file outside the docs is changed
+    to a link to the page of this file on the site. The result tells Sphinx that it may process
+    pages in parallel.
     """
     app.connect("config-inited", lambda app, _config: _write(app))
     app.connect("source-read", _relink)

@@ -32,8 +32,10 @@ def other_support(
     """Return the mean r, e and BPF of one bat for the other support, free or pivoted.
 
     If the procedure computes with a pivoted bat, the results are for a free bat, and vice versa.
-    `OtherSupport.which` names the support. e_A is the measured value. Each result is dimensionless.
-    It is the weighted mean over the hits of `outcome`, and 0 if there are none.
+    `OtherSupport.which` names the support. r is the recoil factor, e the bat-ball restitution, and
+    BPF the bat performance factor; each is dimensionless. They are computed from the measured
+    collision efficiency e_A. Each result is the weighted mean over the hits of `outcome`, and 0 if
+    there are none.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # mass of the lot's mean ball, computed back from the recoil factor of the rules' support

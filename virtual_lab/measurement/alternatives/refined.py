@@ -65,8 +65,9 @@ def model_of(
     """Return a function that computes the metric of one test, and its inputs keyed by name.
 
     The function takes one array (k,) per input, as keyword arguments, and returns the metric, (k,)
-    [SI]. The inputs are the constants of the reduction. Each other component of `linear` is an
-    input too, an error with the value 0.
+    [SI]. `linear` is the first-order budget of the metric. The inputs are the constants of the
+    reduction, and one error for each component of `linear` that is not such a constant. The value
+    of an error is 0.
     """
     indices = np.flatnonzero(outcome.used)
     model, effects = reduced.model(readings, indices[None]), outcome.effects[indices]

@@ -48,7 +48,8 @@ def reduce_film(
         Calibration constants keyed by name: numbers, or columns (k, 1) for k sets of constants.
         With columns, the results have the shape (k, shot).
     stage
-        First part of the constants' names, always ``impact``, the stage with the camera.
+        Kind of measurement, always ``impact``, because only the station for hits at the bat has a
+        camera. The names of the constants begin with it.
     sightings
         Positions of the ball, (shot, frame).
     drag

@@ -124,8 +124,8 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison of the observed with the predicted change of the pendulum's period.
 
     The period shortens as the swing decays. The prediction is computed from the recorded
-    amplitudes. The difference is the ratio of observed to predicted change, minus 1.
-    `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard uncertainty.
+    amplitudes. The deviation is the observed change divided by the predicted change, minus 1.
+    `Pairs.sigmas`, (laboratory,), is the absolute deviation in units of its standard uncertainty.
     Nothing is yielded if the record has fewer than four swings per release. A laboratory is not
     compared if its amplitude does not decay.
     """
@@ -171,7 +171,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
 
     Two flags are always yielded, even if they are raised in no laboratory. The first is for
     releases that are left out because of an odd swing. The second is for releases with an odd swing
-    that are used because too few others remain. It rules out a verdict.
+    that are used because too few others remain. The second flag rules out a verdict if it is
+    raised.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)
@@ -386,8 +387,9 @@ def store(evidence: Evidence) -> Iterator[Raised]:
 
     The mean relative humidity of each laboratory is compared with the limits of the procedure. A
     mean of NaN raises the flag. Nothing is yielded if the procedure states no conditioning, or if
-    the store has no record. The flag never rules out a verdict, because the result is either stated
-    for these balls or normalized by their e0.
+    the store has no record. The flag never rules out a verdict. Humidity changes the ball-wall
+    restitution e0 of the balls, but the result is stated for these balls or normalized by their
+    measured e0.
     """
     conditioning, readings = (
         evidence.procedure.conditioning,

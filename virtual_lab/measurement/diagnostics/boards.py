@@ -33,7 +33,7 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
     that passes the first and the last gate at their measured times. The difference is the surveyed
     position minus the mean timed position. `Pairs.sigmas`, (laboratory,), is the absolute
     difference in units of its standard uncertainty. Nothing is yielded with fewer than three gates,
-    or for another instrument than gates or light boards. A laboratory with fewer than
+    or for instruments other than gates and light boards. A laboratory with fewer than
     `FEWEST_SHOTS` shots is not compared.
     """
     constants, best, gates = evidence.reduced.constants, evidence.best, evidence.readings.flights

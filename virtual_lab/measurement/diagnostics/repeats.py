@@ -20,7 +20,7 @@ from virtual_lab.units import Array, Mask
 
 
 def records_repeated(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag for each channel that holds the same record for two shots.
+    """Yield one flag for each instrument that has the same record for two shots.
 
     If two shots have identical records of one instrument but different records of another
     instrument, a record was stored twice. The flag is raised in all laboratories and rules out a

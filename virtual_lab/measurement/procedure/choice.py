@@ -41,13 +41,14 @@ def shortfalls(
     valid: Mask,
     metric: Array,
 ) -> Shortfalls:
-    """Return the expected shortfall of the position that each scan chose, as mean and rms value.
+    """Return the mean and the rms value of the shortfall of each scan, (laboratory,).
 
-    The arrays are (laboratory,), in the unit of the metric. A shortfall is the amount by which an
-    adjacent position is truly better than the chosen one. If the adjacent position is not better,
-    the shortfall is 0. The true difference is assumed to be normally distributed. Its mean is the
-    measured difference, and its standard deviation follows from the scatter of the hits at each
-    position. The shortfalls of the two adjacent positions are added.
+    Both are in the unit of the metric. A scan chooses the impact position with the best measured
+    value. The shortfall is the amount by which an adjacent position is truly better than the chosen
+    one. If the adjacent position is not better, the shortfall is 0. Mean and rms value are taken
+    over the possible true differences, which are assumed to be normally distributed. Their mean is
+    the measured difference, and their standard deviation follows from the scatter of the hits at
+    each position. The shortfalls of the two adjacent positions are added.
 
     The result is 0 if no position was chosen, if the hits do not scatter, or if the procedure does
     not average final hits at one position. The parameters are described in `outcomes_of`.

@@ -81,9 +81,10 @@ def outcomes_of(
     """Return the weights of the hits, (shot,), and the impact position of each laboratory's result.
 
     The position is the distance from the barrel tip, (laboratory,) [m]. In a laboratory without a
-    result, weights and position are NaN, and a reason is stated. Without a scan, a result needs at
-    least two valid hits. A test with too few hits for the procedure can still have a result. It
-    then has a reason too, which makes the verdict INVALID.
+    result, weights and position are NaN, and the field `reasons` states why. Without a scan, a
+    result needs at least two valid hits. A test with at least two valid hits, but fewer than the
+    procedure requires, has a result too. The field `reasons` then states the shortage, which makes
+    the verdict INVALID.
 
     Parameters
     ----------
@@ -255,10 +256,11 @@ def _turns(cubics: Array) -> Array:
 
 
 def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
-    """Return the polynomial of the metric over the impact position that gives a scan's result.
+    """Return the polynomial of the metric over impact position, fitted for the result of a scan.
 
     Positions are distances from the barrel tip [m]. The polynomial is in the unit of `metric`. The
-    result of the scan is its value at the position where the objective has its maximum.
+    result of the scan is the value of the polynomial at the position where the objective, the
+    quantity that the procedure maximizes along the barrel, is largest.
 
     `place` and `metric` are the values of one laboratory's shots, and `used` is the mask of the
     shots in the result, all (shot,). Return None if the procedure does not scan, if its result is

@@ -92,8 +92,10 @@ def best_of(
 ) -> int:
     """Return the index of the position in `among` [m] with the largest mean objective.
 
-    The mean is over the first `most` valid hits at the position. A position without hits has the
-    mean 0. The index is 0 if `among` is empty.
+    The mean is over the first `most` valid hits within `rules.reach` [m] of the position. `place`
+    [m], `valid` and `objective` are the impact position of each hit, whether it is valid, and the
+    quantity that the procedure maximizes, all (shot,). A position without hits has the mean 0. The
+    index is 0 if `among` is empty. Positions are distances from the barrel tip.
     """
     best, top = 0, -np.inf
     for k in range(among.size):
@@ -269,12 +271,14 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill `mean` and `square` with the mean and the mean square of the shortfall of each scan.
+    """Fill `mean` and `square` with the expected shortfall of each scan and its expected square.
 
-    A shortfall is the amount by which an adjacent position is truly better than the chosen one, see
-    `choice.shortfalls`. `mean`, (laboratory,), has the unit of the metric, and `square` its square.
-    Both are 0 without a complete position or without scatter. In `place`, `valid` and `metric`,
-    laboratory i has the shots from `starts[i]` up to, but not including, `starts[i + 1]`.
+    A shortfall is the amount by which an adjacent position is truly better than the chosen one. The
+    true amount is unknown; its normal distribution is described in `choice.shortfalls`. `mean`,
+    (laboratory,), has the unit of the metric, and `square` its square. A position is complete if it
+    has as many valid hits as the rules require. Both results are 0 without a complete position or
+    without scatter. In `place`, `valid` and `metric`, laboratory i has the shots from `starts[i]`
+    up to, but not including, `starts[i + 1]`.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

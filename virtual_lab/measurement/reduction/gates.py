@@ -63,8 +63,9 @@ def passages(
 
     The arrays are (shot, direction, gate). A passage that was not detected is NaN; a board detects
     a ball that breaks at least four beams. Gates do not measure heights, so all their heights are
-    NaN. For a `BoardRecord`, the result also holds the standard uncertainty of the heights and the
-    misfit, (shot, direction) [s]. For other records the uncertainty is 0 and the misfit NaN.
+    NaN. For a `BoardRecord`, the field `heights_u` is the standard uncertainty of the heights. The
+    field `misfit`, (shot, direction), is the rms deviation of the recorded edge times from the
+    fitted passage of the ball [s]. For other records `heights_u` is 0 and `misfit` is NaN.
 
     Parameters
     ----------
@@ -284,12 +285,13 @@ def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flight
 
 
 def heights_moved(readings: GateReadings) -> FlightModel:
-    """Return a function that computes the flights three times, each with one shifted quantity.
+    """Return a function that computes the flights three times, with one quantity shifted each time.
 
     The three quantities have independent errors: the height midway between the gates on the way in,
-    the slope in, and the slope out. Each is shifted by one standard uncertainty. The speeds are not
-    shifted. The function takes one set of constants and the drag rate κ of the balls [1/m]. Its
-    heights and slopes are (3, shot), with one row per shifted quantity.
+    the slope in, and the slope out. Each quantity is shifted by one standard uncertainty. The
+    speeds are not shifted. The function takes one set of constants and the drag rate κ of the balls
+    [1/m]. It returns flights whose heights and slopes have the shape (3, shot). Row i has the
+    values with quantity i shifted.
     """
     stage, passages = readings.stage, readings.passages
 

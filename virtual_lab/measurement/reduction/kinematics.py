@@ -196,8 +196,9 @@ def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
     It is `aimed` + `aim` - `along`, all in meters. `aim` is the offset of the line of fire from its
-    nominal line, positive toward the knob. `aimed` is the planned impact position, which already
-    includes the estimate `along` of this offset.
+    nominal line for one set of constants, positive toward the knob. `aimed` is the planned impact
+    position. It contains the calibrated offset `along`, which is therefore subtracted before `aim`
+    is added.
     """
     return aimed + aim - along
 
@@ -205,10 +206,9 @@ def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
 def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
     """Return the component of a ball's rebound velocity at right angles to the bat [m/s].
 
-    The bat may be tilted from the position at right angles to the line of fire. `cosine` is the
-    cosine of the tilt. A smooth ball keeps its velocity component along the bat, and only the
-    component at right angles to the bat changes. `v_in` and `v_out` are the speeds along the line
-    of fire, in and back [m/s].
+    `cosine` is the cosine of the angle by which the bat is tilted. It is 1 if the bat is square to
+    the line of fire. The ball is taken as smooth: it keeps its velocity component along the bat.
+    `v_in` and `v_out` are the speeds along the line of fire, in and back [m/s].
     """
     return (v_out + v_in * (1 - cosine**2)) / cosine
 
@@ -287,10 +287,11 @@ def reduce_shot(
     constants
         The values named in `CONSTANTS`, in this order: mass [kg], length [m], balance [m] and
         inertia [kg m²] of the bat; its nominal angular rate [rad/s]; the distance of the rig's axis
-        from the knob [m]; the offset of the line of fire from its nominal line [m]; the angle of a
-        count times the rate of the clock [rad]; mass [kg] and e0 of the lot's mean ball; the speed
-        at which e0 is measured [m/s]; the slope of e0 over speed [s/m]; the slope of e_A along the
-        barrel [1/m]; and the error of e_A that this slope causes.
+        from the knob [m]; the offset of the line of fire from its nominal line [m]; the product of
+        the encoder's angle per count [rad] and the clock's rate relative to true time; mass [kg]
+        and e0 of the lot's mean ball; the speed at which e0 is measured [m/s]; the slope of e0 over
+        speed [s/m]; the slope of e_A along the barrel [1/m]; and the error of e_A that this slope
+        causes.
     ball
         Mass [kg] and e0 of the ball.
     shot

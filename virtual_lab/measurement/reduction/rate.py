@@ -89,10 +89,11 @@ def counting_noise(counts: Array) -> float:
 
 
 def empty_rates(shots: int) -> RateFit:
-    """Return encoder results for shots without a known contact: arrays (shot,) of NaN.
+    """Return empty encoder results, for shots in which the time of the contact is unknown.
 
-    `shots` is the number of shots. `ring_frequency` and `ring_decay` are empty arrays (0,).
-    `counting`, the rms error of whole counts, is 1/√12 counts.
+    `shots` is the number of shots. Each field is an array of NaN, (shot,), with three exceptions.
+    The fields `ring_frequency` and `ring_decay` are empty arrays (0,). The field `counting`, the
+    standard uncertainty by rounding to whole counts, is 1/√12 counts.
     """
     none, empty = np.full(shots, np.nan), np.zeros(0)
     return RateFit(
@@ -116,8 +117,8 @@ def rates_from_summary(record: RateRecord) -> RateFit:
 
     `rate`, `rate_u` and `before` [counts/s] and `angle` [counts] are copied from the record. The
     recorder stores no other results. The other fields (shot,) are therefore NaN, and the vibration
-    frequencies and decays are empty arrays (0,). `counting`, the rms error of whole counts, is
-    1/√12 counts.
+    frequencies and decays are empty arrays (0,). The field `counting`, the standard uncertainty by
+    rounding to whole counts, is 1/√12 counts.
     """
     return replace(
         empty_rates(len(record.rate)),

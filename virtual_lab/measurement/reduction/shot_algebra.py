@@ -285,8 +285,8 @@ def shot_results(
     Parameters
     ----------
     kind
-        Type of the results: `ShotResults` for all results, or `SetResults` for the results that are
-        needed for many sets of constants.
+        Type of the results: `ShotResults` for all results, or `SetResults` for a part of them.
+        `SetResults` saves time and memory if `x` holds many sets of constants.
     x, bat, balls
         Constants, and the bat and the balls measured with them.
     readings, settings

@@ -87,9 +87,10 @@ def collide_bats(
 
     `tables` holds the values of `ModalModel.table` at the n impact positions, one array (n, N + 1)
     per pair. The first N columns are the shapes of all modes [kg^-1/2], with the rigid modes first
-    and the hoop mode last. The last column is the compliance of the stiff modes [m/N]. Without
-    `tables` these values are interpolated by splines. For a few scenes this is slower, because the
-    splines must be built first.
+    and the hoop mode last. Column N + 1 is the static compliance of all higher modes [m/N]. These
+    modes are too stiff to vibrate, so they are not among the N modes. Without `tables` these values
+    are interpolated by splines. For a few scenes this is slower, because the splines must be built
+    first.
 
     Raises `InputError` for a position beyond the bat. It is also raised for a scene that does not
     end, that violates the energy balance, or for which the collision efficiency does not converge

@@ -43,10 +43,12 @@ def patch_shape(modes: Modes, z: Array, width: float) -> Array:
 
 
 def patch_shapes(parts: Sequence[Modes], z: Array, width: float) -> list[Array]:
-    """Return the result of `patch_shape` for several sets of modes of one bat, one array per set.
+    """Return the mean deflection of each mode over patches of a bat, one array per set of modes.
 
-    All sets must share one mesh. An array has the shape (n, N) [kg^-1/2], where N is the number of
-    modes of its set.
+    An array has the shape (n, N) [kg^-1/2], where n is the number of patches and N the number of
+    modes of the set. `z`, (n,), holds the centers of the patches [m from the barrel tip], and
+    `width` is their full width [m]; see `patch_shape`. All sets must belong to one bat and share
+    one mesh.
     """
     block_size = 4096  # positions per block, so that the interpolation matrix fits in the cache
     blocks = [

@@ -40,8 +40,9 @@ SCRAPS = 0.6  # share of the balls that are preceded by fragments of a bad sabot
 def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
     """Return a hook for `Fault.record` that multiplies each reading by `factor`.
 
-    The hook returns a mapping with the key ``readings``, an array of the shape and unit of the
-    readings in the record.
+    A hook is a function by which a fault changes a simulated test. This hook takes the record of an
+    instrument, and the context of the fault, which it ignores. It returns a mapping with the key
+    ``readings``, an array of the shape and unit of the readings in the record.
     """
     return lambda record, _: {"readings": record.readings * factor}
 
@@ -79,7 +80,8 @@ def clamp_forgotten(constants: Mapping[str, Estimate]) -> Mapping[str, Estimate]
 def livelier(specimen: Specimen) -> Specimen:
     """Return a copy of the specimen in which the ball-wall restitution e0 is 0.02 higher.
 
-    All balls are changed. They are used for the hits at the bat, but not for the wall test of e0.
+    All balls are changed. The fault ``wrong-lot`` uses the changed balls for the hits at the bat.
+    The wall test of e0 is made with the original balls.
     """
     balls = specimen.balls
     return replace(specimen, balls=replace(balls, restitution=balls.restitution + 0.02))

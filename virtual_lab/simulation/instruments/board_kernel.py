@@ -112,9 +112,10 @@ def sum_up(
         True for the rebounding ball, False for the incoming ball.
     boards
         True constants of the boards.
-    edge, trip
-        Standard uncertainties of the time at which a beam is broken or cleared [s], and of the
-        threshold of a beam [m].
+    edge
+        Standard uncertainty of the time at which a beam is broken or cleared [s].
+    trip
+        Standard deviation, over the beams, of the threshold at which a beam trips [m].
     """
     sign = 1.0 if out else -1.0
     passage, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))

@@ -46,11 +46,11 @@ def pieces_of(dof: float) -> Array:
 
 @njit(**KERNEL, error_model="numpy")
 def stated_shares(chance: Array, pieces: Array, shares: Array) -> None:
-    """Fill `shares` (n,) with the uncertainty on a certificate divided by the true one, u / σ.
+    """Fill `shares`, (n,), with u / σ for each of n calibration certificates.
 
-    `chance` (n,) holds one standard normal number per certificate. A number of exactly 0, as in a
-    laboratory without randomness, gives 1. u is the standard uncertainty on the certificate, and σ
-    the true standard deviation. `pieces` is the result of `pieces_of`.
+    u is the standard uncertainty on the certificate, and σ the true standard deviation of the
+    error. `chance`, (n,), holds one standard normal number per certificate. A number of exactly 0,
+    as in a laboratory without randomness, gives 1. `pieces` is the result of `pieces_of`.
     """
     last = len(pieces) - 1
     for i in range(chance.size):

@@ -68,9 +68,10 @@ USUAL = PymunkSettings()
 def longest_step(scene: ShotScene, state: ShotState) -> float:
     """Return the longest safe time step [s], the same for all shots of the scene.
 
-    In one step, the distance between the ball and the bat, a frame or the stop decreases by at most
-    the sum of their radii, so the ball cannot pass through them. The step is infinite if nothing
-    moves. `state` is the state of the shots, (n,).
+    The ball can touch the bat, the end stop, and the frames of gates. In one step, its distance
+    from each of these bodies decreases by at most the radius of the ball plus the radius of the
+    body. The ball therefore cannot pass through a body. The step is infinite if nothing moves.
+    `state` is the state of the shots, (n,).
     """
     bat, ball = scene.bat, np.hypot(state.vx, state.vz)
     # largest lever arm at which ball and bat can meet within a step

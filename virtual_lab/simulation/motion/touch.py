@@ -109,12 +109,13 @@ def nearness(scene: ShotScene, state: ShotState) -> Nearness:
 def rebound(
     scene: ShotScene, state: ShotState, near: Nearness, efficiency: Array, shots: Shots
 ) -> ShotState:
-    """Return the states of the `shots` after frictionless contacts with the bat, (n,).
+    """Return the states of n shots after frictionless contacts with the bat, (n,).
 
-    `state` is the state at the contact, and `near` holds its gap and relative motion. `efficiency`
-    is the collision efficiency e_A of each contact, (n,). The normal speed of the ball relative to
-    the bat is reversed and multiplied by e_A. The speed of the ball along the surface does not
-    change. The bat receives the angular momentum about its pivot that the ball loses.
+    `shots` are the indices of these shots in `scene`. `state`, (n,), holds their states at the
+    contact, and `near` holds the gap and the relative motion of ball and bat. `efficiency` is the
+    collision efficiency e_A of each contact, (n,). The normal speed of the ball relative to the bat
+    is reversed and multiplied by e_A. The speed of the ball along the surface does not change. The
+    bat receives the angular momentum about its pivot that the ball loses.
     """
     gain = (1 + efficiency) * near.approach
     kick = near.normal * gain

@@ -76,8 +76,8 @@ def ringing(
 ) -> tuple[Array, Array]:
     """Return two matrices A (shot, term) and B (term, sample) for the decaying vibration of a bat.
 
-    The product A B, (shot, sample), is the angle of the bat's section at the pivot that is caused
-    by bending [rad]. It is valid for samples after the release.
+    The matrix product A B has the shape (shot, sample). It is the rotation of the bat's cross
+    section at the pivot by bending [rad]. It is valid for samples after the release.
 
     Parameters
     ----------

@@ -169,11 +169,11 @@ def modes_of(
 
 
 def barrel_nodes(modes: Modes, count: int = 2) -> tuple[float, ...]:
-    """Return the position of one node of each of several bending modes [m from the tip].
+    """Return the node nearest the barrel tip for each of the first bending modes [m from the tip].
 
-    These are the first `count` bending modes, in order. The node nearest the barrel tip is
-    returned. Raises `IndexError` for a mode without a node, and if `count` exceeds the number of
-    bending modes.
+    A node is a position at which the mode has no deflection. The result has `count` values, in the
+    order of the modes. Raises `IndexError` for a mode without a node, and if `count` exceeds the
+    number of bending modes.
     """
     z = np.linspace(0.0, modes.length, 2001)
     nodes = []

@@ -85,7 +85,7 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
 
     * If a ball may hit a frame on its way in, or if the bat may return from its stop and hit the
       ball again, the shot is simulated event by event. The simulated flight is used only if the
-      ball hits anything but the bat, or hits the bat twice.
+      ball hits something other than the bat, or hits the bat twice.
     * If a ball may hit a frame only on its way back, the closed form is used and the flight ends at
       the frame. No gate beyond this frame can detect the ball.
 
@@ -130,9 +130,10 @@ def scene_of(
 ) -> ShotScene:
     """Return the scene of the shots for a model of the motion.
 
-    A scene starts when the ball is 1 m ahead of the contact. It ends `after` [s], a number or
-    (shot,), after the time of the contact in the closed form. All contacts of a shot have the same
-    collision efficiency e_A, from `bat`. `around` are the objects around the bat.
+    A scene starts when the ball is 1 m ahead of the contact. `after` is the time from the contact,
+    computed in closed form, to the end of the scene [s]. It is a number or (shot,). All contacts of
+    a shot have the same collision efficiency e_A, from `bat`. `around` are the objects around the
+    bat.
     """
     pivoted = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((pivoted.radius(bat.place) + passage.radius) ** 2 - bat.across**2)

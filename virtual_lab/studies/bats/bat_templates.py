@@ -299,9 +299,10 @@ def hoop_quantities(body: BatBody) -> dict[str, float]:
 def require_plausible_hoop(measured: BatMeasurements) -> None:
     """Raise `InputError` if a measured modal mass of the hoop mode is implausible.
 
-    It is implausible below half or above twice the modal mass of a shell. The shell has the outline
-    and wall of the bat that fits all other measurements. `InputError` is also raised if no bat fits
-    them. Nothing is raised if no modal mass was measured.
+    A bat model is fitted to all other measurements. The measured modal mass is implausible below
+    half or above twice the modal mass of a shell with the outline and wall of this model.
+    `InputError` is also raised if no model fits the other measurements. Nothing is raised if no
+    modal mass was measured.
     """
     mass = measured.hoop_modal_mass
     if mass is None:

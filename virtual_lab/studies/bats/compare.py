@@ -155,17 +155,17 @@ def profile(
 ) -> BatProfile | BatComparison:
     """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
 
-    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, v_f the
-    batted-ball speed, and BPF the bat performance factor. For one bat, the result has curves, modal
-    frequencies and nodes. For several bats, it has the largest e, BPF, e_A and v_f of each, up to
-    12 in from the tip, and their differences.
+    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
+    batted-ball speed. For one bat, the result has curves, modal frequencies and nodes. For several
+    bats, it has the largest values of each bat up to 12 in from the tip, and the differences
+    between the bats. These are the values of e, e_A, v_f, and the bat performance factor BPF.
 
     Parameters
     ----------
     bats
         Bat: a name in the catalog or a .toml file.
 
-        A sheet, or a list of several, is also allowed.
+        In Python, a sheet such as ``vl.bat("r161")``, or a list, is also allowed.
     more
         Further bats, instead of a list.
     swings

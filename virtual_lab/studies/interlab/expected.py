@@ -62,8 +62,8 @@ def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
     `rows` is the table of `interlab`. The summary is the table that `expected_scatter` reads. If
     the procedure converts to a standard ball, only the converted result has a row. Raises
-    `ValueError` for a study without single-factor simulations, and `KeyError` for rows without a
-    standard deviation of the study.
+    `ValueError` if the study has no simulations in which only one factor varies, and `KeyError` for
+    rows without a standard deviation of the study.
     """
     terms: dict[tuple[str, str, str], dict[str, float]] = {}
     for row in rows:

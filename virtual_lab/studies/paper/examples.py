@@ -166,9 +166,11 @@ def thinner_is_livelier() -> float:
 
 
 def thinner() -> float:
-    """Return the relative reduction in wall thickness from EA70 to the loaded bats [%].
+    """Return the relative reduction in wall thickness from bat EA70 to the loaded bats [%].
 
-    It is positive if the loaded bats have the thinner wall.
+    EA70 is the paper's aluminum bat. The loaded bats are two other aluminum bats with a mass added
+    in the barrel or in the knob; both have the same wall. The result is positive if they have the
+    thinner wall.
     """
     return 100 * (1 - _thickness())
 
@@ -227,10 +229,12 @@ def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
 
 
 def by_restitution_alone() -> float:
-    """Return the absolute error of the batted-ball speed of R161 with the recoil factor of EA70.
+    """Return the change of a batted-ball speed if the recoil factor of another bat is used [mph].
 
-    The result is in mph. The bat-ball restitution of R161 is used. The impact is 6 in from the tip,
-    the pitch speed is 90 mph, and the bat speed is 70 mph.
+    The absolute change is returned. The batted-ball speed of the wood bat R161 is computed with its
+    own recoil factor, and with the recoil factor of the aluminum bat EA70. The bat-ball restitution
+    is that of R161 both times. The impact is 6 in from the tip, the pitch speed is 90 mph, and the
+    bat speed is 70 mph.
     """
     e = restitution(WOOD, [6.0])
     speeds = [

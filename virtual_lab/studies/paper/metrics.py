@@ -100,13 +100,13 @@ def _peak_at(bat: str, speed: float) -> float:
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the direct effect of a speed on the batted-ball speed, 0 to 1.
+    """Return the share of the direct effect in the effect of a speed on the batted-ball speed.
 
-    It is the direct effect divided by the sum of the direct and the indirect effect. `v` is
-    ``ball`` or ``bat``, for the speed of the ball or of the bat. The direct effect is the factor of
-    this speed in Eq. (3), e_A or 1 + e_A. The indirect effect is caused by the change of the
-    collision efficiency e_A with the relative speed; it is taken as positive. The bat is R161, at
-    its peak e_A.
+    `v` is ``ball`` or ``bat``, for the speed of the ball or of the bat. The direct effect is the
+    factor of this speed in Eq. (3): the collision efficiency e_A for the ball, and 1 + e_A for the
+    bat. The indirect effect is caused by the change of e_A with the relative speed, and is taken as
+    positive. The share is the direct effect divided by the sum of both, 0 to 1. The bat is the wood
+    bat R161, hit at the position of its largest e_A.
     """
     e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -130,8 +130,9 @@ def drop(bat: str, curve: str, side: float) -> float:
 def node_gap() -> float:
     """Return the largest distance between the peak of e_A and the closest barrel node [in].
 
-    e_A is the collision efficiency. The distance is computed for each of the paper's four bats, and
-    the largest one is returned. The peaks are computed under standard game conditions.
+    e_A is the collision efficiency, and a barrel node is a position at which a bending mode has no
+    deflection. The distance is computed for each of the paper's four bats, and the largest of the
+    four distances is returned. The peaks are computed under standard game conditions.
     """
     return max(
         min(
@@ -184,8 +185,9 @@ def lost_in_cm_frame() -> float:
 def fractions(name: str) -> float:
     """Return the largest absolute difference of an energy share between the model and Eqs. (10).
 
-    `name` is ``ball``, ``bat`` or ``dissipated``. Free R161 and EA70 are hit 2 to 10 in from the
-    tip, at 160 mph. Raises `KeyError` for another name.
+    `name` is ``ball``, ``bat`` or ``dissipated``. The paper's wood bat R161 and aluminum bat EA70,
+    both without support, are hit 2 to 10 in from the tip at 160 mph. The largest difference of the
+    two bats is returned. Raises `KeyError` for another name.
     """
     z = np.linspace(2, 10, 9)
     gaps = []
@@ -231,10 +233,10 @@ def recoil_deviation(support_name: str) -> float:
 
 
 def parallel_axes() -> float:
-    """Return the relative error of the moment of inertia of R161 by the parallel-axis theorem.
+    """Return the relative error of the parallel-axis theorem for the wood bat R161.
 
-    The error is positive if the theorem gives a larger value than the integral over the finite
-    elements. The axis is 6 in from the knob.
+    The moment of inertia about an axis 6 in from the knob is computed by the theorem and by an
+    integral over the finite elements. The error is positive if the theorem gives the larger value.
     """
     bat_beam = beam(WOOD)
     pivot = bat_beam.length - 6 * INCH
@@ -300,9 +302,10 @@ def overestimate(speed: float) -> float:
 def overestimate_of_model(speed: float) -> float:
     """Return the error of the batted-ball speed v_f [mph] due to an e_A measured at `speed` [mph].
 
-    The bat is R161, and e_A its collision efficiency. v_f is the speed at a relative speed of 160
-    mph. e_A is the largest value 3 to 8 in from the tip of the free bat. The ball-wall restitution
-    decreases with speed.
+    e_A is the collision efficiency of the wood bat R161. The bat is at rest, so v_f is e_A times
+    the speed of the incoming ball. v_f is computed for a ball of 160 mph, with e_A at `speed` and
+    with e_A at 160 mph. The result is the first value minus the second. e_A is the largest value 3
+    to 8 in from the tip of the free bat. The ball-wall restitution decreases with speed.
     """
     return FAST * (_peak_at(WOOD, speed) - _peak_at(WOOD, FAST))
 
@@ -473,7 +476,10 @@ def energy_fraction(name: str, e: float, r: float) -> float:
 
 
 def sweet_spot_restitution() -> float:
-    """Return the mean bat-ball restitution e of free R161, 4 to 6 in from the tip, at 160 mph."""
+    """Return the mean bat-ball restitution e of the wood bat R161 around its sweet spot.
+
+    The bat has no support. The mean is over impact positions 4 to 6 in from the tip, at 160 mph.
+    """
     return float(restitution(WOOD, np.linspace(4, 6, 9)).mean())
 
 
@@ -497,7 +503,7 @@ def restitution_lost_clamped() -> float:
 def recoil_at_peak(bat: str) -> float:
     """Return the recoil factor r of a free bat at the position of its largest e_A, dimensionless.
 
-    The collision efficiency e_A is computed in the paper's standard game, 0.5 to 12 in from the
-    tip. Raises `InputError` for an unknown bat.
+    e_A is the collision efficiency under standard game conditions. Its largest value is searched
+    from 0.5 to 12 in from the tip. Raises `InputError` for an unknown bat.
     """
     return float(recoil(bat, top(bat, "collision_efficiency").place))

@@ -182,9 +182,12 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
 
 def swing_matters() -> float:
-    """Return the change of EA70's peak v_f [mph] from swing exponent 0 to swing exponent 0.5.
+    """Return the change of the largest v_f of the bat EA70 by swing exponent 0.5 [mph].
 
-    v_f is the batted-ball speed in the paper's standard game.
+    EA70 is the paper's aluminum bat. v_f is the batted-ball speed under standard game conditions,
+    and its largest value along the bat is used. The bat speed is proportional to I^-n, where I is
+    the moment of inertia and n the swing exponent. The result is v_f for n = 0.5 minus v_f for n =
+    0.
     """
     return (
         top(ALUMINIUM, "batted_speed_mph", 0.5).value

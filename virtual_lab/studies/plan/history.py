@@ -101,13 +101,14 @@ def _of_daily_checks(path: Path) -> DailyScatter:
 
 
 def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict[Key, str]:
-    """Return a data sheet of balls, adapted so that simulated hits have the variance of a history.
+    """Return a data sheet of balls with which simulated hits have the variance of earlier tests.
 
-    The sheet is the only entry of the result: its key is (kind, name), and its value is its text.
-    The variance of a hit is linear in the square of the balls' scatter of e0. Two samples of
-    simulated tests are therefore enough to compute this scatter. The scatter is 0 if instruments
-    and aim alone cause more variance than the history has. Raises `InputError` for fewer than three
-    days, and if the variances of the days differ significantly.
+    The result is a dictionary with one entry: the key is (kind, name) of the sheet, and the value
+    is its text. The sheet is that of the procedure's ball with another scatter of e0 between balls.
+    The variance of a hit is linear in the square of this scatter, so two samples of simulated tests
+    are enough to compute it. The scatter is 0 if instruments and aim alone cause more variance than
+    the history has. `history` is the variance of a hit on each day of earlier tests. Raises
+    `InputError` for fewer than three days, and if the variances of the days differ significantly.
     """
     variance = history.pooled
     ball = TestSetup.of(bat, procedure=procedure).rules.spec.ball

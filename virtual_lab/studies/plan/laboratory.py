@@ -161,7 +161,8 @@ def attempts(forecast: Forecast, counts: Counts) -> Array:
 def feasible(forecast: Forecast, counts: Counts) -> Array:
     """Return a mask of the plans with possible counts, in the shape of the counts.
 
-    A plan is not possible if a count, or the number of shots that it allows, is above 1000.
+    A plan is possible if none of its counts is above 1000, and if the number of shots by `attempts`
+    is at most 1000.
     """
     numbers = [attempts(forecast, counts), *counts.values]
     return np.asarray(np.max(np.broadcast_arrays(*numbers), axis=0) <= MOST_COUNTED)

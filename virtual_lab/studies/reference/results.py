@@ -410,9 +410,9 @@ def length_trend(speed: float) -> float:
 def restitution_on_wall(ball: str, feet_per_second: float) -> float:
     """Return e0 of a ball of the catalog on a rigid wall, dimensionless.
 
-    The impact speed is `feet_per_second` [ft/s]. e0 is linear in the speed by the ball's data
-    sheet, also beyond the measured speeds, but it never falls below the sheet's lowest value.
-    Raises `InputError` for an unknown ball.
+    The impact speed is `feet_per_second` [ft/s]. The data sheet of the ball states e0 at measured
+    speeds. e0 is a linear function of the speed, which is also used beyond these speeds. The result
+    is never below the lowest e0 in the sheet. Raises `InputError` for an unknown ball.
     """
     return float(paper_ball(ball).restitution.at(feet_per_second * FOOT))
 

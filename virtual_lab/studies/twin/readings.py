@@ -100,12 +100,14 @@ class _Comparison:
 def unlike_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
-    """Return one row per reading of the test, and the smallest number of days compared.
+    """Compare the readings of a test with simulated days of the same laboratory, its twin.
+
+    Return one row per reading, and the smallest number of days with which a reading was compared.
 
     A reading is a number from `readings_of`. A row compares a reading of the test with the same
-    reading on the days of the twin. A reading that is NaN in the records, or NaN on all days, has
-    no row. A day without a result or without the reading is replaced by a further day. At most
-    twice `days` are simulated.
+    reading on the simulated days. A reading that is NaN in the records, or NaN on all days, has no
+    row. A day without a result or without the reading is replaced by a further day. At most twice
+    `days` are simulated.
 
     The simulation ends early if the remaining days could not make any reading significant (Besag
     and Clifford 1991). The early end therefore does not change the findings.
@@ -115,7 +117,7 @@ def unlike_readings(
     certification
         The test, with records of every edge and count.
     playing
-        Days of its twin.
+        Simulated days of the laboratory, with the uncertainties that it stated.
     days
         Largest number of days to compare, each with records of every edge and count.
     progress
@@ -175,8 +177,12 @@ def readings_of(certified: Certifications) -> dict[str, float]:
     `certified` is a block that contains one test. "hits" and "wall hits" are the largest deviation
     of a hit from the mean of its group, in units of the scatter (`largest_deviation`); NaN if there
     is no scatter. Hits in a group have the same impact position. Wall hits in a group have the same
-    ball and nominal speed. "fit", "chords" and "rebound and recoil" are missing if the records do
-    not contain their values.
+    ball and nominal speed. Three readings are missing if the records do not contain their values.
+    "fit" is the largest misfit of the record of an encoder or a light board, divided by the median
+    misfit of the shots. "chords" is the diameter of the ball by the gates at the bat, divided by
+    the diameter by the gates at the wall. "rebound and recoil" is the mean e_A from the recoil of
+    the bat minus the mean e_A from the rebound of the ball, divided by the standard uncertainty of
+    this difference.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls

@@ -162,7 +162,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 def lengths_of(model: CameraModel) -> Array:
     """Return half the width and half the height of the picture in the ball's plane [m], (2,).
 
-    Both lengths are centered in the picture.
+    Both lengths are distances between two points at equal distances from the middle of the picture.
     """
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])

@@ -67,5 +67,8 @@ def _size(frame: Frame, where: str) -> str:
 
 
 def rate_of(said: float) -> float | None:
-    """Return the frame rate `said` of a file [1/s], or None if it is not between 1 and 1e7."""
+    """Return a frame rate [1/s] unchanged, or None if it is not between 1 and 1e7.
+
+    `said` is the frame rate that a file states [1/s].
+    """
     return said if 1 <= said <= 1e7 else None

@@ -139,10 +139,11 @@ def usual_step(times: Array) -> float:
 
 
 def frame_steps(times: Array) -> Array:
-    """Return the time of each frame since the first frame, (frame,), in usual steps.
+    """Return the time of each frame since the first frame, in frame intervals, (frame,).
 
-    `times`, (frame,), are in s. The result is the number of the frame, unless the times are
-    `uneven`. The usual step is `usual_step`.
+    `times`, (frame,), are in s. If the times are even, the result is the number of the frame,
+    counted from 0. If they are `uneven`, the times are divided by `usual_step`, the usual time
+    between frames.
     """
     if uneven(times):
         return np.asarray((times - times[0]) / usual_step(times))

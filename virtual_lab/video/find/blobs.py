@@ -96,10 +96,11 @@ def blobs(
 ) -> tuple[Blobs, list[BlobView]]:
     """Return the blobs of a picture that may be a ball, (blob,), and a list of their views.
 
-    A blob is a record of the type `BLOB`, and its view shows its surroundings. Positions are in
-    pixels from the middle of the upper left pixel, to the right and down. `x` and `y` are positions
-    in the still frame, that is, in the picture of the first sample. `picture_x` and `picture_y` are
-    positions in this picture.
+    A blob is a region that differs from the background. It is a record of the type `BLOB`, and its
+    view shows its surroundings. Positions are in pixels from the middle of the upper left pixel, to
+    the right and down. The fields `picture_x` and `picture_y` of a blob are its position in
+    `picture`. The fields `x` and `y` are its position in the still frame, where the drift of the
+    camera is removed; the still frame agrees with the first frame of the clip.
 
     Parameters
     ----------

@@ -143,11 +143,11 @@ def edges_of(
     *,
     turns: bool = True,
 ) -> Edges:
-    """Return the pixels at steep edges of a gray picture, with their positions in the still frame.
+    """Return the pixels at steep edges of a gray picture, for the alignment of pictures.
 
-    Positions in the still frame refer to the first picture of the clip. Pixels near the border of
-    the picture or near black bars are left out. If there are too many pixels, every n-th one is
-    kept.
+    Positions refer to the first picture of the clip, to which the other pictures are aligned.
+    Pixels near the border of the picture or near black bars are left out. If there are too many
+    pixels, every n-th one is kept.
 
     Parameters
     ----------
@@ -156,9 +156,9 @@ def edges_of(
     size
         Columns and rows of the pictures to align; by default those of `grey`.
     origin
-        x and y of the first pixel of `grey` in the still frame [pixels].
+        x and y of the first pixel of `grey` in the first picture of the clip [pixels].
     turns
-        Whether the pictures may also be turned and enlarged, not only shifted.
+        Whether the alignment also fits a turn and an enlargement. If False, it fits only a shift.
     """
     across, down = (cv2.Scharr(grey, cv2.CV_32F, *way, scale=1 / 32) for way in ((1, 0), (0, 1)))
     # The border of a picture and black bars around it do not move with a drift.

@@ -278,9 +278,10 @@ def _slope(shifts: Array) -> float:
 
 
 def eight_bits(frame: Frame, depth: int) -> Image:
-    """Return a picture with 8 bits instead of `depth` bits: gray, or with three channels.
+    """Return a picture converted from `depth` bits to 8 bits.
 
-    A fourth channel is dropped. A picture stored in 8 bits keeps its values.
+    A gray picture stays gray, and a picture with three color channels keeps them. A fourth channel
+    is dropped. A picture stored in 8 bits keeps its values.
     """
     if frame.ndim == 3 and frame.shape[2] != 3:
         frame = frame[..., :3] if frame.shape[2] == 4 else frame[..., 0]

@@ -57,8 +57,9 @@ def watch(
     frames
         Numbers of the first and the last frame to examine, counted from 0. None: all frames.
     region
-        Region to examine in the still frame [pixels]: x and y of its upper left corner, width and
-        height. None: the whole picture.
+        Region to examine [pixels]: x and y of its upper left corner, width and height. It refers to
+        the picture of the first frame, to which all frames are shifted so that the background
+        stands still. None: the whole picture.
     tripod
         Whether the camera is known to stand still.
     progress
@@ -146,10 +147,11 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
 
 
 def in_region(moving: Blobs, region: tuple[float, float, float, float] | None) -> Mask:
-    """Return a mask of the blobs, (blob,), with their centers in a region of the still frame.
+    """Return a mask of the blobs with centers in a region of the picture, (blob,).
 
-    Positions in the still frame refer to the first picture of the clip. `region` is x and y of the
-    upper left corner, width and height [pixels]. If it is None, all blobs are selected.
+    Positions refer to the first picture of the clip, to which the other pictures are shifted so
+    that the background stands still. `region` is x and y of the upper left corner, width and height
+    [pixels]. If it is None, all blobs are selected.
     """
     if region is None:
         return np.ones(len(moving), bool)

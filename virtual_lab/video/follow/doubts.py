@@ -240,9 +240,10 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
     """Return the note that the readout time of the camera is unknown.
 
-    If a contact has a restitution, the note also states the largest change of a restitution from
-    `contacts` to `rolled`. `rolled` are the same contacts, computed with a readout time of half a
-    frame interval; contacts that are missing there are ignored. Both may be empty.
+    `contacts` are computed with a readout time of 0, and `rolled` are the same contacts, computed
+    with a readout time of half a frame interval. If a contact has a restitution, the note also
+    states the largest difference of a restitution between the two. A contact that is missing in
+    `rolled` is ignored. Both sequences may be empty.
     """
     by = {each.before: each.restitution for each in rolled}
     pairs = [(each.restitution, by.get(each.before)) for each in contacts]

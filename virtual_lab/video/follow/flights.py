@@ -54,9 +54,11 @@ FLIGHTS = FlightSearch()
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
-    """Return the pieces that are flights of one ball under one gravity, and their joint fit.
+    """Return the flights of the ball among pieces of motion, and the joint fit of the flights.
 
-    The result is ``([], None)`` if there are none, or if the motion is that of a pendulum.
+    A piece is a series of positions of one object in successive frames. The flights are the pieces
+    that fit one ball with the same acceleration by gravity. The result is ``([], None)`` if there
+    are no flights, or if the motion is that of a pendulum.
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
@@ -301,8 +303,8 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
 def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
     """Return the readout time of the camera's rolling shutter [frames].
 
-    It is the readout time stated in the scene. If none is stated, it is 0 unless another readout
-    time fits the flights much better.
+    It is the readout time stated in the scene. If none is stated, several readout times are tried.
+    The best one is returned if it fits the flights much better than 0; otherwise 0 is returned.
     """
     if scene.readout is not None:
         return scene.readout

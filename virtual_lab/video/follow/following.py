@@ -176,17 +176,18 @@ def measure(
     Parameters
     ----------
     search
-        Scene and flights, with sharp positions if they could be measured.
+        Scene and flights. Their positions come from the outlines of the ball if `sharp` is given,
+        and otherwise from the blobs, the moving regions of each frame.
     sharp
-        The sharply located ball; None if the flights in `search` are made of blobs.
+        The ball located by its outlines. None if only positions of blobs are known.
     fault
         Reason why a calibrated camera gave no sharp positions; empty otherwise.
 
     Raises
     ------
     InputError
-        The stated frame rate implies an impossibly large g, or gravity was requested for the scale
-        but no flight shows it.
+        The stated frame rate implies an impossibly large g. Or the user asked to compute the scale
+        from gravity, but no flight is curved enough.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]

@@ -83,8 +83,9 @@ def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:
     """Return coefficients, solution matrix and rms residual of a polynomial fit to positions `xy`.
 
     The coefficients, (power, 2), begin with power 0. They are the product of the solution matrix,
-    (power, position), and `xy`, (position, 2). The residual is computed for one coordinate,
-    corrected for the degrees of freedom, in the unit of `xy`. `t`, (position,), are the times.
+    (power, position), and `xy`, (position, 2). The rms residual is a single number in the unit of
+    `xy`. The squares of both coordinates are averaged, with a divisor that is corrected for the
+    degrees of freedom. `t`, (position,), are the times.
     """
     design, solver = _solver(t.tobytes(), degree)
     solved = solver @ xy

@@ -145,9 +145,11 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Return the duration of one time step of `scene.time` [s].
 
-    It is the frame interval, 1 / rate, if every frame takes one time step. It is longer if repeated
-    frames take no time. The share of repeats is counted during the flights `ways`, or in the whole
-    clip without flights. With fewer than two frames the result is 1 / rate.
+    In `scene.time` each new picture takes one step, and a frame that repeats the picture before it
+    takes none. Without repeated frames the step is the frame interval, 1 / rate. With repeated
+    frames it is longer, because fewer steps cover the same time. The frames are counted during the
+    flights `ways`, or in the whole clip without flights. With fewer than two frames the result is 1
+    / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

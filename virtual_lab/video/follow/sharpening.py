@@ -112,12 +112,13 @@ def sharpen(
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Locate the ball by its outline in each frame of its flights.
 
-    Return the scene, the flights, and the located ball, as in `settle`.
+    Return the scene with the gravity and drag of the calibration, the flights with the new
+    positions, and the located ball.
 
     Parameters
     ----------
     search
-        Scene and flights made of blobs.
+        Scene and flights, with positions from the blobs, the bright moving regions of each frame.
     progress
         Function that is called with a message about the work.
 

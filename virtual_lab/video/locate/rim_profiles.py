@@ -68,10 +68,11 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     width
         Standard deviation of the blur by lens and pixel together [pixels].
     inside
-        Largest depth inside the outline at which pixels are used if there is no motion blur
+        Depth inside the outline up to which pixels are used for a ball without motion blur
         [pixels].
     blur
-        Shift of the ball during the exposure [pixels]. It is added to `inside`, up to the radius.
+        Distance that the ball moves during the exposure [pixels]. The depth for the moving ball is
+        `inside` plus `blur`, and at most the radius.
     """
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)

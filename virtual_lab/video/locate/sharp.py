@@ -124,13 +124,14 @@ def standing_out(off: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 
 def on_the_limb(regions: Regions, start: Located) -> Located:
-    """Return `start` with the positions of balls that are lit from the side, to a pixel or two.
+    """Return a copy of `start` with approximate positions of balls that are lit from the side.
 
     A lamp at the side lights only part of a ball. The outline of this part is the edge of the ball
-    (the limb) on one side, and the border of the shade on the other side. The position is the
-    center of the circle that contains most of the outline. The circle has the radius in `start`,
-    which must be correct to 3 %. The shift of the ball during an exposure must be small compared
-    with the radius. If no limb is found in a region, its position stays unchanged.
+    (the limb) on one side, and the border of the shade on the other side. The new position is the
+    center of the circle that contains most of the outline. It is accurate to one or two pixels. The
+    circle has the radius in `start`, which must be correct to 3 %. The shift of the ball during an
+    exposure must be small compared with the radius. If no limb is found in a region, the position
+    in `start` is kept.
     """
     import cv2
 

@@ -94,8 +94,8 @@ def track_document(track: FollowedClip) -> Row:
     An estimate is a dictionary of ``value`` and ``u``. ``contact``, ``restitution`` and
     ``restitution_of`` are None unless the clip has exactly one contact. ``speed_in_m_per_s`` and
     ``angle_in_deg`` are the values at the end of the incoming flight. ``speed_out_m_per_s`` and
-    ``angle_out_deg`` are the values at the start of the outgoing flight. They are None if this
-    flight is missing. The two flights are:
+    ``angle_out_deg`` are the values at the start of the outgoing flight. The two values of a
+    missing flight are None. The incoming and the outgoing flight are:
 
     * with exactly one contact, the flights before and after it;
     * otherwise, with a single flight, this flight as the incoming one, and no outgoing one;
@@ -246,10 +246,11 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
 
 
 def track_title(track: FollowedClip) -> str:
-    """Return a title of one or more lines: name of the clip and result, then flags and warnings.
+    """Return a title of one or more lines for a tracked clip.
 
-    The result is ``flights`` or ``none``, followed by the restitutions. The line of flags is left
-    out without flags. Warnings, one per line, are only shown for a clip without a flight.
+    The first line has the file name of the clip, the word ``flights`` or ``none``, and the
+    restitutions of the contacts. A second line lists the flags, if there are any. For a clip
+    without a flight, each warning follows in its own line.
     """
     ratios = [_format(each.restitution) for each in track.contacts if each.restitution]
     parts = [motion_of(track), *([f"restitution {', '.join(ratios)}"] if ratios else [])]

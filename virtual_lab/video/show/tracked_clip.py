@@ -62,7 +62,7 @@ def track_clip(
     file
         A file, a folder of pictures, or an array of frames.
     said
-        Statements of the user by name (see `Said`), in SI units.
+        Facts that the user stated about the clip, keyed by name (see `Said`), in SI units.
     progress
         Function that is called with messages about the work.
 

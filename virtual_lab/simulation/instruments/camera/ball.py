@@ -86,9 +86,9 @@ def render_balls(
 ) -> RenderedBalls:
     """Return images of the ball in many regions of a frame, before noise.
 
-    The images have the shape (region, row, column). `cover` is the share of the background light
-    that the ball blocks. `radiance` is the light of the ball, 1 for a white surface that faces the
-    lamp.
+    The result has two images, (region, row, column). The image `cover` is the share of the
+    background light that the ball blocks, 0 to 1. The image `radiance` is the light that the ball
+    reflects, 1 for a white surface that faces the lamp.
 
     Parameters
     ----------
@@ -121,8 +121,9 @@ def render_balls(
         (region, 2, 5), for outlines that are not circles. `radius` then only sets the density of
         sampling.
     view
-        Rotation matrices from the direction (0, 0, -1) to the true direction from ball to camera,
-        (region, 3, 3). By default the two directions are equal.
+        Rotation matrices, (region, 3, 3), for a ball beside the optical axis. A matrix turns the
+        vector (0, 0, -1) into the direction from the ball to the camera. By default the ball is on
+        the optical axis.
 
     Raises
     ------
@@ -191,10 +192,11 @@ def render_balls(
 
 
 def axes_of(turn: ArrayLike) -> Array:
-    """Return the axes of rotated balls in the axes of the camera, one per row, (…, 3, 3).
+    """Return the directions of the three axes of each rotated ball, (…, axis of the ball, 3).
 
-    The axes of a ball are the axes of the camera rotated by `turn`, its rotation vector, (…, 3)
-    [rad].
+    The last index of the result counts the components of a unit vector along the axes of the
+    camera. A ball has the rotation vector `turn`, (…, 3) [rad]. Its axes agree with the axes of the
+    camera if `turn` is 0.
     """
     return np.swapaxes(rotation(turn), -1, -2)
 

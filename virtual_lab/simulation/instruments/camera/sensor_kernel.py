@@ -100,9 +100,10 @@ def read_out(
     corners
         First column and row of each region on the sensor, (region, 2).
     offset
-        Map of the dark signal of the whole sensor, (row, column) [e].
+        Dark signal of each pixel of the whole sensor, (row, column) [e].
     normal
-        Standard normal numbers, in the shape of `out`.
+        Standard normal numbers, in the shape of `out`. They are used for the readout noise, and for
+        the noise of bright pixels.
     uniform
         Uniform numbers from -0.5 to 0.5, in the shape of `out`. They are used only for pixels below
         25 electrons. If the number is exactly 0, the expected electrons are used without Poisson
