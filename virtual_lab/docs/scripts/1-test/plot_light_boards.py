@@ -2,9 +2,9 @@
 A ball passes three light boards
 ================================
 
-Each bar is the time for which the ball blocks one light beam of a board on its way to the bat. The
-center of the pattern is the height of the ball. The speed follows from the delays between boards
-(not shown).
+A ball flies through three light boards on its way to the bat. Each board has 34 horizontal light
+beams, 8 mm apart. Each bar is the time for which the ball blocks one beam. The middle of the bars
+is the height of the ball. Its speed follows from the delays between the boards (not shown).
 """
 
 import matplotlib.pyplot as plt

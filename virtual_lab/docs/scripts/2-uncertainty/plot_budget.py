@@ -2,8 +2,9 @@
 Uncertainty budgets
 ===================
 
-Six largest components of the variance u² (u: standard uncertainty). Both results are means of six
-hits at one position, and the scatter of these hits dominates. BBCOR must also find the position.
+Six largest components of the variance u² of a result of aluminum bat EA70 (u: standard
+uncertainty). Both results are means of six hits at one position, and the scatter of these hits
+dominates. BBCOR must also find the position.
 """
 
 import matplotlib.pyplot as plt
@@ -11,8 +12,11 @@ import matplotlib.pyplot as plt
 import virtual_lab as vl
 
 words = {"hits": "scatter of the hits", "choice of the place": "choice of the position"}
-words |= {"balls.repeatability": "restitution of the balls", "bat.balance": "balance reading"}
-words |= {"impact.cannon.along": "aim of the cannon", "bench.stand.offset": "balance stand"}
+words |= {
+    "balls.repeatability": "restitution of the balls",
+    "bat.balance": "balance point, reading",
+}
+words |= {"impact.cannon.along": "aim of the cannon", "bench.stand.offset": "balance stand, zero"}
 words |= {"impact.pivot.from_knob": "pivot position"}
 words |= {"balls.slope_repeatability": "ball restitution:\nslope with speed"}
 figure, panels = plt.subplots(2, figsize=(4.8, 4.8), sharex=True)

@@ -2,8 +2,9 @@
 Monte Carlo compared with first order
 =====================================
 
-Both ends of the 95 % interval of a speed, if the angle of the flight is 1.7° ± u. First order
-follows the slope, which is small here. Monte Carlo includes the curvature.
+Both ends of the 95 % interval of the speed (60 m/s) / cos(angle), if the angle is 1.7° ± u. The
+speed is at least 60 m/s. Monte Carlo keeps to that. First order uses only the slope at 1.7°, and
+both its ends are too low.
 """
 
 import matplotlib.pyplot as plt
@@ -16,10 +17,8 @@ methods = ("first-order", "first order", "C1--"), ("monte-carlo", "Monte Carlo",
 figure, axes = plt.subplots()
 for method, label, line in methods:
     inputs = [{"angle": vl.Input(0.03, u)} for u in scatter]
-    ends = [
-        vl.propagate(lambda angle: 60 / np.cos(angle), each, method=method)["result"].interval
-        for each in inputs
-    ]
+    tables = [vl.propagate(lambda angle: 60 / np.cos(angle), x, method=method) for x in inputs]
+    ends = [table["result"].interval for table in tables]
     axes.plot(np.degrees(scatter), ends, line, label=[label, "_"])
 axes.set(xlabel="u of the angle, °", ylabel="ends of the 95 % interval, m/s")
 axes.legend()

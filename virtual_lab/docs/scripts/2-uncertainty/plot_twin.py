@@ -1,25 +1,24 @@
 """
-Is the stated u of one laboratory right?
-========================================
+Is the stated u of a laboratory right?
+======================================
 
-Stated u of a laboratory over the standard deviation of its errors: its twin repeats the test day a
-thousand times, with the instruments and scatter that its records state. At 1 (dashed) the stated u
-is right. Each procedure tested one bat in many laboratories.
+A twin repeats the test of a laboratory a thousand times, with the instruments and scatter that its
+records state. The standard deviation of its errors should be the u that the laboratory states:
+ratio 1. Of the ratios, 95 % are between 0.8 and 1.2, and the largest is 1.8. All laboratories test
+bats of model R161.
 """
-
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 
-import virtual_lab as vl
+from virtual_lab.catalog.reading import DATA
 
-folder = Path(vl.__file__).parents[1] / "tests" / "studies"
-table = pd.read_csv(next(folder.glob("twin-*.csv"))).query("fault.isna()")
+table = pd.read_csv(next(DATA.parent.glob("tests/studies/twin-*.csv"))).query("fault.isna()")
 figure, panels = plt.subplots(2, 1, sharex=True)
-for axes, (procedure, rows) in zip(panels, table.groupby("procedure"), strict=True):
+for axes, (key, rows) in zip(panels, table.groupby("procedure"), strict=True):
     axes.hist(rows["ratio"], np.arange(0.6, 2, 0.05), edgecolor="white")
     axes.axvline(1, color="black", linestyle="--")
-    axes.set(title=f"{procedure}, {len(rows)} laboratories", ylabel="laboratories")
-panels[-1].set(xlabel="stated u / standard deviation of the errors")
+    name = key.replace("-", " ").upper()
+    axes.set(title=f"{name}, {len(rows)} laboratories", ylabel="laboratories")
+panels[-1].set(xlabel="stated u / standard deviation of the errors of the twin")
