@@ -12,12 +12,9 @@ import matplotlib.pyplot as plt
 import virtual_lab as vl
 
 words = {"hits": "scatter of the hits", "choice of the place": "choice of the position"}
-words |= {
-    "balls.repeatability": "restitution of the balls",
-    "bat.balance": "balance point, reading",
-}
-words |= {"impact.cannon.along": "aim of the cannon", "bench.stand.offset": "balance stand, zero"}
-words |= {"impact.pivot.from_knob": "pivot position"}
+words |= {"bat.balance": "balance point, reading", "impact.pivot.from_knob": "pivot position"}
+words |= {"bench.stand.offset": "balance stand, zero", "impact.cannon.along": "aim of the cannon"}
+words |= {"balls.repeatability": "restitution of the balls"}
 words |= {"balls.slope_repeatability": "ball restitution:\nslope with speed"}
 figure, panels = plt.subplots(2, figsize=(4.8, 4.8), sharex=True)
 for axes, procedure in zip(panels, ("astm-f1881", "bbcor"), strict=True):

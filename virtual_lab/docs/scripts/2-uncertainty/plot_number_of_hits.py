@@ -2,10 +2,9 @@
 How many hits are enough
 ========================
 
-Standard uncertainty u of the bat performance factor (BPF) of wood bat R161 in one laboratory
-(others state another u). The part of the hits falls roughly as 1/√n (each point is a new
-simulation, so it scatters). From about 16 hits on the other components are larger, and more hits
-gain little.
+Standard uncertainty u of the bat performance factor (BPF) of R161 in one laboratory (others state
+another u). The part of the hits falls roughly as 1/√n (each point is a new simulation and
+scatters). From about 16 hits on the other components are larger, and more hits gain little.
 """
 
 import matplotlib.pyplot as plt

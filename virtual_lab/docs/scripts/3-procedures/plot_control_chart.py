@@ -2,9 +2,10 @@
 A control chart
 ===============
 
-Restitution e0 of a check ball fired at a wall that slowly works loose. Days 1 to 25 set the mean
-and σ. The rule "8 days on one side of the mean" raises the first alarm, on day 36. The weighted
-average leaves its limits (dotted) on day 37, a single day leaves the band of 3 σ on day 44.
+Restitution e0 of a check ball fired at a wall that slowly works loose, minus the mean of days 1 to
+25 (σ: their standard deviation). First alarm, day 36: eight days are below the mean (day 33 is just
+below). The weighted average (newest day: 20 %) leaves its limits on day 37, a day leaves the band
+of 3 σ on day 44.
 """
 
 import matplotlib.pyplot as plt
@@ -12,14 +13,13 @@ import matplotlib.pyplot as plt
 import virtual_lab as vl
 from virtual_lab.studies.control_charts import EWMA_LIMIT
 
-days = vl.daily(drift=0.0005, seed=1)
-table, chart = days.table, days.charted
+table = vl.daily(drift=0.0005, seed=1).table
 figure, axes = plt.subplots()
 axes.plot(table["day"], table["standardised"], "o", color="C0", label="one day")
-axes.plot(table["day"], table["ewma"], color="C1", label="weighted moving average")
 alarms = table[table["alarms"].fillna("") != ""]
 axes.plot(alarms["day"], alarms["standardised"], "x", color="black", label="day with an alarm")
-axes.hlines([-EWMA_LIMIT, EWMA_LIMIT], 26, 60, color="C1", linestyle=":")
+axes.plot(table["day"], table["ewma"], color="C1", label="weighted average")
+axes.hlines([-EWMA_LIMIT, EWMA_LIMIT], 26, 60, color="C1", linestyle=":", label="its limits")
 axes.axhspan(-3, 3, color="0.93", zorder=0, label="± 3 σ")
-axes.set(xlabel="day", ylabel="deviation of e0 from its mean, σ")
-axes.legend()
+axes.set(xlabel="day", ylabel="deviation of e0, σ", ylim=(-11, 3.5))
+axes.legend(loc="lower left")

@@ -2,24 +2,24 @@
 Why laboratories differ
 =======================
 
-Standard deviation of BBCOR among laboratories that test one EA70, for one cause of variation at a
-time (bars) and for all (s_R, dashed). Normalizing removes the effects of ball lot and ball store.
+Standard deviation of BBCOR among laboratories that test one EA70, for each cause alone (bars) and
+for all (total, dashed). The squares of the bars add up to about the square of the total.
+Normalizing to a standard ball removes the effects of ball lot and humidity. It adds that of the
+wall at which the ball is tested.
 """
-
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
-import virtual_lab as vl
+from virtual_lab.catalog.reading import DATA
 
-folder = Path(vl.__file__).parents[1] / "tests" / "studies"
-table = pd.read_csv(next(folder.glob("interlab-2*.csv")))
+table = pd.read_csv(next(DATA.parent.glob("tests/studies/interlab-2*.csv")))
 table = table.query("bat == 'ea70' & procedure == 'bbcor'")
-causes = ["lot", "stiffness", "store", "calibration", "wall"]
+causes = {"lot": "ball lot", "stiffness": "ball stiffness", "store": "ball humidity"}
+causes |= {"s_r": "repeatability", "calibration": "calibration", "wall": "wall"}
 figure, panels = plt.subplots(1, 2, sharey=True)
 for axes, result in zip(panels, ["as found", "normalized"], strict=True):
     spread = 1e3 * table[table["result"] == result].set_index("term")["simulated"]
-    axes.barh(causes, spread[causes], hatch="//", edgecolor="white")
+    axes.barh(list(causes.values()), spread[list(causes)], hatch="//", edgecolor="white")
     axes.axvline(spread["s_R"], color="C1", linestyle="--")
-    axes.set(title=f"{result}, s_R {spread['s_R']:.1f}", xlabel="sd of BBCOR, 0.001", xlim=(0, 5))
+    axes.set(title=f"{result}, total {spread['s_R']:.1f}", xlabel="SD of BBCOR, 0.001", xlim=(0, 5))

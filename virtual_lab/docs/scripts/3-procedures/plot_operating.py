@@ -2,24 +2,23 @@
 Chance to pass near the limit
 =============================
 
-Chance that a variant of EA70 passes BBCOR (limit raised to 0.537), against its true restitution.
-Circles: counted in 5 000 tests each (95 % intervals). Line: predicted from the scatter of errors.
+Chance that a bat passes BBCOR, for 20 variants of EA70 with other hoop frequencies. Circles:
+counted in 5 000 tests each (95 % intervals). Line: predicted from the errors of one variant. The
+limit is raised to 0.537 because all variants exceed the 0.500 of the rules. At the limit 47 % pass,
+not 50, because BBCOR comes out 0.00015 high on average.
 """
-
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pandas as pd
 
-import virtual_lab as vl
+from virtual_lab.catalog.reading import DATA
 
-folder = Path(vl.__file__).parents[1] / "tests" / "studies"
-table = pd.read_csv(next(folder.glob("operating-*.csv"))).sort_values("true")
+table = pd.read_csv(next(DATA.parent.glob("tests/studies/operating-*.csv"))).sort_values("true")
 counted = 100 * table["counted"]
 bars = [counted - 100 * table["low"], 100 * table["high"] - counted]
 figure, axes = plt.subplots()
 axes.errorbar(table["true"], counted, bars, fmt="o", capsize=2, label="counted")
 axes.plot(table["true"], 100 * table["predicted"], color="C1", linestyle="--", label="predicted")
 axes.axvline(0.537, color="black", linestyle=":", label="limit")
-axes.set(xlabel="true restitution e of the bat with a standard ball", ylabel="tests that pass, %")
+axes.set(xlabel="true BBCOR of the bat", ylabel="tests that pass, %")
 axes.legend()
