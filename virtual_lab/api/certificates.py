@@ -682,7 +682,8 @@ def sweep(
         Columns: ``bat``, ``procedure``, ``laboratory`` (number), ``verdict``, ``reason`` (empty
         unless the verdict is FAIL or INVALID), ``metric`` (symbol) and ``unit``. The columns
         ``value``, ``u``, ``low`` and ``high`` (95 % interval), ``true`` and ``error`` (value minus
-        true) are in this unit. e_A, e, r and e0 have three columns each: value, u and true value,
+        true) are in this unit. The collision efficiency e_A, the bat-ball restitution e, the recoil
+        factor r and the ball-wall restitution e0 have three columns each: value, u and true value,
         such as ``restitution``, ``restitution_u`` and ``restitution_true``. Numbers are NaN for a
         test without a result. Each changed number of a sheet has a column named by its key and
         unit, such as ``windows.speed_tolerance_mph``. ``attrs["units"]`` has the unit of each

@@ -45,7 +45,8 @@ def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     such as "bat" or "stop", and is empty if the ball hit nothing. If the ball hit the bat, there
     are four more keys. `way` is "back" if the ball flies back and "on" if it flies on. `side` is
     "straight", "up" or "down". `way` and `side` show the true direction of the ball after the hit.
-    `rebound` (e_A) and `turn` (angular rate of the bat [rad/s]) are blurred.
+    `rebound` (the collision efficiency e_A) and `turn` (angular rate of the bat [rad/s]) are
+    blurred.
     """
     if shot not in firing.sketches:
         firing.sketches[shot] = _draw_sketch(firing, shot)

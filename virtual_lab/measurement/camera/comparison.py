@@ -79,6 +79,7 @@ def compare_camera(
 ) -> CameraComparison | None:
     """Return e_A, e and BPF from camera and gates for the same hits of one laboratory.
 
+    e_A is the collision efficiency, e the bat-ball restitution, and BPF the bat performance factor.
     For each quantity, the result also holds the weighted mean of camera and gates, and the
     difference camera minus gates. It also holds the camera's readings of each shot. The result is
     None if there is no camera record, or if the balls were not timed by gates or light boards.

@@ -127,8 +127,9 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 
     The front and the back radius of a ball differ, and both change from gate to gate. Therefore the
     ball breaks and clears a beam early or late. If the ball only grazes a beam, it can miss it;
-    both times are then NaN. The result is a mapping with the key ``times`` [s], an array of the
-    shape of the times in the record.
+    both times are then NaN. `record` is the gates' record without the fault. `written` is its
+    context: station, plan and random numbers. The result is a mapping with the key ``times`` [s],
+    an array of the shape of the times in the record.
     """
     times, truth = record.times, written.play.truth
     speed = truth["speed"]
@@ -146,8 +147,9 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
 def swap(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times after an exchange of shots 1 and 4, counted from 0.
 
-    The times are unchanged if the plan does not contain both shots. The result is a mapping with
-    the key ``times`` [s], an array of the shape of the times in the record.
+    The times are unchanged if the plan does not contain both shots. `record` is the gates' record
+    without the fault. `written` is its context: station, plan and random numbers. The result is a
+    mapping with the key ``times`` [s], an array of the shape of the times in the record.
     """
     slot = written.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
@@ -160,9 +162,10 @@ def swap(record: Any, written: FaultContext) -> Arrays:
 def every_second_missed(record: Any, written: FaultContext) -> Arrays:
     """Return gate times in which the gate nearest the bat misses every second incoming ball.
 
-    The times of this gate are NaN for the incoming balls of shots 1, 3, 5, …, counted from 0. The
-    result is a mapping with the key ``times`` [s], an array of the shape of the times in the
-    record.
+    The times of this gate are NaN for the incoming balls of shots 1, 3, 5, …, counted from 0.
+    `record` is the gates' record without the fault. `written` is its context: station, plan and
+    random numbers. The result is a mapping with the key ``times`` [s], an array of the shape of the
+    times in the record.
     """
     times = record.times.copy()
     times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
@@ -173,8 +176,9 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
     """Return gate times in which the gate nearest the bat reports the end of some passages late.
 
     In about 60 % of the shots, the gate reports the incoming ball a second time. Therefore the
-    recorded time at which the ball left the beam is 0.4 ms late. The result is a mapping with the
-    key ``times`` [s], an array of the shape of the times in the record.
+    recorded time at which the ball left the beam is 0.4 ms late. `record` is the gates' record
+    without the fault. `written` is its context: station, plan and random numbers. The result is a
+    mapping with the key ``times`` [s], an array of the shape of the times in the record.
     """
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
@@ -211,8 +215,9 @@ def drifting(record: Any, written: FaultContext) -> Arrays:
     """Return the gate times of the wall test, with rebound speeds that rise from hit to hit.
 
     The apparent ball-wall restitution e0 rises by 6 % from the first to the last hit of the plan.
-    The result is a mapping with the key ``times`` [s], an array of the shape of the times in the
-    record.
+    `record` is the gates' record without the fault. `written` is its context: station, plan and
+    random numbers. The result is a mapping with the key ``times`` [s], an array of the shape of the
+    times in the record.
     """
     times, slot = record.times.copy(), written.plan.slot
     rebounds = times[:, Edge.OUT]
@@ -230,8 +235,9 @@ def too_slow(plan: ShotPlan) -> ShotPlan:
 def slipping(record: Any, written: FaultContext) -> Arrays:
     """Return the counts of an encoder with a coupling that slips in about 60 % of the shots.
 
-    In such a shot the encoder loses 20 counts at a random time. The result is a mapping with the
-    key ``counts``, an array (shot, sample).
+    In such a shot the encoder loses 20 counts at a random time. `record` is the encoder's record
+    without the fault. `written` is its context: station, plan and random numbers. The result is a
+    mapping with the key ``counts``, an array (shot, sample).
     """
     samples = record.counts.shape[1]
     when = 0.3 + 0.6 * written.chance(".when")
@@ -242,8 +248,9 @@ def slipping(record: Any, written: FaultContext) -> Arrays:
 def loose(record: Any, written: FaultContext) -> Arrays:
     """Return the encoder counts if the bat has a play of 0.3 degrees in its clamp.
 
-    The encoder follows the bat only beyond this play. The result is a mapping with the key
-    ``counts``, an array (shot, sample). Raises `KeyError` for a station without an encoder.
+    The encoder follows the bat only beyond this play. `record` is the encoder's record without the
+    fault. `written` is its context: station, plan and random numbers. The result is a mapping with
+    the key ``counts``, an array (shot, sample). Raises `KeyError` for a station without an encoder.
     """
     counts = record.counts
     width = np.round(0.3 / 360 * counts_per_turn(written))
