@@ -386,7 +386,8 @@ def certify(
     seed
         Seed of all random numbers. A given seed makes the test reproducible, but anyone who knows
         it can compute the true values, so the certificate says "not sealed". By default a random
-        seed of 128 bits, stored only in the sealed truth.
+        seed of 128 bits. It is stored only in the sealed truth, the file with the true values of
+        the test.
     number
         Number of the laboratory, from 0. Laboratories with the same seed and different numbers
         differ in bat, balls and calibration errors.

@@ -123,9 +123,10 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
     column, the type and the unit come from the first procedure that has it.
 
     The columns are determined by testing the first laboratories of some cases. A case is a
-    combination of bat, procedure and changed values. If several cases differ only in numbers other
-    than 0, only the first of them is tested. A case with the number 0 is tested too, because an
-    uncertainty of 0 has no column.
+    combination of bat, procedure and changed values. If several cases differ only in the size of
+    changed numbers, only the first of them is tested. A changed number of 0 is different, because
+    an uncertainty of 0 has no column. Cases in which a changed number is 0 are therefore compared
+    only with each other.
 
     `progress` is called with a message, the number of cases tested, and the total. Raises
     `InputError` if a sheet cannot be used, or if bat, ball, rigs and procedure do not fit together.

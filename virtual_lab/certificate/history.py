@@ -68,12 +68,12 @@ def earlier_scatter(
 def earlier_tests(
     folders: Sequence[Path], kind: Mapping[str, str], today: Session | None = None
 ) -> list[dict[str, HitVariance]]:
-    """Return one mapping per earlier test: the variance of a single hit, keyed by result.
+    """Return the variance of a single hit in each earlier test, one mapping per test.
 
-    A variance is in the square of the SI unit of its result. `folders` and `today` are as in
-    `earlier_scatter`. `kind` holds some or all of the properties that `kind_of` returns; all tests
-    must have them. Raises `InputError` for the errors listed in `earlier_scatter`, and if there are
-    no folders.
+    The keys are the names of the test's results, such as the metric. A variance is in the square of
+    the SI unit of its result. `folders` and `today` are as in `earlier_scatter`. `kind` holds some
+    or all of the properties that `kind_of` returns; all tests must have them. Raises `InputError`
+    for the errors listed in `earlier_scatter`, and if there are no folders.
     """
     every = [inner for folder in folders for inner in result_folders(folder)]
     if len(every) < FEWEST:

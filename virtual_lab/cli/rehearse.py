@@ -149,7 +149,7 @@ def summary(folder: Folder) -> StudyResult:
 
 
 def trends(folder: Folder) -> StudyResult:
-    """Print the learning curves of the trainees below FOLDER, by score and by fault."""
+    """Show the learning curves of the trainees below FOLDER, by score and by fault."""
     from virtual_lab.bench.entrance.review import trends as run
 
     return run(Path(folder))

@@ -359,7 +359,7 @@ def column_meaning(name: str) -> ColumnMeaning | None:
 def units_of(columns: Iterable[str]) -> dict[str, str]:
     """Return the units of columns, keyed by column name.
 
-    Columns that are not in the dictionary of columns are left out.
+    A column for which `column_meaning` has no entry is left out.
     """
     known = {name: column_meaning(name) for name in columns}
     return {name: each.unit for name, each in known.items() if each}

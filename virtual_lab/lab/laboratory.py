@@ -190,10 +190,11 @@ class Laboratory:
 
 @lru_cache(maxsize=32)
 def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | None = None) -> Ladder:
-    """Return the collision models that tests by a procedure use for individual bats of one design.
+    """Return the object that selects and holds the collision model for tests of one bat design.
 
-    `rung` is the name of the model to use. If it is None, the fastest model that is accurate enough
-    is selected. The model is selected when the result is first used, and an unknown name raises
+    The model is used for all individual bats of this design in tests by the procedure `rules`.
+    `rung` is the name of the model. If it is None, the fastest model that is accurate enough is
+    selected. The selection is made when the result is first used, and an unknown name raises
     `InputError` only then. The same arguments return the same object, so the selection is made
     once.
     """

@@ -23,8 +23,8 @@ def decimals(u: float) -> int:
 def digits(u: float) -> str:
     """Return an uncertainty as text with two significant digits.
 
-    An uncertainty of 100 or more is a whole number with all its digits. The text is ``0`` if `u` is
-    at most 1e-9 in any unit, and ``nan`` or ``inf`` if it is not finite.
+    An uncertainty of 100 or more is written as a whole number with all its digits. The text is
+    ``0`` if `u` is at most 1e-9 in any unit, and ``nan`` or ``inf`` if it is not finite.
     """
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 

@@ -43,7 +43,10 @@ def figure(panels: Iterable[Panel], height: float, name: str, title: str, descri
 
 
 def description_of(figure: str) -> str:
-    """Return the description in an SVG element that `figure` made. It may be empty."""
+    """Return the description of a figure for readers who cannot see it; it may be empty.
+
+    `figure` is the text of the SVG element, as returned by the function `figure`.
+    """
     return unescape(figure.partition('-description">')[2].partition("</desc>")[0])
 
 

@@ -79,8 +79,9 @@ def record(row: Any) -> Mapping[str, Any]:
     """Return the values of a row, keyed by column. The row is a dataclass or a mapping.
 
     A mapping is returned unchanged. If a field of a dataclass holds a dataclass or a mapping, each
-    of the inner values becomes a column. Its key is the field's name and the inner key, such as
-    ``recoil_rms``. For an `inline` field it is the inner key only.
+    of the inner values becomes a column. The key of this column is the field's name and the inner
+    key, joined by ``_``, such as ``recoil_rms``. If the field has the mark `INLINE` in its
+    metadata, the key is the inner key alone.
     """
     if isinstance(row, Mapping):
         return row

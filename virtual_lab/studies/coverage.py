@@ -190,7 +190,8 @@ def coverage(
         Let the instruments record summary values instead of every gate edge and encoder count, and
         let every laboratory test the nominal bat. This is much faster.
     individual
-        With ``summed``, let every laboratory test an individual bat instead of the nominal one.
+        Let every laboratory test an individual bat, even with ``summed``. Without ``summed`` this
+        is always so.
     earlier_tests
         Number of earlier tests of each laboratory, which contribute to the scatter of the hits.
     workers

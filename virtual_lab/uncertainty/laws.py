@@ -110,10 +110,11 @@ LAWS = {
 
 
 def inexactness(dof: float) -> float:
-    """Return the relative inexactness of two limits with `dof` degrees of freedom, 1/√(2 dof).
+    """Return the relative inexactness of the limits of a distribution, 1/√(2 dof), dimensionless.
 
-    Each limit is itself known only within a range (GUM G.4.2). The result is half the width of this
-    range, divided by half the distance between the limits, dimensionless. It is 0 for infinite
-    `dof`. It exceeds 1 for `dof` below 0.5, which is impossible for limits.
+    `dof` are the degrees of freedom of the distribution's standard uncertainty. Each of the two
+    limits is itself known only within a range (GUM G.4.2). The result is half the width of this
+    range, divided by half the distance between the limits. It is 0 for infinite `dof`. A result
+    above 1, for `dof` below 0.5, is impossible for limits; the caller must reject it.
     """
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

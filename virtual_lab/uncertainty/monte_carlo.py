@@ -165,13 +165,14 @@ def _goals(batches: Batches, infinite: bool) -> Array:
 
 
 def stein(batches: Batches, infinite: bool) -> Array:
-    """Make draws in two stages, and return the tolerances that the results meet, (output, 4).
+    """Add draws to `batches` in two stages, and return the tolerances of the results, (output, 4).
 
     The second axis is mean, u and the two ends of the interval, in the unit of the output. The
-    scatter of the first stage determines the size of the second (Stein 1945; for JCGM 101 by
-    Wübbeler et al., Metrologia 47, 2010, 317). All numbers of all outputs meet their tolerances
-    with a probability of 95 % (Bonferroni). If u is infinite (`infinite`), the tolerances of mean
-    and u are inf. Raises `InputError` if too many draws are needed.
+    scatter of the first stage determines the number of draws in the second stage (Stein 1945; for
+    JCGM 101 by Wübbeler et al., Metrologia 47, 2010, 317). With a probability of 95 %, the errors
+    of all these numbers are then within their tolerances (Bonferroni). If u is infinite
+    (`infinite`), the tolerances of mean and u are inf. Raises `InputError` if too many draws are
+    needed.
     """
     from scipy.special import stdtrit
 

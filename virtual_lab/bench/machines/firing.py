@@ -238,8 +238,8 @@ def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
     """Return a copy of a station in which one instrument has changed true constants.
 
-    `part` is the name of the instrument. The keyword arguments `true` are the new values [SI], by
-    name of the constant. Raises `AttributeError` if the station has no such instrument, and
-    `KeyError` for an unknown constant.
+    `part` is the station's name for this instrument. The keyword arguments `true` are the new
+    values [SI], keyed by the name of the constant. Raises `AttributeError` if the station has no
+    such instrument, and `KeyError` for an unknown constant.
     """
     return fitted_with(station, part, instrument_of(station, part).with_true(**true))

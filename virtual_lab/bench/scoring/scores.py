@@ -207,8 +207,8 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
 
     The score is the product of three factors: the expert's time divided by the trainee's time, the
     expert's number of shots divided by the trainee's number of shots, and the score `result`. The
-    first two factors are at most 1. `needless` is the time of additional checks that a reading
-    justified [s]; it is subtracted from the trainee's time.
+    first two factors are at most 1. `needless` is the time of checks that the procedure does not
+    require but that a reading justified [s]. It does not count as the trainee's time.
     """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)

@@ -193,9 +193,12 @@ def pairs(
 def chances(budget: Budgets, least: Array | float) -> tuple[Array, Array]:
     """Return the standard uncertainties and the two-sided p-values of values that should be 0.
 
-    All arrays are (laboratory,). A p-value is the probability of an equal or larger absolute value
-    by chance, for a t distribution. `least`, in the unit of the values, is added in quadrature to
-    the uncertainties in `budget`, with infinite degrees of freedom.
+    The values, their standard uncertainties and the degrees of freedom are those of `budget`. All
+    arrays are (laboratory,). A p-value is the probability of an equal or larger absolute value by
+    chance, for a t distribution.
+
+    `least` is an additional standard uncertainty, in the unit of the values, with infinite degrees
+    of freedom. It is added in quadrature to the uncertainties of `budget`.
     """
     u = np.hypot(budget.u, least)
     with np.errstate(divide="ignore"):  # a value without uncertainty of its own

@@ -53,10 +53,11 @@ def ball_seen(evidence: Evidence) -> Iterator[Raised]:
 
 
 def edges(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag, raised in laboratories where over 10 % of the shots do not fit one flight.
+    """Yield one flag, raised where over 10 % of a laboratory's shots do not fit a straight flight.
 
-    In such a shot, the beam edges at the light boards deviate from one straight flight by more than
-    the procedure allows. The flag is yielded even if it is raised in no laboratory.
+    A beam edge is the time at which a ball breaks or clears a beam of a light board. A shot does
+    not fit if its beam edges deviate from one straight flight by more than the procedure allows.
+    The flag is yielded even if it is raised in no laboratory.
     """
     count = evidence.per_laboratory(evidence.off_flight)
     fired = evidence.per_laboratory(np.ones(evidence.owner.size))
@@ -148,12 +149,16 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
     """Yield two comparisons per encoder: the rate from half of a record, and from the whole record.
 
-    The half is the part nearest contact. The difference of the two rates is multiplied by the
-    sensitivity of the result to the rate. In the first comparison, the products of all shots are
-    added. The second is for the least likely shot of each laboratory. `Pairs.sigmas`,
-    (laboratory,), is the absolute difference in units of its standard uncertainty. Nothing is
-    yielded for an encoder that the rig does not have, that keeps no record, or that does not affect
-    the result.
+    The half is the part of a shot's record nearest contact. For each shot, the difference of the
+    two rates is multiplied by the sensitivity of the test result to the rate.
+
+    The first comparison uses the sum of these products over all shots of a laboratory. The second
+    uses the product of a single shot of each laboratory: the shot with the smallest p-value
+    (`Pairs.harmful`). `Pairs.sigmas`, (laboratory,), is the absolute sum or product in units of its
+    standard uncertainty.
+
+    Nothing is yielded for an encoder that the rig does not have, that keeps no record, or that does
+    not affect the result.
     """
     for channel, which in (("encoder", "recoil"), ("swing", "swing")):
         fit = getattr(evidence.readings, which)

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 
 
 def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
-    """Return the distance of the center of percussion from the barrel tip [m]. Eq. (11).
+    """Return the distance of the center of percussion from the barrel tip [m].
 
     `bat` holds the measured `mass`, `length`, `z_cm` and `inertia_cm` [SI]. `pivot_from_knob` is
-    the distance of the pivot from the knob [m].
+    the distance of the pivot from the knob [m]. Source: Eq. (11) of Nathan (2003).
     """
     axis = bat["length"] - pivot_from_knob
     return float(centre_of_percussion(bat["z_cm"], bat["inertia_cm"], bat["mass"], axis))

@@ -34,9 +34,9 @@ def fit_speeds(
     ----------
     times
         Times at which the balls passed the gates, (batch, direction, gate, shot) [s], NaN if not
-        detected.
+        detected. A batch is a group of rows with the same times.
     batch
-        Index on the first axis of `times` for each set of constants, (row,).
+        Index of the batch of each row, (row,).
     distances
         Distances of the gates from the target, (row, gate) [m].
     clock
@@ -66,19 +66,20 @@ def fit_heights(
     drag: Array,
     out: Array,
 ) -> None:
-    """Fill `out` with the height at the target [m], slope in and slope out, (3, row, shot).
+    """Compute the height of each shot at the target, and the slopes of its flights in and out.
 
+    The results are computed for several sets of constants. A row of an array belongs to one set.
     The height is measured on the incoming ball. A slope is the change of height per meter of
-    distance from the target, without the effect of gravity. It is NaN if fewer than two gates
-    detected the ball in its direction. The height is NaN if the slope in is NaN. A row is one set
-    of constants.
+    distance from the target, without the effect of gravity. A slope is NaN if fewer than two gates
+    detected the ball in this direction. The height is NaN if the slope in is NaN.
 
     Parameters
     ----------
     heights
-        Heights at which the balls passed the gates, (batch, direction, gate, shot) [m].
+        Heights at which the balls passed the gates, (batch, direction, gate, shot) [m]. A batch is
+        a group of rows with the same heights.
     batch
-        Index on the first axis of `heights` for each row, (row,).
+        Index of the batch of each row, (row,).
     speeds
         Result of `fit_speeds`.
     distances
@@ -89,6 +90,8 @@ def fit_heights(
         Acceleration of gravity, (row,) [m/s²].
     drag
         Drag rate κ, (row, shot) [1/m].
+    out
+        Results, (3, row, shot): height at the target [m], slope in, and slope out.
     """
     gates, shots = heights.shape[2:]
     # three arrays, because numba would compile again for views of one array

@@ -48,7 +48,7 @@ class EnergyFractions(NamedTuple):
 
 
 def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
-    """Return e_A = (v_f - v_bat) / (v_ball + v_bat), dimensionless. Eq. (2).
+    """Return e_A = (v_f - v_bat) / (v_ball + v_bat), dimensionless. Eq. (2) of Nathan (2003).
 
     The arguments are the speeds at impact [m/s], each positive. `v_ball` is the speed of the ball
     toward the bat, and `v_bat` is the speed of the bat toward the ball. `v_f` is the speed of the
@@ -58,7 +58,7 @@ def collision_efficiency(v_ball: Floats, v_bat: Floats, v_f: Floats) -> Floats:
 
 
 def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
-    """Return the batted-ball speed e_A v_ball + (1 + e_A) v_bat [m/s]. Eq. (3).
+    """Return the batted-ball speed e_A v_ball + (1 + e_A) v_bat [m/s]. Eq. (3) of Nathan (2003).
 
     `v_ball` is the speed of the ball toward the bat [m/s], and `v_bat` is the speed of the bat
     toward the ball [m/s].
@@ -67,33 +67,33 @@ def batted_speed(e_A: Floats, v_ball: Floats, v_bat: Floats) -> Floats:
 
 
 def besr(e_A: Floats) -> Floats:
-    """Return the ball exit speed ratio e_A + 1/2, dimensionless. Eq. (4)."""
+    """Return the ball exit speed ratio e_A + 1/2, dimensionless. Eq. (4) of Nathan (2003)."""
     return e_A + 0.5
 
 
 def bat_performance_factor(e: Floats, e0: Floats) -> Floats:
-    """Return the bat performance factor e / e0, dimensionless. Eq. (5)."""
+    """Return the bat performance factor e / e0, dimensionless. Eq. (5) of Nathan (2003)."""
     return e / e0
 
 
 def restitution_from_efficiency(e_A: Floats, r: Floats) -> Floats:
-    """Return the restitution e = e_A (1 + r) + r of ball and bat, dimensionless. Eq. (6).
+    """Return the restitution e = e_A (1 + r) + r of ball and bat, dimensionless.
 
-    `r` is the recoil factor.
+    `r` is the recoil factor. Source: Eq. (6) of Nathan (2003).
     """
     return e_A * (1 + r) + r
 
 
 def efficiency_from_restitution(e: Floats, r: Floats) -> Floats:
-    """Return the collision efficiency e_A = (e - r) / (1 + r), dimensionless. Eq. (6).
+    """Return the collision efficiency e_A = (e - r) / (1 + r), dimensionless.
 
-    `r` is the recoil factor.
+    `r` is the recoil factor. Source: Eq. (6) of Nathan (2003).
     """
     return (e - r) / (1 + r)
 
 
 def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
-    """Return the recoil factor r = m / M_eff, dimensionless. Eq. (7).
+    """Return the recoil factor r = m / M_eff, dimensionless. Eq. (7) of Nathan (2003).
 
     `m` is the mass of the ball [kg], and `inverse_M_eff` is 1/M_eff of the bat [1/kg].
     """
@@ -101,7 +101,7 @@ def recoil_factor(m: Floats, inverse_M_eff: Floats) -> Floats:
 
 
 def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
-    """Return 1/M_eff = 1/M + d²/I_cm [1/kg] of a free bat. Eq. (8).
+    """Return 1/M_eff = 1/M + d²/I_cm [1/kg] of a free bat. Eq. (8) of Nathan (2003).
 
     `M` is the mass of the bat [kg] and `I_cm` its moment of inertia about the center of mass
     [kg m²]. `d` is the distance of the impact from the center of mass [m].
@@ -110,7 +110,7 @@ def inverse_mass_free(M: Floats, I_cm: Floats, d: Floats) -> Floats:
 
 
 def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
-    """Return 1/M_eff = b²/I_p [1/kg] of a pivoted bat. Eq. (9).
+    """Return 1/M_eff = b²/I_p [1/kg] of a pivoted bat. Eq. (9) of Nathan (2003).
 
     `I_p` is the moment of inertia about the pivot [kg m²], and `b` is the distance of the impact
     from the pivot [m].
@@ -119,7 +119,7 @@ def inverse_mass_pivoted(I_p: Floats, b: Floats) -> Floats:
 
 
 def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
-    """Return the recoil factor r of a free bat, dimensionless. Eqs. (7), (8).
+    """Return the recoil factor r of a free bat, dimensionless. Eqs. (7) and (8) of Nathan (2003).
 
     `m` is the mass of the ball [kg], `M` the mass of the bat [kg], and `I_cm` the bat's moment of
     inertia about its center of mass [kg m²]. `d` is the distance of the impact from the center of
@@ -129,10 +129,10 @@ def recoil_factor_free(m: Floats, M: Floats, I_cm: Floats, d: Floats) -> Floats:
 
 
 def recoil_factor_pivoted(m: Floats, I_p: Floats, b: Floats) -> Floats:
-    """Return the recoil factor r of a pivoted bat, dimensionless. Eqs. (7), (9).
+    """Return the recoil factor r of a pivoted bat, dimensionless.
 
     `m` is the mass of the ball [kg], and `I_p` the bat's moment of inertia about the pivot [kg m²].
-    `b` is the distance of the impact from the pivot [m].
+    `b` is the distance of the impact from the pivot [m]. Source: Eqs. (7) and (9) of Nathan (2003).
     """
     return recoil_factor(m, inverse_mass_pivoted(I_p, b))
 
@@ -147,21 +147,21 @@ def parallel_axis(I_cm: Floats, M: Floats, d: Floats) -> Floats:
 
 
 def centre_of_percussion(z_cm: Floats, I_cm: Floats, M: Floats, z_pivot: Floats) -> Floats:
-    """Return the distance of the center of percussion from the barrel tip [m]. Eq. (11).
+    """Return the distance of the center of percussion from the barrel tip [m].
 
     An impact there exerts no force on the pivot. `z_cm` and `z_pivot` are the distances of center
     of mass and pivot from the barrel tip [m]. `I_cm` is the bat's moment of inertia about its
     center of mass [kg m²], and `M` is its mass [kg]. The position tends to infinity as the pivot
-    approaches the center of mass.
+    approaches the center of mass. Source: Eq. (11) of Nathan (2003).
     """
     return z_cm - I_cm / (M * (z_pivot - z_cm))
 
 
 def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
-    """Return the energies of ball and rigid bat after a collision, and the lost energy. Eqs. (10).
+    """Return the energies of ball and rigid bat after a collision, and the lost energy.
 
     Each is a share of the ball's kinetic energy before the collision, with the bat at rest. The sum
-    of the three shares is 1.
+    of the three shares is 1. Source: Eqs. (10) of Nathan (2003).
     """
     return EnergyFractions(
         ball=((e - r) / (1 + r)) ** 2,
@@ -171,10 +171,10 @@ def energy_fractions(e: Floats, r: Floats) -> EnergyFractions:
 
 
 def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
-    """Return the change of the batted-ball speed [m/s] caused by a change of e. Eq. (12).
+    """Return the change of the batted-ball speed [m/s] caused by a change of e.
 
     `v_rel` is the relative speed of ball and bat [m/s], `gain_e` is the change of e, and `r` is the
-    recoil factor.
+    recoil factor. Source: Eq. (12) of Nathan (2003).
     """
     return v_rel * gain_e / (1 + r)
 
@@ -247,8 +247,8 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
 
     All are dimensionless, and NaN gives NaN. In the model, an elastic shell and a lossy ball share
     the energy by the ratio R of their stiffnesses (shell/ball): ``e^2 = (e0^2 R + 1)/(R + 1)``. R
-    therefore follows from e and e0. If e is not above e0, the shell has no measurable elasticity. e
-    is then proportional to e0, as for a rigid shell.
+    therefore follows from e and e0. If e is not above e0, the shell has no measurable elasticity.
+    The result is then `e` times `standard` / `e0`, as for a rigid shell.
     """
     e, e0 = np.asarray(e), np.asarray(e0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -260,11 +260,12 @@ def restitution_of_standard_ball(e: Floats, e0: Floats, standard: float) -> Floa
 def inverse_effective_mass(
     free: bool, M: Floats, I_cm: Floats, z_cm: Floats, axis: Floats, z: Floats
 ) -> Floats:
-    """Return 1/M_eff [1/kg] of a bat that is free or pivoted at `axis`. Eqs. (8), (9).
+    """Return 1/M_eff [1/kg] of a bat that is free or pivoted at `axis`.
 
     `M` is the mass of the bat [kg], and `I_cm` its moment of inertia about the center of mass
     [kg m²]. `z_cm`, `axis` and `z` are the distances of center of mass, pivot and impact from the
-    barrel tip [m]. If `free` is true, `axis` has no effect.
+    barrel tip [m]. If `free` is true, `axis` has no effect. Source: Eqs. (8) and (9) of Nathan
+    (2003).
     """
     if free:
         return inverse_mass_free(M, I_cm, z - z_cm)

@@ -43,9 +43,9 @@ class LaboratoryForm(Spec):
 
 
 def load_laboratory(folder: Path) -> Session:
-    """Return the session in the form and the tables of another laboratory, in SI.
+    """Return the session that another laboratory supplied as a form and tables, in SI.
 
-    Form and tables are files in `folder`.
+    The form is the file ``laboratory.toml`` in `folder`. It names the files with the tables.
 
     Raises
     ------

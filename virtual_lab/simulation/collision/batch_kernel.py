@@ -405,7 +405,8 @@ def _pass_event(lane: Array, i: int, given: Given, rule: StepRule, out: Out) -> 
 def prepare_lanes(modes: int) -> Array:
     """Return the working memory of `collide_lanes` for bats with `modes` flexible modes.
 
-    The result is a 1-D array of floats. All lanes are empty at first.
+    The result is a 1-D array of floats. The kernel integrates `LANES` collisions at once, and a
+    lane is the memory of one of them. All lanes are empty at first.
     """
     size = at.head + -(-modes // CHUNK) * CHUNK * MODE.size
     memory = np.zeros(size + 8)

@@ -48,20 +48,20 @@ def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
 
 
 def from_knob(record: Any, written: FaultContext) -> Arrays:
-    """Return the balance point as a distance from the knob [m], instead of from the tip.
+    """Return readings of a bat's balance point that are wrongly measured from the knob [m].
 
-    The laboratory uses it by mistake as the distance from the tip. The result is a mapping with the
-    key ``readings``, an array of the shape of the readings in the record.
+    The result is a mapping with the key ``readings``, an array of the shape of the readings in the
+    record. The laboratory uses these readings as distances from the tip.
     """
     return {"readings": float(written.play.truth["length"]) - record.readings}
 
 
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
-    """Return the amplitudes [rad] of a pendulum as entered from habit, not as read.
+    """Return amplitudes of a pendulum that an operator writes down from habit, not as read [rad].
 
-    They are the recorded amplitudes times `USUAL_SWING` / `FAR_SWING`, which is below 1. The result
-    is a mapping with the keys ``first_amplitude`` and ``last_amplitude``, each with one value per
-    release of the pendulum, (release,).
+    The result is a mapping with the keys ``first_amplitude`` and ``last_amplitude``, each with one
+    value per release of the pendulum, (release,). The values are the recorded amplitudes times
+    `USUAL_SWING` / `FAR_SWING`, which is below 1.
     """
     ends = ("first_amplitude", "last_amplitude")
     return {end: getattr(record, end) * (USUAL_SWING / FAR_SWING) for end in ends}

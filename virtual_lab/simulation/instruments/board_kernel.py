@@ -174,8 +174,9 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     beams
         Number of beams of a board.
     memory
-        Table of `gain_memory` for the largest radius. It stores results and is overwritten when the
-        radius changes.
+        Table that `gain_memory` returns for the largest of the radii. It stores computed ratios,
+        which are used again for other balls of the same radius. A ball of another radius overwrites
+        the entries that it needs.
     gains
         Result, (3, n).
     """

@@ -26,10 +26,13 @@ DEGREE = 11
 def pieces_of(dof: float) -> Array:
     """Return the coefficients of polynomials that convert a standard normal number z to ∛(χ²/ν).
 
+    χ² is the value of the χ² distribution with ν degrees of freedom that has the same cumulative
+    probability as z.
+
     The result has the shape (interval, power), with the lowest power first. The intervals of z have
     the width `PIECE` and extend from -`REACH` to `REACH`. In each interval the variable of the
-    polynomial runs from -1 to 1. `dof` is ν, above 0 and finite; an infinite ν gives NaN. The
-    result is cached.
+    polynomial runs from -1 to 1. `dof` is ν and must be above 0 and finite; an infinite ν gives
+    NaN. The result is cached.
     """
     from scipy.special import gammainccinv, gammaincinv, ndtr
 

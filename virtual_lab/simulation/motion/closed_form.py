@@ -15,8 +15,8 @@ from virtual_lab.simulation.motion.touch import first_touch, move, nearness, obs
 def play_closed_form(scene: ShotScene) -> PlayedShots:
     """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
-    A shot that the closed form cannot compute has no pieces; its element of `PlayedShots.refused`
-    is the reason, an `Obstacle`.
+    A shot that the closed form cannot compute has no pieces. The field `refused` of the result,
+    (shot,), states the reason, an `Obstacle`; it is an empty string for all other shots.
     """
     everyone = np.arange(scene.shots)
     time = first_touch(scene, scene.start, np.full(scene.shots, scene.duration), everyone)

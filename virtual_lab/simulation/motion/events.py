@@ -14,8 +14,9 @@ from virtual_lab.units import Array
 def play_events(scene: ShotScene) -> PlayedShots:
     """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
-    A shot that cannot be computed has no pieces; its element of `PlayedShots.refused` is the
-    reason, an `Obstacle`. The result of a shot does not depend on the other shots.
+    A shot that cannot be computed has no pieces. The field `refused` of the result, (shot,), states
+    the reason, an `Obstacle`; it is an empty string for all other shots. The result of a shot does
+    not depend on the other shots.
     """
     from virtual_lab.simulation.motion.event_kernel import MOST, Log, Own, Scene, carry_on
 

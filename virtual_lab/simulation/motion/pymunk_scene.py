@@ -89,9 +89,9 @@ def longest_step(scene: ShotScene, state: ShotState) -> float:
 def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedShots:
     """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
 
-    A shot that cannot be computed has no pieces; its element of `PlayedShots.refused` is the
-    reason, an `Obstacle`. Raises `InputError` for unsafe settings, or for a ball that touches the
-    bat at the start.
+    A shot that cannot be computed has no pieces. The field `refused` of the result, (shot,), states
+    the reason, an `Obstacle`; it is an empty string for all other shots. Raises `InputError` for
+    unsafe settings, or for a ball that touches the bat at the start.
     """
     gap = float(nearness(scene, scene.start).gap.min(initial=inf))
     if gap <= 0:

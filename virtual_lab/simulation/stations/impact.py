@@ -63,11 +63,12 @@ def scenes_of(
 
 
 def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
-    """Return the angle between the line of fire and the line of centers [rad], (shot,).
+    """Return the angle between the line of fire and the line through ball and bat [rad], (shot,).
 
-    `place` is the impact position from the barrel tip, and `across` the height of the ball's center
-    above the bat's axis, both (shot,) [m]. The angle has the sign of `across`. It is NaN if the
-    ball misses the bat.
+    The line through ball and bat connects the center of the ball with the axis of the bat at
+    contact. `place` is the impact position from the barrel tip, and `across` the height of the
+    ball's center above the bat's axis, both (shot,) [m]. The angle has the sign of `across`. It is
+    NaN if the ball misses the bat.
     """
     barrel = outer_diameter(specimen.bat.body.profile, place) / 2
     return np.arcsin(across / (specimen.balls.spec.radius + barrel))

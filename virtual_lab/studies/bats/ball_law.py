@@ -102,8 +102,8 @@ def sensitivity(bat: AnyBat, *, progress: Progress = quiet) -> LawTable:
     The table has one row per force law. It has the contact time [ms] and the largest force [kN] of
     the ball on a wall. It also has the largest bat-ball restitution e, bat performance factor BPF,
     collision efficiency e_A and batted-ball speed v_f [mph] of the free bat under standard game
-    conditions, each with its position [in from the tip]. The ball hits the wall at the relative
-    speed of ball and bat 6 in from the tip.
+    conditions, each with its position [in from the tip]. The speed of the ball at the wall is the
+    relative speed of ball and bat in an impact 6 in from the tip.
 
     Parameters
     ----------

@@ -225,7 +225,8 @@ def compare(
     bats
         At least two: names in the catalog or paths of .toml files.
     swings
-        Exponents n of the swing law, Eq. (14). None means the law of constant energy.
+        Exponents n of the swing law, Eq. (14) of Nathan (2003). None means the law of constant
+        energy.
     reference_inertia
         Moment of inertia I0 in the law: the name of a bat, or a number with its unit. By default
         the I0 of the game conditions, ``17000 oz in^2``. For its two loaded bats the paper uses the

@@ -77,10 +77,10 @@ class GameConditions(Spec):
         return self.softball if bat.sport == "softball" else self.ball
 
     def swing(self, exponent: float | None, reference_inertia: float | None = None) -> SwingLaw:
-        """Return the swing law: Eq. (14) with an exponent, or constant energy for None.
+        """Return the swing law with an exponent, Eq. (14) of Nathan (2003), or of constant energy.
 
-        `reference_inertia` is about the axis of the law [kg m^2]; by default it is the moment of
-        inertia of the game conditions.
+        If `exponent` is None, the law is that of constant energy. `reference_inertia` is about the
+        axis of the law [kg m^2]; by default it is the moment of inertia of the game conditions.
         """
         if exponent is not None:
             return PowerLawSwing(
@@ -176,9 +176,9 @@ def profiles(
     bat
         Name in the catalog or path of a .toml file.
     swings
-        Exponents n of the swing law, Eq. (14), from 0 (same speed of all bats) to 0.5 (same kinetic
-        energy of all bats). None means that the total kinetic energy of bat and batter is the same
-        for all bats.
+        Exponents n of the swing law, Eq. (14) of Nathan (2003), from 0 (same speed of all bats) to
+        0.5 (same kinetic energy of all bats). None means that the total kinetic energy of bat and
+        batter is the same for all bats.
     reference_inertia
         Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit such as
         ``17000 oz in^2``. By default the I0 of the game conditions.

@@ -245,11 +245,12 @@ def by_restitution_alone() -> float:
 
 
 def contradictions(curve: str) -> float:
-    """Return the number of pairs of the four bats that `curve` and v_f rank differently, 0 to 6.
+    """Return the number of pairs of bats that two curves rank in opposite order, 0 to 6.
 
-    The bats of the paper are ranked by their peaks under standard game conditions with swing
-    exponent 0. `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
-    ``batted_speed_mph``. Pairs with a tie are not counted. Raises `KeyError` for an unknown curve.
+    The four bats of the paper are ranked by the peak of `curve`, and by the peak of the batted-ball
+    speed, both under standard game conditions with swing exponent 0. `curve` is ``restitution``,
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``. Pairs with a tie
+    are not counted. Raises `KeyError` for an unknown curve.
     """
     return sum(
         (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0

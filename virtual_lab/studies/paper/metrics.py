@@ -51,8 +51,9 @@ def frames() -> float:
     """Return the largest difference of the collision efficiency e_A between two reference frames.
 
     e_A is computed by Eq. (2) from the speeds in the frame of the field, and compared with e_A in
-    the frame of the bat. The absolute difference is returned; it is a rounding error. R161 is hit 3
-    to 8 in from the tip at a relative speed of 160 mph, for bat speeds from -50 to 160 mph.
+    the frame of the bat. The absolute difference is returned. In theory it is 0, so the result is
+    only a rounding error. R161 is hit 3 to 8 in from the tip at a relative speed of 160 mph, for
+    bat speeds from -50 to 160 mph.
     """
     e_A = collide_at(WOOD, Z).collision_efficiency
     v_bat = np.linspace(-50, 160, 8)[:, None]
@@ -76,7 +77,8 @@ def symmetrical() -> float:
     """Return the largest absolute difference of the batted-ball speed from BESR and from e_A [mph].
 
     BESR is the ball exit speed ratio. The collision efficiency e_A is -0.2 to 0.6. The pitch speed
-    is 90 mph, and the bat speed is 70 mph. The result is a rounding error.
+    is 90 mph, and the bat speed is 70 mph. In theory both give the same speed, so the result is
+    only a rounding error.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
     factor = np.asarray(besr(e_A))

@@ -270,8 +270,8 @@ def angular_speed() -> float:
 
 
 def reference_inertia() -> float:
-    """Return the reference inertia of the standard game's swing law [oz in^2].
+    """Return the reference inertia of the swing law under standard game conditions [oz in^2].
 
-    A bat with this moment of inertia is swung at `angular_speed`.
+    A bat with this moment of inertia is swung at the angular speed that `angular_speed` returns.
     """
     return game().reference_inertia / OZ_IN2

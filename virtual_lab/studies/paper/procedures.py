@@ -131,17 +131,17 @@ def exponent_of_mass() -> float:
 def at_limit(place: float) -> float:
     """Return the batted-ball speed [mph] in the NCAA rig for a bat with e_A = 0.228.
 
-    The impact is at `place` [in from the tip]. The pitch speed is 70 mph; the bat has the length of
-    R161.
+    The impact is at `place` [in from the tip]. The pitch speed of the rig is 70 mph. The bat has
+    the length of R161, the wood bat of the paper.
     """
     return float(batted_speed(LIMIT, PITCH, ncaa_bat_speed(place, beam(WOOD).length)))
 
 
 def besr_at_limit(place: float) -> float:
-    """Return the BESR of a bat with a batted-ball speed of 97 mph in the NCAA rig.
+    """Return the ball exit speed ratio (BESR) at a batted-ball speed of 97 mph in the NCAA rig.
 
-    The impact is at `place` [in from the tip]. The pitch speed is 70 mph; the bat has the length of
-    R161.
+    The impact is at `place` [in from the tip]. The pitch speed of the rig is 70 mph. The bat has
+    the length of R161, the wood bat of the paper.
     """
     e_A = collision_efficiency(PITCH, ncaa_bat_speed(place, beam(WOOD).length), 97.0)
     return float(besr(e_A))

@@ -60,15 +60,16 @@ def noticed_faults(
 ) -> list[NoticedFault]:
     """Return one row per fault that the rigs can have: the share of days on which it is noticed.
 
-    A row has this share for each size of the fault. The days are days of the twin. Faults that the
-    twin cannot simulate are left out.
+    A row has this share for each size of the fault. The days are simulated from the records of the
+    laboratory (days of its twin). Faults that cannot be simulated in this way are left out.
 
     Parameters
     ----------
     playing
-        Days of the twin of the laboratory.
+        Simulated test days of the laboratory.
     u
-        Stated u of the metric [SI].
+        Standard uncertainty of the metric, the main result of the test, as the laboratory states it
+        [SI].
     folder
         Folder with the faults that are already simulated; it is created if it is missing. Its
         faults are not simulated again.
@@ -80,7 +81,8 @@ def noticed_faults(
     Raises
     ------
     InputError
-        The folder holds faults of other records, or of another seed or number of days.
+        The faults in the folder were simulated from the records of another test, or with another
+        seed or number of days.
     """
     session, path = playing.statement.session, folder / "faults.json"
     names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]

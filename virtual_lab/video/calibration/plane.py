@@ -107,10 +107,11 @@ def distance_of(camera: CameraModel) -> float:
 
 
 def foot_of(camera: CameraModel) -> Array:
-    """Return the position of the camera relative to the ball's plane, (3,) [m].
+    """Return the position of the camera relative to the plane in which the ball moves, (3,) [m].
 
-    The three numbers are X and Y along the plane, and Z perpendicular to it. Z is negative if the Z
-    axis points away from the camera.
+    The three numbers are X, Y and Z in the world axes of the camera model. X and Y are along the
+    plane, from the origin of these axes. Z is the distance from the plane, positive on the side of
+    the plane to which the Z axis points and negative on the other side.
     """
     return np.asarray(_pose(camera)[1] - [0.0, 0.0, camera.plane_height_m])
 

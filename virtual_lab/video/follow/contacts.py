@@ -59,9 +59,9 @@ def contacts_of(
 ) -> tuple[list[Contact], list[Note]]:
     """Return the contacts between consecutive flights, and notes on doubtful contacts.
 
-    Two flights have no contact if they pass each other at a distance, or if their paths meet before
-    the first flight ends or after the second flight begins. If this is less than a frame before or
-    after, there is a note.
+    Two flights have no contact if they pass each other at a distance. They also have no contact if
+    their paths meet before the first flight ends or after the second flight begins. There is a note
+    if the paths meet less than one frame too early or too late.
 
     The restitution of a contact is None if one of the flights is too short, if the struck surface
     is neither level nor upright and g was not stated, or for another reason that a note states.

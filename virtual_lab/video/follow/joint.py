@@ -128,9 +128,10 @@ def estimate_of(
 
     u is `unit` times the root sum of squares of these parts:
 
-    * For each principal axis of the fit's covariance, the parameters are moved by one standard
-      uncertainty in both directions. The part is the larger change of the quantity, because drag
-      cannot be negative.
+    * For each principal axis of the fit's covariance, the parameters are moved along the axis by
+      one standard uncertainty, first in one direction and then in the other. The part is the larger
+      of the two changes of the quantity. The changes differ if the quantity is not linear in the
+      parameters.
     * For each pair (other fit, share) in `others`, the part is the share times the difference of
       the quantity between the two fits.
     * The last part is `relative_u` times the quantity.
@@ -167,7 +168,8 @@ def fit_flights(
 ) -> Fit:
     """Return the joint fit of flights: common g and drag, and the motion of each flight.
 
-    Each flight needs at least four positions, or three if g is known. This is not checked.
+    Each flight needs at least four positions, or three if g is known. This is not checked. Sharp
+    positions are positions from a fit of the ball's outline, with a standard uncertainty for each.
 
     Parameters
     ----------
@@ -175,8 +177,8 @@ def fit_flights(
         Time from the readout of the first row to the readout of the last row [frames]. None: the
         readout time of the scene, or 0 if it is unknown.
     drag
-        Whether drag is fitted; otherwise it is 0. For flights with sharp positions, True means the
-        drag of the scene, which is not fitted.
+        Whether the balls have drag; otherwise drag is 0. The drag is fitted, except for flights
+        with sharp positions. Their drag is the drag of the scene.
     shared
         Whether all flights have the same g; otherwise each flight has its own.
     tilt

@@ -43,10 +43,14 @@ class FlightsFound:
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
     """Return the flights of the ball, and the scene with the frame times that fit them best.
 
-    `same`, (frame,), is the mask of the repeated frames. With fewer than two repeats, the frame
-    times are the time stamps. With more than 40 % repeats, most frames are stored twice, so the
-    times are a count of the other frames. Otherwise both kinds of times are tried, and the kind
-    with more positions on flights and less scatter is used.
+    `same`, (frame,), is the mask of the repeated frames: frames that show the same picture as the
+    frame before. Either a repeated frame takes as long as any other frame, and the frame times are
+    the time stamps. Or a repeated frame takes no time, and all later frames are earlier by one
+    frame.
+
+    With fewer than two repeated frames, the time stamps are used. If more than 40 % of the frames
+    are repeated frames, every frame was stored twice, and a repeated frame takes no time. Otherwise
+    both interpretations are tried. The one with more positions on flights and less scatter is used.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:

@@ -102,13 +102,16 @@ def fit_edge(
     noise, lens
         Noise of the camera, and standard deviation of the blur of its lens [pixels].
     oval
-        Known deviation of the outlines from circles: the numbers c and s of the outline r = R (1 +
-        c cos 2a + s sin 2a), in a shape that broadcasts to (region, 2). The outline of a sphere at
-        an angle b from the camera's axis is longer by 1 / cos b in the direction away from the
-        axis.
+        Known deviation of the outlines from circles: the numbers c and s, in a shape that
+        broadcasts to (region, 2). The outline is an ellipse with the radius r = R (1 + c cos 2a + s
+        sin 2a) in the direction a, where R is the mean radius.
+
+        A ball beside the camera's axis has such an outline. It is longer in the direction away from
+        the axis, by the factor 1 / cos b, where b is the angle between the ball and the axis.
     oval_u
-        Standard uncertainty of c and s. It may be 0 only if c and s are known to 0.0005, because a
-        wrong ellipse looks like a pattern.
+        Standard uncertainty of c and s. With 0 the ellipse is not fitted. This is allowed only if c
+        and s are known to 0.0005, because the fit would mistake a larger error for a pattern of the
+        ball.
     """
     from virtual_lab.video.locate.edge_kernel import View
 

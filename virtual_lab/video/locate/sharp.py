@@ -90,9 +90,10 @@ def place(
     middle
         Position (x, y) of the camera's axis in the frame [pixels].
     oval
-        Two numbers: a factor k [1/px²], and the standard uncertainty of k d². A sphere at the
-        distance d from `middle`, in the direction a_d, has the outline r = R (1 + k d² cos 2(a -
-        a_d)).
+        Two numbers that describe the oval outline of a ball away from `middle`: a factor k [1/px²],
+        and the standard uncertainty of k d². Here d is the ball's distance from `middle` [pixels].
+        In the direction at an angle a from the line through `middle` and the ball, the outline has
+        the radius r = R (1 + k d² cos 2a), where R is the mean radius.
     """
     x, y = np.nan_to_num(start.places - middle).T
     k, oval_u = oval

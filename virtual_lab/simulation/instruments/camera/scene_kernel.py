@@ -44,7 +44,7 @@ def hide_behind(
     blur: float,
     electrons: Pixels,
 ) -> None:
-    """Draw a bat into `electrons` (region, row, column), in place of the background.
+    """Draw a bat over the pictures in `electrons`, so that it hides what is behind it.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def hide_behind(
     blur
         Standard deviation of the blur of the edges [px].
     electrons
-        Picture, which is changed [e].
+        Pictures, which are changed, (region, row, column) [e].
     """
     for r in range(len(electrons)):
         last = near.shape[1] - 1
