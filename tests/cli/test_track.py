@@ -245,9 +245,12 @@ def test_phone_omits_flags_that_hold_for_all_phones(
 ) -> None:
     """With `phone`, no flag concerns readout, rate or the ball's u; results are the same."""
     clip, _, document = thrown
-    by_phone = vl.track(clip, ball="80mm", frames="16:51", phone=True).document
+    tracked = vl.track(clip, ball="80mm", frames="16:51", phone=True)
+    by_phone = tracked.document
     assert by_phone["flags"] == []
     assert all(each.startswith("the flights explain 9") for each in by_phone["warnings"])
+    assert tracked.text.count("note: the flights explain 9") == len(by_phone["warnings"]) == 1
+    assert "warning" not in tracked.text
     assert by_phone["contacts"] == document["contacts"]
     assert by_phone["frames_per_second"] == {"value": 30.0, "u": 0.0, "from": "given"}
 

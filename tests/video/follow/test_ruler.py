@@ -3,6 +3,7 @@
 36 scenes at full size: python -m tests.video.follow.light_study.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -148,11 +149,24 @@ def test_a_length_in_the_picture_replaces_both_rulers(followed: Followed) -> Non
 def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(followed: Followed) -> None:
     """A rate ten times too high gives a hundred times g: 981 m/s²."""
     _, result = followed("flat")
-    with pytest.raises(InputError, match=r"ball would fall at 9\d\d.*--fps (59|60|61)\b"):
+    right = r"--fps (59|60|61)\b.* or --ball 0\.\d+mm would give 9\.81"
+    with pytest.raises(InputError, match=rf"ball would fall at 9\d\d.*{right}"):
         again(result, rate=600.0)
     slow = again(result, rate=7.5)
     assert "GRAVITY" in slow.flags
     assert "--fps 6" in " ".join(slow.warnings) or "--fps 59" in " ".join(slow.warnings)
+
+
+@pytest.mark.parametrize("rate", [6.0, 600.0])
+def test_a_rate_that_makes_the_ball_absurd_is_refused(followed: Followed, rate: float) -> None:
+    """Gravity is the only ruler, and the diameter is proportional to 1 / rate²."""
+    _, result = followed("flat")
+    assert result.knowledge.ball
+    diameter, size = 1e3 * result.knowledge.ball * (60 / rate) ** 2, r"a diameter of ([\d.]+) mm"
+    with pytest.raises(InputError, match=size) as refused:
+        again(result, ball=None, ruler="gravity", rate=rate)
+    stated = float(re.search(size, str(refused.value))[1])
+    assert stated == pytest.approx(diameter, rel=0.1)
 
 
 def test_gravity_that_no_flight_shows_is_no_ruler(followed: Followed) -> None:

@@ -34,6 +34,7 @@ class DoubtSettings:
     # acceleration beyond which the frame rate must be wrong [g], because no ball's size is that
     # wrong
     absurd: float = 3.0
+    diameters: tuple[float, float] = (5e-3, 1.0)  # possible diameters of a ball [m]
 
 
 FALLS = DoubtSettings()
@@ -84,9 +85,13 @@ class Falls:
         """Raise `InputError` if the balls fall so fast that the frame rate must be wrong."""
         least = self.shared.value - FALLS.apart[0] * self.shared.u
         if least > FALLS.absurd * self.knowledge.gravity:
+            ratio = self.knowledge.gravity / self.shared.value
+            length = f"a length {ratio:.3g} times as long"
+            if self.scale.source == BALL and self.knowledge.ball:
+                length = f"--ball {1e3 * ratio * self.knowledge.ball:.3g}mm"
             allowed = (
                 f"with {SAID[self.scale.source]} as the scale, the ball would fall at "
-                f"{self.shared.value:.4g} m/s²; --fps {self.rate:.3g} would give "
+                f"{self.shared.value:.4g} m/s²; --fps {self.rate:.3g} or {length} would give "
                 f"{self.knowledge.gravity:.3g} m/s²"
             )
             raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
@@ -103,6 +108,21 @@ class Falls:
             f"rate; --fps {self.rate:.3g} would fit)"
         )
         return [("GRAVITY", words)]
+
+
+def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:
+    """Raise `InputError` if no ball has the diameter that it has by a scale from gravity.
+
+    The frame rate `rate` [1/s] must then be wrong.
+    """
+    diameter = 2 * scale.metres_per_pixel * float(np.median([each.radius for each in ways]))
+    least, most = FALLS.diameters
+    if not least <= diameter <= most:
+        allowed = (
+            "with gravity as the scale, the ball would have a diameter of "
+            f"{1e3 * diameter:.4g} mm; --fps {rate * np.sqrt(diameter / 0.07):.3g} gives 70 mm"
+        )
+        raise InputError(where, "frames per second", f"{rate:.6g}", allowed)
 
 
 def against_size(rulers: Sequence[Ruler]) -> list[Note]:

@@ -21,6 +21,7 @@ from virtual_lab.video.follow.doubts import (
     against_size,
     of_camera,
     of_readout,
+    require_diameter,
     without_flight,
 )
 from virtual_lab.video.follow.joint import Fit, estimate_of
@@ -186,8 +187,8 @@ def measure(
     Raises
     ------
     InputError
-        The stated frame rate implies an impossibly large g. Or the user asked to compute the scale
-        from gravity, but no flight is curved enough.
+        The stated frame rate implies an impossible g or an impossible diameter of the ball. Or the
+        user asked to compute the scale from gravity, but no flight is curved enough.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
     notes: list[Note] = [("", words) for words in clip.warnings]
@@ -212,6 +213,8 @@ def measure(
         notes += of_camera(model, drift if hidden else 0.0) if not sharp else []
         contacts, against = contacts_of(scene, ways, model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
+        if size is None:
+            require_diameter(scale, ways, knowledge.rate, where)
         alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp and scene.pull is None:
             shared, alone[:] = _falls(scene, ways, model, size, step)

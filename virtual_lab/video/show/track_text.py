@@ -191,7 +191,10 @@ def _with_ball(track: FollowedClip) -> int:
 
 
 def track_text(track: FollowedClip) -> str:
-    """Return flights and contacts of a followed clip as lines of text, with flags and warnings."""
+    """Return flights and contacts of a followed clip as lines of text, with flags and warnings.
+
+    A sentence that raises no flag is a note.
+    """
     lines = [
         f"{track.clip.source.path.name}: {track.clip.count} frames, {motion_of(track)}, "
         f"the ball in {_with_ball(track)}"
@@ -222,7 +225,9 @@ def track_text(track: FollowedClip) -> str:
     if track.scale and track.flights:
         lines.append(f"  {_scale_said(track, track.scale)}")
     lines += [f"  flags: {', '.join(track.flags)}"] if track.flags else []
-    return "\n".join([*lines, *(f"  warning: {each}" for each in track.warnings)])
+    flagged = {words for flag, words in track.notes if flag}
+    lines += [f"  {'warning' if each in flagged else 'note'}: {each}" for each in track.warnings]
+    return "\n".join(lines)
 
 
 def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
