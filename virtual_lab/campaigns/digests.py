@@ -41,8 +41,9 @@ def with_digests(file: bytes) -> bytes:
 def checked_file(path: Path) -> bytes:
     """Return the bytes of a Parquet file after a check of its digests.
 
-    Raises `InputError` if the file cannot be read, and `ChangedPartError` if data or footer differ
-    from their digests in the footer.
+    The footer of the file contains the digest of the data, and its own digest, which is computed
+    with zeros in place of this digest. Raises `InputError` if the file cannot be read, and
+    `ChangedPartError` if the data or the footer do not have these digests.
     """
     file = read_bytes(path, most=LARGEST_PART)
     data, footer, _ = _split_file(file)

@@ -75,9 +75,9 @@ def campaign(
     Raises
     ------
     InputError
-        The study or the share is not valid, `workers` is below 1, the folder belongs to another
-        study or version, contains a file that does not belong to it or cannot be written, the
-        scheduler does not answer, or the extra ``campaign`` or ``dask`` is missing.
+        The study or the share is not valid; `workers` is below 1; the folder belongs to another
+        study or version, contains a file that is not part of a campaign, or cannot be written; the
+        scheduler does not answer; or the extra ``campaign`` or ``dask`` is missing.
     """
     folder = Path(folder)
     parquet()  # raises an error if the extra is missing

@@ -144,8 +144,8 @@ def source_of_pdf() -> bytes:
 def inputs_of_pdf(document: CertificateDocument, paper: str = "a4") -> dict[str, str]:
     """Return the inputs of the Typst template, keyed by name.
 
-    The fonts must have all characters of the document. `paper` is ``a4`` or ``letter``. Raises
-    `KeyError` for another paper size.
+    Characters are passed as they are, even if no font of Typst has them. `paper` is ``a4`` or
+    ``letter``. Raises `KeyError` for another paper size.
     """
     printable = _dump_view(_view(document), set())
     return {"view": printable, "document": document.text, "paper": PAPERS[paper]}

@@ -198,9 +198,10 @@ def reduced_document(
     """Return the certificate that this program makes from a test result, for a comparison.
 
     `stated` are the JSON values of the certificate to compare with. The digest of the truth is
-    copied from them. The versions and the commit are copied too, if they have the keys that this
-    program writes. Otherwise the result has the versions of this program, and no commit.
-    `session_digest` is the SHA-256 of ``session.json``.
+    copied from `stated`. The versions are copied if they have the keys that this program writes;
+    otherwise the result has the versions of this program. The commit is copied if it has the keys
+    ``id`` and ``changes``; otherwise the result has no commit. `session_digest` is the SHA-256 of
+    ``session.json``.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)

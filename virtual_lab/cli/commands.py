@@ -349,8 +349,8 @@ def settings_in(
 ) -> dict[str, Any]:
     """Return the values in a file of settings, keyed by parameter name.
 
-    If a parameter takes several values, a single value becomes a list. The values of `instruments`
-    are not checked. `name` is the name of the command in the error message.
+    If a parameter takes several values, a single value becomes a list. The values of the key
+    ``instruments`` are not checked. `name` is the name of the command in the error message.
 
     Raises `InputError` if the file is missing or not TOML, and for an unknown key or a value that
     is not allowed. The message names file and key.

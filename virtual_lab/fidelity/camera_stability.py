@@ -48,11 +48,11 @@ AXES: dict[str, tuple[str, tuple[float, ...]]] = {
 
 
 def camera_stability(progress: Progress = quiet) -> StabilityMap:
-    """Return the stability maps of locating a ball in pictures, one row per cell of a map.
+    """Return maps that show where the methods to locate a ball work, one row per cell of a map.
 
     A row has the same keys as in `picture_cells`. An additional map shows the effect of dropped
-    frames. In this map, ``rms_unflagged`` is the relative error of a speed, and balls are counted
-    instead of pictures.
+    frames. In the rows of this map, ``rms_unflagged`` is the relative error of a speed, and the
+    numbers of pictures (``pictures``, ``unsaid``, ``flagged``, ``lost``) are numbers of balls.
     """
     rows = picture_cells(progress)
     progress("frames dropped")

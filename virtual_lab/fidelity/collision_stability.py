@@ -128,12 +128,16 @@ class ColumnOutcome:
 def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return maps of the accuracy of the modal model, one row per cell of a map.
 
-    A map shows one quantity of `CollisionAxis` against the time step, stated as a factor of the
-    default step. A row states the two coordinates of its cell, the state, and the largest errors of
-    e_A and of the energy balance (relative to the energy). An error is None if it is not finite, or
-    if the cell has no result. A row also states the number of collisions, the number with a large
-    error (``off``), and the number that the default integration would repeat (``doubted``). Steps
-    that the program rejects are included.
+    One axis of a map is a quantity of `CollisionAxis`, such as the relative speed. The other axis
+    is the time step divided by the default step. A cell stands for a few collisions. A row states:
+
+    * the two coordinates of its cell;
+    * the state of the cell, a value of `State`, such as ``good`` or ``unstable``;
+    * the largest errors of e_A and of the energy balance (relative to the energy), None if an error
+      is not finite or the cell has no result;
+    * the number of collisions, the number with a large error of e_A (``off``), and the number that
+      the default integration would repeat (``doubted``);
+    * whether the program rejects the step (``refused``).
     """
     rows = []
     for axis, values in AXES.items():

@@ -58,9 +58,10 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_laboratory(rows: list[Row], title: str) -> PageFigure:
-    """Return a figure of the effect on the metric, divided by u, against the time [ms].
+    """Return a figure of each model's effect on the metric, divided by u, against its time [ms].
 
-    `rows` are the rows of `laboratory_chart`. There is one panel per part of the test.
+    The time is per shot for the camera, and per certificate for the other parts of the test. There
+    is one panel per part. `rows` are the rows of `laboratory_chart`.
     """
     from virtual_lab.output.page_figure import PageFigure
 

@@ -39,8 +39,9 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     Raises
     ------
     InputError
-        `Laboratory.open` rejects the setup. A control bat is stated but the procedure uses none, or
-        the procedure needs one and none is stated. The test of the control bat gives no result.
+        `Laboratory.open` rejects the setup; a control bat is stated, but the procedure uses none;
+        the procedure needs a control bat, but none is stated; or the test of the control bat gives
+        no result.
     """
     if not kernel_is_compiled():
         progress("compiling the numerical code, which happens once and takes some fifteen seconds")

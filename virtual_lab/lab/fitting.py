@@ -102,7 +102,8 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
     """Raise `InputError` if mass or e0 of a nominal ball is outside the limits of a procedure.
 
-    Most balls of such a lot would be rejected.
+    A lot of balls has masses and e0 near the nominal values. If these are outside the limits, the
+    procedure would reject most balls.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)
@@ -135,10 +136,11 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
 
 
 def identities(rigs: Iterable[str]) -> dict[str, InstrumentIdentity]:
-    """Return the identity of each instrument of `rigs` whose data sheet states one, by name.
+    """Return the identities that the data sheets of the instruments of `rigs` state.
 
-    Instruments of rigs of other packages are left out. Raises `InputError` for an identity with a
-    wrong entry.
+    The keys are the names of the instruments. An instrument whose data sheet states no identity is
+    left out, and so are the instruments of rigs of other packages. Raises `InputError` for an
+    identity with a wrong entry.
     """
     instruments, stated = catalog.names("instruments"), {}
     for rig in rigs:

@@ -38,14 +38,25 @@ def measurands(
 
     ``metric`` is the result that a laboratory without errors would find from the same impact
     positions. The other quantities of a certificate, such as ``restitution``, are weighted means of
-    the true values at the impact positions. `weights`, (shot,), are the weights of the hits in the
-    result on the certificate; NaN counts as 0.
+    the true values at the impact positions.
 
     For a scan, ``metric_of_continuous_curve`` is the metric at the maximum of the continuous curve.
     If the scan states a `width_drop`, ``width_m`` is the width of the curve at this drop below the
     maximum [m]. If the procedure converts the metric to a standard ball, ``metric_as_found`` is the
-    metric with the balls of the lot. `control` is the true e of the control bat divided by its
-    known e. All values are NaN in a laboratory without a result.
+    metric before this conversion. All values are NaN in a laboratory without a result.
+
+    Parameters
+    ----------
+    station
+        Rig that returns the error-free result of each shot.
+    specimen
+        True bat and true balls of each laboratory.
+    reduced
+        Reduced shots of the test: impact positions, and which hits are valid.
+    weights
+        Weights of the hits in the result on the certificate, (shot,); NaN counts as 0.
+    control
+        True e of the control bat divided by its known e.
     """
     procedure, owner = reduced.procedure, reduced.owner
     laboratories = reduced.preparation.laboratories

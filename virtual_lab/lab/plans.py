@@ -98,9 +98,12 @@ def shot_numbers(owner: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def stage_records(rounds: Sequence[RigOutput]) -> dict[str, Record]:
-    """Return the records of one stage, keyed by channel, from the outputs of its rounds.
+    """Return the records of one stage of a test, keyed by channel, from the outputs of its rounds.
 
-    Each record holds the shots of all rounds in order. Raises `IndexError` if there is no round.
+    A stage is one kind of measurement: bat and balls on the bench, balls at the wall, or shots at
+    the bat. A round is a group of shots that are fired before the next shots are planned. A channel
+    is the record of one instrument. Each record holds the shots of all rounds in order. Raises
+    `IndexError` if there is no round.
     """
     return {
         channel: join([each.records[channel] for each in rounds]) for channel in rounds[0].records

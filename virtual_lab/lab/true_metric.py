@@ -114,17 +114,22 @@ class Visits(NamedTuple):
 def results_of_curves(
     procedure: Procedure, laboratories: int, visits: Visits, objective: Array, metric: Array
 ) -> Array:
-    """Return the procedure's result in each laboratory from exact curves, (laboratory,).
+    """Return the error-free result of a procedure in each laboratory, (laboratory,).
 
     `objective` is the quantity that a scan maximizes, and `metric` is the quantity of the result.
-    Both are values of the exact curves at the position of each shot, (shot,). The result has the
-    unit of `metric`.
+    Both are error-free values at the position of each shot, (shot,). `visits` states the laboratory
+    and the position of each shot, and whether its hit is valid. The result has the unit of
+    `metric`.
 
-    Without a scan, the result is the mean of `metric` over the valid hits. It is NaN if there are
-    none. A scan uses only positions that have all the valid hits that the procedure requires. The
-    result is NaN if there are none. If the procedure has final hits, the result is `metric` at the
-    position with the largest `objective`. Otherwise, curves are fitted to `objective` and `metric`
-    near this position. The result is the fitted `metric` at the maximum of the fitted `objective`.
+    Without a scan, the result is the mean of `metric` over the valid hits. It is NaN without a
+    valid hit. A scan uses only positions that have all the valid hits that the procedure requires.
+    The result is NaN without such a position.
+
+    The best position of a scan has the largest `objective`. If the procedure requires final hits,
+    which are further hits at the best position after the scan, the result is `metric` at this
+    position. Otherwise, curves are fitted to `objective` and `metric` near the best position, as in
+    the reduction of a test. The result is the fitted `metric` at the maximum of the fitted
+    `objective`.
     """
     owner, place, valid = visits
     if procedure.scan is None:

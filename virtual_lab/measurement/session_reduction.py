@@ -298,8 +298,9 @@ def prepare(block: SessionBlock) -> Preparation:
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
     """Return the readings of the shots at the bat, in the order of firing, (shot,).
 
-    They are described in `observe_impact`. Raises `InputError` if a record is missing that the
-    procedure needs, or if a record cannot be used.
+    `observe_impact` describes these readings. `preparation` states the procedure, which determines
+    the records that are needed. Raises `InputError` if a record is missing that the procedure
+    needs, or if a record cannot be used.
     """
     _require_channels(block, preparation.procedure.spec)
     return observe_impact(block)

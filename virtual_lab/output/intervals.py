@@ -42,8 +42,10 @@ def draw_intervals(
         Label of the horizontal axis.
     references
         Values marked by dashed vertical lines; none by default.
-    words, hollow
-        Legend texts of the dashed lines and of the hollow markers.
+    words
+        Legend text of the dashed lines.
+    hollow
+        Legend text of the hollow markers, which mark the intervals with `Interval.hollow`.
     """
     with page_figure(1.2 + 0.19 * max(len(intervals), 2)) as figure:
         axes = figure.subplots()

@@ -252,13 +252,14 @@ def read_particulars(
     changes: Mapping[str, str],
     replaces: ReplacedReport | None = None,
 ) -> Particulars:
-    """Return the particulars of a test from a file, after replacing some of its values.
+    """Return the particulars of a test from a file, with some values of the file replaced.
 
-    `file` is the path of the file, or its keys and values. If it is None, only the values in
-    `changes` are stated. The values in `changes` replace the values in the file. Keys have the form
-    ``laboratory.name``. Empty values are ignored. The logo is the name of a file in the folder of
-    `file`. If `file` is not a path, the logo is in the current folder. `replaces` is the earlier
-    report that the new report replaces. By default it is read from the file.
+    Particulars are what a certificate states about the laboratory, the customer, the bat and the
+    instruments. `file` is the path of the file, or its keys and values. If it is None, only the
+    values in `changes` are stated. The values in `changes` replace the values in the file. Keys
+    have the form ``laboratory.name``. Empty values are ignored. The logo is the name of a file in
+    the folder of `file`. If `file` is not a path, the logo is in the current folder. `replaces` is
+    the earlier report that the new report replaces. By default it is read from the file.
 
     Raises
     ------

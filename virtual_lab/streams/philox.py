@@ -41,18 +41,22 @@ def fill(
 ) -> bool:
     """Fill `out` with random numbers. Return True if all slots fit into 32 bits.
 
-    If a slot does not fit, the result is False and `out` is not complete. Number i of a slot is
-    word i % 2 of the Philox counter (i // 2, slot, laboratory, third word of the key).
+    A slot is the number of a shot, or of a reading, in its laboratory. Each slot has `each` random
+    numbers. If a slot does not fit, the result is False and `out` is not complete.
+
+    The random number with the index i in a slot comes from the Philox counter (i // 2, slot,
+    laboratory, third word of the key). It is the first of the two output words if i is even, and
+    the second if i is odd.
 
     Parameters
     ----------
     key
         Three words of 32 bits. All laboratories of a study have the same key.
     laboratories
-        Number of the laboratory of each slot, (slot,), or one number for all slots, (1,): whole
-        numbers of 32 bits.
+        Laboratory of each slot, (slot,), or one laboratory for all slots, (1,): whole numbers of 32
+        bits.
     slots
-        Whole numbers of 32 bits, (slot,).
+        Slots, (slot,): whole numbers of 32 bits.
     each
         Number of random numbers per slot.
     normal

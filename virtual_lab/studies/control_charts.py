@@ -150,10 +150,13 @@ def control_chart(
 ) -> DayCharts:
     """Return the charts of daily values with limits from the first `baseline_days` values.
 
-    The charts are the Western Electric rules, the moving range, the moving average (EWMA) and the
-    cumulative sums (CUSUM). Each chart has one value per day after the baseline, in standard
-    deviations. The Western Electric rules ignore the days of the baseline. EWMA and CUSUM start at
-    0. The first moving range is the change from the last day of the baseline.
+    The result has one element per day after the baseline. It has the values themselves, their
+    moving range, their moving average (EWMA) and their cumulative sums (CUSUM), all in standard
+    deviations of the baseline. EWMA and CUSUM start at 0. The first moving range is the change from
+    the last day of the baseline.
+
+    The result also has a mask of the days with an alarm for each Western Electric rule, and for the
+    limits of range, EWMA and CUSUM. The Western Electric rules ignore the days of the baseline.
 
     Parameters
     ----------

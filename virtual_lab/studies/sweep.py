@@ -105,12 +105,15 @@ def sweep_tests(
 def changed_numbers(
     kind: str, names: Sequence[str]
 ) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
-    """Return the numbers that are changed in one or more data sheets, and their units.
+    """Return the numbers that the user changed in one or more data sheets, and their units.
 
-    The first mapping has a mapping from column to number for each sheet. The second mapping has the
-    unit of each column. The name of a column is the key of the number, followed by its unit unless
-    the unit is 1. A number has the unit of the first sheet that has its key. The number is NaN if a
-    sheet lacks the key. Lists of numbers are ignored.
+    A number that is changed in one sheet is returned for all sheets, as a column of a table. The
+    first result has the numbers of each sheet, keyed by the sheet's name and then by column. The
+    second result has the unit of each column.
+
+    The name of a column is the key of the number, followed by the unit unless the unit is 1. The
+    unit is that of the first sheet that has the key. The number is NaN for a sheet that lacks the
+    key. Lists of numbers are ignored.
 
     Parameters
     ----------

@@ -374,7 +374,7 @@ def _pool_lines(components: Sequence[Component]) -> list[Component]:
 
 
 def type_a_component(name: str, value: Array, u: Array, dof: Array | float = inf) -> Components:
-    """Return a budget component of type A with the sensitivity 1, arrays (laboratory, 1).
+    """Return a budget component of type A with sensitivity 1, in arrays (laboratory, 1).
 
     Parameters
     ----------

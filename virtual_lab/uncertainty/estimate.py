@@ -94,8 +94,8 @@ def means_of_readings(
     used
         Mask of the readings to use, with the shape of `readings`; None: all.
     least_u
-        Lower bound of the standard uncertainty of a mean, in the unit of the readings. If the
-        resolution of the instrument hides a smaller scatter, it is step/√12 (GUM F.2.2.1).
+        Lower bound of the standard uncertainty of a mean, in the unit of the readings. State
+        step/√12 for an instrument whose step of resolution may hide the scatter (GUM F.2.2.1).
     """
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)

@@ -129,9 +129,10 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
     Parameters
     ----------
     entries
-        The value for a name is an `Input`, an `Estimate`, a number without uncertainty, or readings
-        (n,). The mean of the readings and its scatter are used (type A). The value for a tuple of m
-        names is an array of readings (n, m) that were taken together.
+        Inputs, keyed by name. An entry is an `Input`, an `Estimate`, a number without uncertainty,
+        or an array of readings (n,). Readings are used by their mean and the standard uncertainty
+        of this mean from their scatter (type A). For inputs that were read together, the key is a
+        tuple of m names, and the entry is an array of readings (n, m).
     correlations
         Correlation coefficients of pairs of inputs, keyed by the two names; all others are 0.
     """

@@ -154,9 +154,10 @@ def action_table() -> ActionTable:
 
 @cache
 def detectable() -> Mapping[str, FoundBy]:
-    """Return the means of detection of each fault that a check at the bench can reveal.
+    """Return the check that reveals each fault, for faults that a check at the bench can reveal.
 
-    The keys are fault names. The values state the actions, the reading and its limit.
+    The keys are fault names. A value states the actions of the check, the reading to look at, and
+    the limit of this reading.
     """
     detections = {name: sheet.found_by for name, sheet in fault_sheets().items() if sheet.found_by}
     return MappingProxyType(detections)

@@ -205,10 +205,11 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
-    """Return one row per trial day of a scenario, carried out by the operators `book` and `expert`.
+    """Try a scenario out with simulated operators, and return one row per simulated day.
 
-    Each operator carries out three days, with the seeds 1, 2 and 3, so there are six rows. Raises
-    `InputError` with file, key and allowed values if the scenario is not valid.
+    The operators `book` and `expert` carry out the scenario on three days each, with the seeds 1, 2
+    and 3, so there are six rows. Raises `InputError` with file, key and allowed values if the
+    scenario is not valid.
     """
     entry = load_scenario(str(name))
     scenario = entry.spec

@@ -76,8 +76,10 @@ class SlowMotion:
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
     """Return an approximate motion of ball and bat that agrees with the sketch of a shot.
 
-    Times are in s, lengths in m and angles in rad. `event` is the entry of the shot. `place` is its
-    impact position from the tip [m]. If no ball reached the bat, the x of the ball is NaN.
+    The sketch is the top view of a shot that a trainee may see. Its contacts are the true ones, and
+    its numbers are blurred. Times are in s, lengths in m and angles in rad. `event` is the entry of
+    the shot in the log of the day. `place` is its impact position from the tip [m]. If no ball
+    reached the bat, the x of the ball is NaN.
     """
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3

@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 
 
 def setup(_app: Sphinx) -> dict[str, bool]:
-    """Let Sphinx join the pieces of a command's output when it executes a page.
+    """Make Sphinx join the pieces of a command's output when Sphinx executes a page.
 
     The result states that Sphinx may process pages in parallel.
     """

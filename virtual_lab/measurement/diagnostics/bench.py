@@ -448,7 +448,7 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of e0 at the beginning and at the end of the hits at the wall.
+    """Yield one comparison of e0 at the end of the hits at the wall with e0 at the beginning.
 
     A straight line is fitted to the mean e0 of the balls against the order in which they hit the
     wall. The difference is the value of the line for the last ball minus its value for the first

@@ -180,10 +180,12 @@ def _place(
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:
-    """Return the rms distance of the beam edges from a straight flight [m], (..., shot).
+    """Return the rms deviation of the beam edges from a straight flight [m], (..., shot).
 
-    It is computed for the incoming and for the rebounding ball, and the larger distance is
-    returned. An unknown distance (NaN) counts as 0.
+    A beam edge is the time at which the ball breaks or clears a beam of a light board. Its
+    deviation is converted to a distance by the speed of the ball. The incoming and the rebounding
+    flight have separate deviations, and the larger one is returned. An unknown deviation (NaN)
+    counts as 0.
     """
     speeds = np.stack([results.speed, np.abs(results.rebound_speed)], axis=-1)
     misfit = readings.flights.raw.misfit * speeds

@@ -58,11 +58,12 @@ class Width:
 def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
     """Return the length of barrel on which the metric of one bat stays near its maximum [m].
 
-    On this length the fitted curve is at most `width_drop` of the procedure's scan below its
-    maximum. The result also states the two ends of the length, as distances from the barrel tip
-    [m]. Return None if the procedure states no `width_drop`, or if the valid hits have fewer than
-    seven different positions. If the curve does not drop so far within the data, the width is a
-    lower limit without u.
+    A curve is fitted to the metric of the valid hits. On the returned length, the curve is below
+    its maximum by at most `width_drop`, a value that the procedure states for its scan. The result
+    also states the two ends of the length, as distances from the barrel tip [m]. Return None if the
+    procedure states no `width_drop`, or if the valid hits have fewer than seven different
+    positions. If the curve does not drop by `width_drop` within the data, the width is a lower
+    limit without u.
 
     Parameters
     ----------

@@ -224,11 +224,13 @@ def scans_of_block(
 ) -> None:
     """Fill `scans` with the results of the scans of a block, and `used` with a mask of their hits.
 
-    The mask is (shot,). The hits of a result are the last final hits at the best position. If the
-    procedure has no final hits, they are the hits of the scan within `rules.fit_half_width` of the
-    best position. If a laboratory has no complete position, its best position is NaN and its mask
-    is False. In `place`, `valid` and `objective`, laboratory i has the shots from `starts[i]` up
-    to, but not including, `starts[i + 1]`.
+    A block is a group of laboratories. The mask, (shot,), selects the hits from which the result of
+    a laboratory is computed. Some procedures require final hits: further hits at the best position
+    after the scan. The mask then selects the last `rules.final_hits` of these hits. Otherwise, the
+    mask selects the hits of the scan within `rules.fit_half_width` of the best position. If a
+    laboratory has no complete position, its best position is NaN and its mask is False. In `place`,
+    `valid` and `objective`, laboratory i has the shots from `starts[i]` up to, but not including,
+    `starts[i + 1]`.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

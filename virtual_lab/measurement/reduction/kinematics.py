@@ -354,7 +354,8 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     settings
         Settings of `reduce_shot`.
     sets
-        Constants in the order of `reduce_shot`, each (block, set, 1).
+        Constants in the order of `reduce_shot`, each (block, set, 1). A block is one laboratory,
+        and a set is one combination of values of the constants.
     balls
         Masses [kg] and e0 of the balls, each (block, set, ball).
     ball
@@ -362,8 +363,9 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     shots
         Readings of the shots in the order of `reduce_shot`, each (block, set, shot).
     results
-        Two arrays to fill, (result, block, set, shot), for the `RESULTS` and for the `DETAILS`. The
-        second is not filled if it is empty.
+        Two arrays to fill, each (quantity, block, set, shot). The first is for the quantities named
+        in `RESULTS`, the second for those named in `DETAILS`. If the second array is empty, it is
+        not filled.
     """
     (masses, restitutions), (results, details) = balls, results
     for n in range(ball.shape[0]):

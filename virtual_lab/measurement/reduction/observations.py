@@ -96,9 +96,9 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     The names are ``bat.mass``, ``bat.length``, ``bat.barrel_radius``, ``bat.balance`` (distance of
     the center of mass from the tip), ``bat.period``, ``bat.first_amplitude``,
     ``bat.last_amplitude`` and ``bat.swings``. The period is corrected to small swings by the
-    amplitudes of each release. Releases with an odd swing are left out, see `counted_releases`.
-    Raises `InputError` for a record that is missing, has too few readings, or has a reading that is
-    not positive. Raises `KeyError` if the calibration lacks a resolution.
+    amplitudes of each release. Releases with a swing that is too long or too short are left out,
+    see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,
+    or has a reading that is not positive. Raises `KeyError` if the calibration lacks a resolution.
     """
     pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
     times = _by_laboratory(block, pendulum.times)

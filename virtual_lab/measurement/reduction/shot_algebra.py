@@ -162,15 +162,20 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
 
 
 def ball_masses(x: Constants, readings: BallReadings) -> Array:
-    """Return the masses of the balls [kg], (..., ball), corrected by the scale's calibration."""
+    """Return the masses of the balls [kg], (..., ball), corrected by the scale's calibration.
+
+    `x` holds the calibration constants, keyed by name.
+    """
     return (readings.mass - x["bench.scale.zero"]) / x["bench.scale.span"]
 
 
 def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
-    """Return mass [kg] and mean e0 of each ball, (..., ball), with the slope of e0 over speed.
+    """Return the measured mass and ball-wall restitution e0 of each ball.
 
-    `restitution` is e0 at `speed`, the mean nominal speed of the hits at the wall [m/s]. `speed`
-    and `slope` [s/m] are (..., 1).
+    The result has the masses [kg] and the e0 (field `restitution`) of the balls, (..., ball). An e0
+    is the mean of the ball's hits at the wall, converted to the mean nominal speed of all hits. The
+    fields `speed` and `slope`, (..., 1), are this speed [m/s] and the slope of e0 over speed [s/m].
+    `x` holds the readings of the bench and the calibration constants, keyed by name.
     """
     from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets
 

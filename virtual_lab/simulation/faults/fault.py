@@ -96,8 +96,8 @@ def change_sheet(part: str, **values: float) -> Standing:
     """Return a hook for `Fault.station` that changes values on the data sheet of an instrument.
 
     `part` is the name of the instrument, and `values` are the new values [SI] by their keys on the
-    sheet. The hook returns the changed station, or None for a station without the instrument or one
-    of these keys.
+    sheet. The hook returns the changed station, or None if the station does not have the
+    instrument, or if a key is missing on the data sheet.
     """
 
     def standing(station: Station) -> Station | None:

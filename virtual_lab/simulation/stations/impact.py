@@ -140,9 +140,10 @@ def error_free(
     of the plan plus the speed of a swinging bat. In the collision that gives e_A, the bat is held
     by `support`.
 
-    The impulse of this collision gives e and r twice: for a rigid free bat (`free`), and for a
-    rigid bat on a pivot at `pivot_from_knob` [m from the knob] (`pivoted`). Both are returned for
-    every `support`. No equation of the reduction is used.
+    e and r are computed from the impulse of this collision as if the bat were rigid. The result has
+    them for two supports of the rigid bat: without support (field `free`), and on a pivot at
+    `pivot_from_knob` [m from the knob] (field `pivoted`). Both fields are filled for every
+    `support`. No equation of the reduction is used.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob

@@ -43,9 +43,9 @@ def draw_profile(table: pd.DataFrame, title: str) -> PageFigure:
 def plot_profile(above: Axes, below: Axes, table: pd.DataFrame) -> None:
     """Plot e, r and e_A in `above`, and e_A, v_bat and v_f in `below`.
 
-    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, and v_f the
-    batted-ball speed. `table` is the `BatProfile.table`. The speeds are in mph. Only positions 1 to
-    12 in from the tip are plotted.
+    e is the bat-ball restitution, r the recoil factor, e_A the collision efficiency, v_bat the bat
+    speed, and v_f the batted-ball speed. `table` is the `BatProfile.table`. The speeds are in mph.
+    Only positions 1 to 12 in from the tip are plotted.
     """
     rows = table[table["impact_position_in"].between(*SHOWN_IN)]
     z = rows["impact_position_in"]

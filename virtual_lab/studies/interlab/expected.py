@@ -48,8 +48,9 @@ class ExpectedScatter:
 def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
     """Return the scatter of a bat's result between laboratories, from the stored studies.
 
-    If no study of this bat and procedure is stored, the result belongs to the stored bat with the
-    largest scatter by this procedure. The result is None if no study of the procedure is stored.
+    If no study of this bat and procedure is stored, the studies of other bats by this procedure are
+    used, and the largest scatter is returned. The result is None if no study of the procedure is
+    stored.
     """
     with TABLE.open(encoding="utf-8", newline="") as file:
         rows = [_read(row) for row in csv.DictReader(file) if row["procedure"] == procedure]

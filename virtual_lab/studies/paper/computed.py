@@ -89,9 +89,9 @@ def beam(bat: str) -> Beam:
 def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
     """Return the profiles of a bat under standard game conditions, keyed by the swing exponent n.
 
-    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. The two loaded
-    bats have the reference inertia of the barrel-loaded bat, as in the paper. Raises `InputError`
-    for an unknown bat.
+    The keys are 0, 0.1, 0.2, 0.3, 0.4, 0.5, and None for the law of constant energy. For the
+    barrel-loaded and the knob-loaded bat, the reference inertia of the swing law is the inertia of
+    the barrel-loaded bat, as in the paper. Raises `InputError` for an unknown bat.
     """
     reference = BARREL if bat in (BARREL, KNOB) else None
     bat_profiles = profiles(bat, swings=SWINGS, reference_inertia=reference)

@@ -168,12 +168,12 @@ def off_percussion() -> float:
 
 
 def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
-    """Return the relative difference [%] of the bat speeds of a light and a heavy bat.
+    """Return the bat speed of a light bat minus that of a heavy bat [% of the heavy bat's speed].
 
-    It is positive if the light bat is faster. The speeds are computed at 0.5 in from the tip, in
-    the paper's standard game. `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1,
-    or None for a swing of constant energy. Raises `KeyError` for another exponent, and `InputError`
-    for an unknown bat.
+    The result is positive if the light bat is faster. The speeds are computed at 0.5 in from the
+    tip, under standard game conditions. `swing` is the exponent n of the swing law, 0 to 0.5 in
+    steps of 0.1, or None for a swing of constant energy. Raises `KeyError` for another exponent,
+    and `InputError` for an unknown bat.
     """
     speeds = [
         float(profiles_by_swing(bat)[swing].table["bat_speed_mph"][0]) for bat in (light, heavy)
@@ -196,9 +196,10 @@ def swing_matters() -> float:
 
 
 def metrics_alike() -> float:
-    """Return the absolute relative difference [%] of the NCAA metric between EA70 and R161.
+    """Return the size of the difference of the NCAA metric between EA70 and R161 [% of R161].
 
-    The NCAA metric is the peak batted-ball speed at the speeds of the NCAA rig.
+    EA70 is the aluminum bat of the paper, and R161 the wood bat. The NCAA metric is the peak
+    batted-ball speed at the speeds of the NCAA rig. The result is never negative.
     """
     return abs(_ncaa(ALUMINIUM) / _ncaa(WOOD) - 1) * 100
 

@@ -63,9 +63,25 @@ def compare_quantities(
 ) -> tuple[list[TwinQuantity], int]:
     """Return one row per quantity, the metric first, and the number of days without a valid result.
 
-    A row compares the stated u of the quantity with the errors of its result on the twin's valid
-    days. The instruments record only summary values on these days. The certification must have a
-    metric. Raises `InputError` if fewer than half of the days give a valid result.
+    A row compares the stated u of a quantity with the errors of this quantity on simulated days
+    with a valid result. On these days, the instruments record only summary values, such as speeds,
+    and not every edge and count.
+
+    Parameters
+    ----------
+    certification
+        The test; it must have a metric.
+    playing
+        Days simulated from the records of the laboratory (days of its twin).
+    days
+        Number of days to simulate.
+    progress
+        Function that is called with a message, the number of days done, and the total.
+
+    Raises
+    ------
+    InputError
+        Fewer than half of the days give a valid result.
     """
     assert certification.metric is not None
     stated = {"metric": certification.metric, **certification.quantities}

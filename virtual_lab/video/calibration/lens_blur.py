@@ -17,10 +17,11 @@ from virtual_lab.video.calibration.board_finding import BoardView
 def lens_blur_of(picture: NDArray[Any], view: BoardView, board: Board) -> float:
     """Return the standard deviation of a lens's blur in a picture of a board, 0.1 to 10 pixels.
 
-    The brightness across an edge of a square is modeled by a normal distribution function. Its
-    variance is the sum of the variances of the lens's blur and of a pixel, 1/12. One width is
-    fitted to the middle halves of all edges, and a dark and a bright level to each edge. On a board
-    with markers, the model also includes the marker next to the edge.
+    The brightness across an edge of a square is modeled by a normal distribution function. The
+    variance of this function is the variance of the lens's blur plus the variance of a pixel, 1/12.
+    Only the middle half of each edge is used. The fit has one width for all edges, and a dark and a
+    bright level for each edge. On a board with markers, the model also includes the marker next to
+    the edge.
     """
     edge, off, value, paper = _beside_edges(picture, view, board)
     count = np.maximum(np.bincount(edge), 1)

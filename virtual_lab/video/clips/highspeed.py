@@ -39,8 +39,8 @@ def cine(path: Path) -> Source:
     Raises
     ------
     InputError
-        The extra `highspeed` is not installed, or the header cannot be read. A picture that cannot
-        be read raises the error later, when it is read.
+        The extra `highspeed` is not installed, or the header cannot be read. If the data of a
+        picture are damaged, the error is raised later, when the result reads this picture.
     """
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _library_errors(path, ".cine"):

@@ -151,12 +151,11 @@ def frame_steps(times: Array) -> Array:
 
 
 def uneven(times: Array) -> bool:
-    """Return whether time stamps deviate from equal steps by more than 0.3 of a step.
+    """Return whether the deviations of time stamps from equal steps span more than 0.3 of a step.
 
-    `times`, (frame,), are in s. A lost frame has this effect, and so has a phone that films more
-    slowly in the dark. Rounding to 1 ms does not, up to 240 frames per second. With a constant
-    frame rate the deviation is at most 0.1 of a step. The result is False for fewer than three time
-    stamps.
+    `times`, (frame,), are in s. The result is True if a frame was lost, or if a phone films more
+    slowly in the dark. It is False for time stamps of a constant rate up to 240 frames per second
+    that are rounded to 1 ms, and for fewer than three time stamps.
     """
     if len(times) < 3:
         return False

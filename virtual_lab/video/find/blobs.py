@@ -46,7 +46,11 @@ BLOB = np.dtype(
 
 
 def free(blobs: Blobs) -> Mask:
-    """Return a mask of the blobs, (blob,), that touch no other object and no picture edge."""
+    """Return a mask of the free blobs, (blob,).
+
+    A blob is a region of a frame that differs from the background. A free blob touches no other
+    object and no edge of the picture.
+    """
     return np.asarray((blobs["dirty"] < CLEAN) & ~blobs["cut"])
 
 

@@ -301,11 +301,14 @@ def warp_back(
     Parameters
     ----------
     drift
-        Drift of the picture from the still frame, (4,).
+        Drift of the picture from the first picture of the clip, (4,): shift to the right and down
+        [pixels], growth, and turn [rad].
     corner
-        x and y of the first pixel of `behind` in the still frame [pixels].
+        x and y of the first pixel of `behind` in the first picture [pixels].
     behind
-        The background, or every `every`-th of its rows and columns.
+        The background: the clip without moving objects, aligned with the first picture.
+    every
+        Spacing of the rows and columns of `behind` in the first picture [pixels].
     """
     x, y = map(int, corner)
     rows, columns = behind.shape[:2]

@@ -229,8 +229,8 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
     """Return notes on a tilted camera, on a rolling shutter, and on undetected drift of the camera.
 
-    `drift` is the largest undetected drift [px/frame]; 0 gives no note on drift. The list is empty
-    if there is no doubt.
+    `drift` is the largest undetected drift [px/frame]; 0 gives no note on drift. There is one note
+    per effect that the flights show or cannot rule out. The list is empty if there is none.
     """
     notes, fit = [], model.fit
     if model.tilted:

@@ -96,9 +96,9 @@ class Ruler(PixelScale):
 
 
 def off_u(one: PixelScale, other: PixelScale) -> float:
-    """Return the logarithm of `other` / `one`, two scales, divided by its standard uncertainty.
+    """Return the log ratio of two scales, ln(other / one), in units of its standard uncertainty.
 
-    The standard uncertainty combines the relative u of both scales.
+    The standard uncertainty combines the relative standard uncertainties of both scales.
     """
     apart = float(np.log(other.metres_per_pixel / one.metres_per_pixel))
     return apart / float(np.hypot(one.relative_u, other.relative_u))

@@ -177,7 +177,8 @@ def save_track(
     settings
         Text of the file settings.toml. If it is empty, the file is not written.
     overwrite
-        Whether `folder` may replace an earlier result folder that has a settings.toml.
+        Whether an earlier result in `folder` may be replaced. The earlier result must have a
+        settings.toml.
 
     Raises
     ------

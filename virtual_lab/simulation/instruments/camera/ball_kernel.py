@@ -242,10 +242,11 @@ def _rotate(turn: Array, share: float, body: Array, out: Array) -> None:
 
 @njit(**FAST)
 def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
-    """Render all regions and add their images to `out`, (region, channel, row, column).
+    """Render the ball in each region, and add it to the values of `out`.
 
-    Channel 0 is the share of the background that the ball hides. Channel 1 is the light of the
-    ball, 1 for a white surface that faces the lamp.
+    `out` has the shape (region, channel, row, column). Channel 0 is the share of the background
+    that the ball hides. Channel 1 is the light of the ball, 1 for a white surface that faces the
+    lamp.
     """
     size = look.size
     grid = np.empty(2 * size * size, np.float32)
