@@ -224,8 +224,9 @@ def track(
     global_shutter
         The shutter is global: all rows are exposed at once.
     phone
-        Clip of an ordinary phone: its frame rate is correct, its shutter may roll, and the size of
-        the ball is known to 1 %. Warnings about these assumptions are omitted.
+        Clip of an ordinary phone: the frame rate of the file is correct unless `fps` is given, the
+        shutter may roll, and the size of the ball is known to 1 % unless its u is given. Warnings
+        about these assumptions are omitted.
     tripod
         The camera does not move.
     level

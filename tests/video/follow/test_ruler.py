@@ -80,8 +80,8 @@ def test_each_ruler_checks_the_other(followed: Followed) -> None:
     assert document["from"] == "gravity"
     assert document["checks"][0]["from"] == "ball"
     assert document["checks"][0]["off_u"] == pytest.approx(apart)
-    said = f"from gravity ({100 * result.scale.relative_u:.2g} %); the ball's size gives "
-    assert said in track_text(result)
+    said = f"from gravity ({100 * result.scale.relative_u:.2g} %); the scale from the "
+    assert f"{said}ball's size differs by " in track_text(result)
     assert f"a difference of {abs(apart):.1f} u)" in track_text(result)
     assert [each.source for each in again(result, ruler="ball").checks] == ["gravity"]
 

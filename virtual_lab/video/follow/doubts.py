@@ -105,7 +105,7 @@ class Falls:
             f"with {SAID[self.scale.source]} as the scale, the ball falls at "
             f"{self.shared.value:.3g} m/s² instead of {g:.3g} m/s²; either that length is wrong, "
             "or the frame rate and with it every speed (a slow-motion file states its playback "
-            f"rate; --fps {self.rate:.3g} would fit)"
+            f"rate; --fps {self.rate:.3g} would fit: state the nearest rate that the camera has)"
         )
         return [("GRAVITY", words)]
 
