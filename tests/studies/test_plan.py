@@ -51,7 +51,9 @@ def test_simulated_u_is_the_median_of_a_sweep(plans):
 def _with_half_u(name):
     sheet = vl.instrument(name)
     numbers = sheet.numbers.set_index("key")["value"]
-    return sheet.with_({key: value / 2 for key, value in numbers.items() if key.endswith("_u")})
+    return sheet.with_(
+        {key: value / 2 for key, value in numbers.items() if key.endswith(("_u", "_scatter"))}
+    )
 
 
 def test_minutes_of_the_present_laboratory(plans):
@@ -72,6 +74,7 @@ def test_exchanges_of_a_laboratory():
     gates = exchanges["pivot-gates"].document
     assert (gates["distance_u"]["value"], gates["clock_u"]["value"]) == (0.0365, 10)
     assert gates["edge_jitter"]["value"] == 1
+    assert exchanges["slow-cannon"].document["along_scatter"]["value"] == 0.75
     assert exchanges["pivot"].document["pivot"]["from_knob_u"]["value"] == 0.1
 
 
@@ -88,7 +91,7 @@ def test_floor_if_no_plan_reaches_the_target():
     assert floor.simulated_u < 0.6 * present.simulated_u
     assert floor.planned_u == pytest.approx(floor.simulated_u, rel=0.05)
     (sentence,) = (line for line in plans.text.split(". ") if "floor is" in line)
-    assert f"the floor is {floor.simulated_u:.3g} mph, with hits 0." in sentence
+    assert f"the floor is {floor.simulated_u:.3g} mph, with bat.balance 0." in sentence
     assert sentence.count(",") == 3
 
 

@@ -11,7 +11,7 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.sheets import Sheet
 from virtual_lab.studies.plan.choosing import cheapest, cheapest_single_change, irreducible
-from virtual_lab.studies.plan.prediction import Counts, Forecast
+from virtual_lab.studies.plan.prediction import Counts, Exchanged, Forecast
 from virtual_lab.studies.plan.sample import SampledTests, _dealt, median_of
 
 TESTS = 800
@@ -63,17 +63,19 @@ def test_predicted_u_is_that_of_simulated_tests(laboratories, forecast, counts):
 def test_exchanges_multiply_the_terms_of_their_instruments(forecast):
     sample, names = forecast.sample, forecast.names
     halves = []
-    for name in ("bench.stand.offset", "impact.cannon.along"):
+    for name, scatter in (("bench.stand.offset", False), ("impact.cannon.along", True)):
         squares = sample.squares.copy()
         squares[:, names.index(name)] /= 4
-        squares[:, names.index("hits")] /= 4  # the scatter of the hits is taken as unchanged
-        halves.append(replace(sample, squares=squares))
+        squares[:, names.index("hits")] /= 2  # by chance, without another scatter
+        halves.append(Exchanged(replace(sample, squares=squares), scatter))
     both = replace(forecast, exchanged=halves)
     none, stand, cannon, together = both.u(both.present) ** 2
     assert none == pytest.approx(forecast.u(forecast.present)[0] ** 2)
     assert none - together == pytest.approx((none - stand) + (none - cannon))
-    mean = sample.squares.mean(axis=0)[names.index("bench.stand.offset")]
-    assert none - stand == pytest.approx(0.75 * mean)
+    mean = dict(zip(names, sample.squares.mean(axis=0), strict=True))
+    assert none - stand == pytest.approx(0.75 * mean["bench.stand.offset"])
+    hits = both.contributions(both.present, 0)["hits"] ** 2
+    assert none - cannon == pytest.approx(0.75 * mean["impact.cannon.along"] + 0.5 * hits)
     largest = next(iter(both.contributions(both.present, 3)))
     assert largest == "hits"
 

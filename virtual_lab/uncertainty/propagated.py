@@ -146,6 +146,9 @@ class Propagated:
             )
             inside = f"{100 * self.probability:g} % in [{low}, {high}]"
             lines.append(f"{outcome.name} = {value}, u = {outcome.u:.2g}, {inside}")
+            if outcome.shortest is None and 0 < outcome.u < inf:
+                half = (outcome.interval[1] - outcome.interval[0]) / 2
+                lines.append(f"  U = {half:.2g}, k = {half / outcome.u:.3g}, ν = {outcome.dof:.3g}")
             if outcome.shortest and outcome.convergence:
                 low, high = (_round_to_u(each, outcome.u) for each in outcome.shortest)
                 lines.append(f"  shortest [{low}, {high}]; {outcome.convergence.draws} draws")

@@ -16,7 +16,7 @@ from virtual_lab.lab import RoundRobin
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.rules import MOST_COUNTED
 from virtual_lab.sheets import Sheet
-from virtual_lab.studies.plan.prediction import Counts, Forecast
+from virtual_lab.studies.plan.prediction import Counts, Exchanged, Forecast
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.units import Array
 
@@ -24,9 +24,11 @@ from virtual_lab.units import Array
 EACH_SHOT = (
     *("load-ball", "zero-encoder", "clear-scrap", "wait-pressure", "wait-rest", "fire", "accept"),
 )
-PILOT, FEW = 1024, 64  # numbers of tests: of the present laboratory, and with an exchange
+# numbers of tests: of the present laboratory and with another scatter, and with another u
+PILOT, FEW = 1024, 64
 LEAST_GAIN = 0.002  # smallest share of the variance that an exchange must remove
 MOST_EXCHANGES = 8  # largest number of instruments that may be exchanged
+SCATTER = "_scatter"  # ending of the keys of a scatter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +62,10 @@ class PlannedLaboratory:
             raise InputError("", "bat", bat, "no simulated test of this bat has a result")
         gains, samples = {}, {}
         for name, sheet in exchanges.items():
+            scatter = _scatter_of(sheet) != _scatter_of(Sheet.of(*_key(sheet)))
+            tests = PILOT if scatter else FEW
             with catalog.sheets_in_place({_key(sheet): sheet.text}):
-                samples[name] = SampledTests.of(shared, FEW, other)
+                samples[name] = Exchanged(SampledTests.of(shared, tests, other), scatter)
             gains[name] = replace(forecast, exchanged=[samples[name]]).gain
         names = sorted(gains, key=lambda name: -gains[name])[:MOST_EXCHANGES]
         names = [name for name in names if gains[name] > LEAST_GAIN]
@@ -126,12 +130,12 @@ class PlannedLaboratory:
 
 
 def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
-    """Return the data sheets of the instruments of `rigs`, with each standard uncertainty halved.
+    """Return the data sheets of the instruments of `rigs`, with each u and each scatter halved.
 
     The result is keyed by the name of the instrument. If the data sheet of a rig itself has
-    standard uncertainties, for example of its pivot, this sheet is also returned. The key of this
-    sheet is the name of the table in it that has the uncertainties. If several tables have
-    uncertainties, their names are joined by ``+``. Raises `InputError` for an unknown rig.
+    standard uncertainties or scatters, for example of its pivot, this sheet is also returned. The
+    key of this sheet is the name of the table in it that has them. If several tables have them,
+    their names are joined by ``+``. Raises `InputError` for an unknown rig.
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
@@ -139,7 +143,9 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
         named = [each for each in own.document.values() if each in catalog.names("instruments")]
         for sheet in (own, *(Sheet.of("instruments", name) for name in named)):
             stated = {datum.key: datum.value for datum in catalog.datums(sheet.document)}
-            half = {key: value / 2 for key, value in stated.items() if key.endswith("_u")}
+            half = {
+                key: value / 2 for key, value in stated.items() if key.endswith(("_u", SCATTER))
+            }
             if half:
                 tables = "+".join(dict.fromkeys(key.partition(".")[0] for key in half))
                 exchanges[tables if sheet is own else sheet.name] = sheet.with_(half)
@@ -182,6 +188,10 @@ def _with(shared: RoundRobin, forecast: Forecast, counts: Counts) -> RoundRobin:
     sheet = Sheet("procedures", rules.spec.name, rules.text).with_(changes)
     entry = catalog.read(sheet.text, sheet.name, Procedure)
     return replace(shared, setup=replace(shared.setup, rules=entry))
+
+
+def _scatter_of(sheet: Sheet) -> dict[str, object]:
+    return {each.key: each.value for each in sheet.datums if each.key.endswith(SCATTER)}
 
 
 def _key(sheet: Sheet) -> Key:

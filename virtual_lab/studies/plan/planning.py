@@ -32,8 +32,8 @@ CERTAIN = 2.0  # errors by which a simulated u may exceed the target
 SHOWN = 10  # largest number of plans that are simulated and shown
 TERMS = 3  # number of the largest terms of the floor that are named
 HALF = (
-    "Exchanged: an instrument with half of each standard uncertainty of its data sheet, or the one"
-    " offered; `pivot` is the survey of the rig, in the rig's data sheet."
+    "Exchanged: an instrument with half of each standard uncertainty and scatter of its data sheet,"
+    " or the one offered; `pivot` is the survey of the rig, in the rig's data sheet."
 )
 
 
@@ -116,10 +116,11 @@ def plan(
 
     A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
     procedure, rounded. Numbers between these are not tried. A plan may exchange up to eight
-    instruments. The new instruments have half of each standard uncertainty, or the data sheets
-    named in `prices`. Instruments that hardly lower u are not considered. An exchange does not
-    change the minutes. A plan is left out if it would still reach the target with one exchanged
-    instrument fewer, or with the next smaller number of hits, balls or wall hits.
+    instruments. The new instruments have half of each standard uncertainty and half of each
+    scatter, such as the scatter of a cannon's aim, or the data sheets named in `prices`.
+    Instruments that hardly lower u are not considered. An exchange does not change the minutes. A
+    plan is left out if it would still reach the target with one exchanged instrument fewer, or with
+    the next smaller number of hits, balls or wall hits.
 
     To choose the plans, u is predicted to first order from the budget of the present laboratory.
     Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u
@@ -232,8 +233,8 @@ class _Search:
         chosen = {PRESENT: present, **{str(n): at for n, at in enumerate(plans, 1)}}
         words = [
             HALF,
-            f"Plans were chosen by {ratio:.3f} times the planned u: the first choice, simulated,"
-            " had this ratio. Simulated u is a median over tests.",
+            f"Plans were chosen by {ratio:.3f} times the planned u. This is the ratio of simulated"
+            " to planned u of the first simulated plan. Simulated u is a median over tests.",
         ]
         if plans == [present]:
             del chosen["1"]

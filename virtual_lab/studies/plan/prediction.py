@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,14 +62,21 @@ class Counts:
         return Counts(**{each.name: int(getattr(self, each.name)[index]) for each in fields(self)})
 
 
+class Exchanged(NamedTuple):
+    """Tests with one instrument exchanged."""
+
+    sample: SampledTests
+    scatter: bool  # whether the new instrument has another scatter
+
+
 @dataclass(frozen=True, kw_only=True)
 class Forecast:
     """Predicted u and shots of plans of a laboratory, of which a sample of tests is known."""
 
     rules: Procedure
     sample: SampledTests  # tests of the present laboratory
-    # tests of some of these laboratories with one instrument exchanged, one sample per instrument
-    exchanged: Sequence[SampledTests] = ()
+    # tests of some of these laboratories with one instrument exchanged, one entry per instrument
+    exchanged: Sequence[Exchanged] = ()
     # tests of the same laboratories with twice as many hits; None without a choice of the position
     doubled: SampledTests | None = None
 
@@ -131,13 +138,15 @@ class Forecast:
             factors *= np.where(sets >> bit & 1, ratio, 1.0)
         return factors
 
-    def _ratio(self, exchanged: SampledTests) -> Array:
+    def _ratio(self, exchanged: Exchanged) -> Array:
         """Return the factor of the variance of each term that an exchange causes, (term,).
 
-        The terms of the scatter of hits and wall hits are taken as unchanged.
+        The terms of the scatter of hits and wall hits are taken as unchanged, unless the scatter of
+        the instrument is another.
         """
-        before, after = _squares(self.sample.select(slice(exchanged.u.size))), _squares(exchanged)
-        changed = (before > 0) & ~np.isin(self.names, SCATTER)
+        before = _squares(self.sample.select(slice(exchanged.sample.u.size)))
+        changed = (before > 0) & (exchanged.scatter | ~np.isin(self.names, SCATTER))
+        after = _squares(exchanged.sample)
         return np.asarray(np.where(changed, after / np.where(changed, before, 1.0), 1.0))
 
     def _terms(self, counts: Counts) -> Array:

@@ -28,7 +28,8 @@ class Price(Spec):
     value: Annotated[Real, Ge(0)]
     unit: Words
     source: Words
-    sheet: str = ""  # sheet of an offered instrument, beside the file; empty: half of each u
+    # sheet of an offered instrument, beside the file; empty: half of each u and each scatter
+    sheet: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +101,8 @@ def prices_form() -> Iterator[str]:
     """Yield the lines of a template for the file of prices, without newlines."""
     yield "# Prices for 'virtual-lab plan --prices'. Give each number its unit and its source."
     yield "# All prices are in one currency. An instrument is exchanged for one with half of each"
-    yield '# standard uncertainty, or for that of a sheet beside this file: sheet = "offer.toml"'
+    yield "# standard uncertainty and scatter, or for that of a sheet beside this file, with"
+    yield '# sheet = "offer.toml".'
     entry = '{{ value = 0, unit = "{}", source = "" }}  # {}'
     yield f"tests = {entry.format('1', 'number of tests for which the plan is made')}"
     yield f"per_minute = {entry.format('USD', 'of a minute of laboratory time')}"

@@ -6,7 +6,7 @@ again with the change, show whether this u is reached.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from typing import NamedTuple
@@ -71,7 +71,11 @@ def promising_changes(certification: Certification) -> list[Change]:
     repeated = DOUBLED * square.get(REPEATABILITY, 0.0)
     changes = [
         *(
-            Change(f"half the u of {name}", HALVED * variance, _with_half_u(f"{name}."))
+            Change(
+                f"half the u of {_sheet_name(name, certification.session.rigs)}",
+                HALVED * variance,
+                _with_half_u(f"{name}."),
+            )
             for name, variance in instruments.items()
         ),
         Change(hits, DOUBLED * square.get(HITS, 0.0), _with_double_hits),
@@ -119,6 +123,20 @@ def improvements(
             )
         )
     return rows
+
+
+def _sheet_name(instrument: str, rigs: Mapping[str, str]) -> str:
+    """Return the name of the data sheet of an instrument such as ``impact.cannon``.
+
+    A part of the rig's own sheet, such as the survey of its pivot, has the name of the part. The
+    argument is returned if the catalog has no sheet of the rig. `rigs` are keyed by stage.
+    """
+    stage, _, part = instrument.partition(".")
+    rig = rigs.get(stage, "")
+    if rig not in catalog.names("rigs"):
+        return instrument
+    sheet = catalog.sheet("rigs", rig)[0].get(part)
+    return sheet if isinstance(sheet, str) else part
 
 
 def _with_half_u(prefix: str) -> Callable[[Statement], Statement]:
