@@ -2,8 +2,8 @@
 Collision models: error and run time
 ====================================
 
-Largest error of e_A in 400 collisions (diamond: 6), relative to a model with 120 modes. Tests use
-the modal model with 20 modes. Studies interpolate a table of its results, the surrogate.
+Largest error of :math:`e_A` in 400 collisions (diamond: 6), compared with a model of 120 modes.
+Tests use the modal model with 20 modes. Studies interpolate a table of its results (surrogate).
 """
 
 import matplotlib.pyplot as plt
@@ -15,10 +15,11 @@ table = pd.read_csv(DATA / "figures/collision.csv")
 table = table[(table.held_against == table.held_against[0]) & ~table.setting.str.contains("degree")]
 figure, axes = plt.subplots(figsize=(4.8, 4.2))
 for marker, (series, rows) in zip("os^D", table.groupby("series", sort=False), strict=True):
-    label = series.replace("reference", "100 modes, solver DOP853")
+    label = series.replace("reference", "100 modes, general ODE solver")
     axes.loglog(rows["us_a_shot"], rows["worst_error"], marker, label=label)
 marked = table["setting"].str.fullmatch("(405|1080) nodes|(4|20|40) modes")
 for _, row in table[marked].iterrows():
-    axes.text(row["us_a_shot"], row["worst_error"], f"  {row['setting']}", fontsize=8)
+    words = row["setting"].replace("nodes", "entries")
+    axes.text(row["us_a_shot"], row["worst_error"], f"  {words}", fontsize=8)
 axes.set(xlabel="time per collision, µs", ylabel="largest error of $e_A$")
 axes.legend(fontsize=7.5)
