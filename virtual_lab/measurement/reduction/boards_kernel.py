@@ -18,11 +18,12 @@ FAST = {"reassoc", "contract", "nsz"}
 def fit_boards(edges: Array, times: Array, heights: Array, heights_u: Array, misfit: Array) -> None:
     """Fill `times`, `heights`, `heights_u` and `misfit` from the beam edges of light boards.
 
-    Two curves are fitted over the positions of the broken beams: a line to the middle times of the
-    interruptions, and a parabola to their squared durations. The results of a board are NaN if the
-    ball broke fewer than four of its beams. They are also NaN if the fitted height is too far from
-    the mean height of the broken beams. The limit is the beam spacing times the number of all beams
-    of the board. The misfit is NaN if no board has a result.
+    A beam edge is the time at which a ball breaks or clears a beam. Two curves are fitted over the
+    positions of the broken beams: a line to the middle times of the interruptions, and a parabola
+    to their squared durations. The results of a board are NaN if the ball broke fewer than four of
+    its beams. They are also NaN if the fitted height is too far from the mean height of the broken
+    beams. The limit is the beam spacing times the number of all beams of the board. The misfit is
+    NaN if no board has a result.
 
     Parameters
     ----------

@@ -414,8 +414,8 @@ def pivot_speed() -> float:
 def without_hoop() -> float:
     """Return the peak bat performance factor (BPF) of EA70 minus the peak with a rigid shell.
 
-    Both bats are free. The first peak is computed in the paper's standard game (90 mph pitch), 0.5
-    to 12 in from the tip. The second is `dead_shell_factor`.
+    Both bats are free. The first peak is computed under standard game conditions (90 mph pitch),
+    0.5 to 12 in from the tip. The second is `dead_shell_factor`.
     """
     return top(ALUMINIUM, "bat_performance_factor").value - dead_shell_factor()
 

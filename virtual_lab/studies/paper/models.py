@@ -35,7 +35,7 @@ INERTIAS = np.linspace(1.5e4, 2.0e4, 11) * OZ_IN2  # range of bats in the measur
 
 
 def compression_free_restitution() -> float:
-    """Return e0 of the ball of the paper's standard game, computed from its force law.
+    """Return the ball-wall restitution e0 of the paper's ball, computed from its force law.
 
     It is √(work of expansion / work of compression), with the exponents of the force law at 160
     mph.
@@ -48,7 +48,7 @@ def compression_free_restitution() -> float:
 
 
 def wall_time() -> float:
-    """Return the contact time [ms] of the standard game's ball on a rigid wall at 160 mph."""
+    """Return the contact time [ms] of the paper's ball on a rigid wall at 160 mph."""
     ball = paper_ball()
     arguments = (ball.mass, 160 * MPH, ball.stiffness, ball.exponent, 0.5)
     return float(wall_contact(*(np.array(number) for number in arguments)).time) * 1e3
@@ -183,7 +183,7 @@ def follows() -> float:
 
     e_A is the collision efficiency, and e the bat-ball restitution. The curves are shifted along
     the bat until their peaks coincide. They are compared within 3 in of the peak. They are computed
-    in the paper's standard game with swing exponent 0.
+    under standard game conditions with swing exponent 0.
     """
     table, distances = profiles_by_swing(WOOD)[0.0].table, np.arange(-3, 3.01, 0.25)
     curves = [
@@ -245,8 +245,8 @@ def peaks_apart(farther: str, nearer: str) -> float:
     """Return the distance [in] from the peak of curve `nearer` of R161 to the peak of `farther`.
 
     A positive distance is toward the handle. Each curve is ``restitution``,
-    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, in the paper's
-    standard game with swing exponent 0. Raises `KeyError` for another curve.
+    ``bat_performance_factor``, ``collision_efficiency`` or ``batted_speed_mph``, under standard
+    game conditions with swing exponent 0. Raises `KeyError` for another curve.
     """
     return top(WOOD, farther).place - top(WOOD, nearer).place
 
@@ -254,18 +254,21 @@ def peaks_apart(farther: str, nearer: str) -> float:
 def speed_lost_inward() -> float:
     """Return the bat speed at 3 in from the tip of R161 minus the bat speed at 9 in [mph].
 
-    The swing is that of the paper's standard game with swing exponent 0.
+    The bat is swung under standard game conditions with swing exponent 0.
     """
     return float(game_bat_speed(WOOD, 3) - game_bat_speed(WOOD, 9))
 
 
 def pitch_speed() -> float:
-    """Return the pitch speed of the paper's standard game [mph]."""
+    """Return the pitch speed of the standard game conditions [mph]."""
     return game().pitch_speed / MPH
 
 
 def angular_speed() -> float:
-    """Return the angular speed [rad/s] of a bat with the reference inertia in the standard game."""
+    """Return the angular speed of a bat with the reference inertia [rad/s].
+
+    The bat is swung under standard game conditions.
+    """
     return game().angular_speed
 
 

@@ -461,7 +461,7 @@ def expanded_speed_u(bat: str, procedure: str) -> float:
 def batted_lead(first: str, second: str, exponent: float) -> float:
     """Return the peak v_f of the first bat minus the peak v_f of the second bat [mph].
 
-    v_f is the batted-ball speed. Both bats are swung in the paper's standard game. `exponent` is
+    v_f is the batted-ball speed. Both bats are swung under standard game conditions. `exponent` is
     the n of the swing law. Raises `InputError` for an exponent outside 0 to 0.5, and for an unknown
     bat.
     """
