@@ -43,8 +43,9 @@ CASE = CaseSettings()
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
     """Return simulated pictures of a case, with the true positions of the ball.
 
-    There are `case.phases` positions of the ball within a pixel, and `case.repeats` pictures for
-    each of them. Noise, positions in the frame and ball patterns depend on `seed` and `block`.
+    The center of the ball is at `case.phases` different fractions of a pixel, and there are
+    `case.repeats` pictures for each of them. `seed` and `block` select the random numbers. They
+    determine the noise, the position of the picture in the frame, and the pattern of the ball.
     """
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2

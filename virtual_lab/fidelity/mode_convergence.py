@@ -65,7 +65,8 @@ def convergence(bats: AnyBats = (), *, progress: Progress = quiet) -> ModeConver
 
     The table has one row per bat, contact (``point`` or ``patch``) and treatment of the omitted
     modes (with or without their static flexibility). The columns ``8_modes`` to ``30_modes`` hold
-    the largest absolute error of e_A along the barrel, at relative speeds of 60 and 160 mph.
+    the largest absolute error along the barrel, at relative speeds of 60 and 160 mph. e_A is the
+    collision efficiency.
 
     Parameters
     ----------

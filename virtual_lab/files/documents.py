@@ -370,8 +370,8 @@ def new_folder(target: Path, settings: str = "", *, overwrite: bool = False) -> 
     ------
     InputError
         `target` is the current folder, is a file, or cannot be written. `target` is a folder with
-        files, and `overwrite` is False or the folder has no ``settings.toml``. An `OSError` occurs
-        within the context.
+        files, and either `overwrite` is False or the folder has no ``settings.toml``. An `OSError`
+        occurs within the context.
     """
     check_new_folder(target, overwrite=overwrite)
     try:

@@ -11,10 +11,11 @@ if TYPE_CHECKING:
 
 @cache
 def page_template(package: str, name: str) -> Template:
-    """Return the Jinja template `name` of a Python package. It is loaded only once.
+    """Return the Jinja template `name` of a Python package. Later calls return the same object.
 
-    Values are escaped when the template is rendered, and a missing value raises
-    `jinja2.UndefinedError`. Raises `jinja2.TemplateNotFound` if the package has no such template.
+    Raises `jinja2.TemplateNotFound` if the package has no such template. When the template is
+    filled in, the special characters of HTML in each value are escaped. A missing value then raises
+    `jinja2.UndefinedError`.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 

@@ -54,9 +54,8 @@ LABORATORIES = 2**32  # largest number of laboratories in one study
 def of_owners(values: ArrayLike, owner: Owner) -> Any:
     """Return one value per shot, (shot, ...), from one value per laboratory, (laboratory, ...).
 
-    `owner` is the index of the laboratory of each shot, (shot,). `owner` may also be Python's
-    `Ellipsis`. It means that there is a single laboratory; `values` are then returned unchanged,
-    and a number remains a number.
+    `owner` is the index of the laboratory of each shot, (shot,). For a single laboratory `owner` is
+    Python's `Ellipsis`. `values` are then returned unchanged, and a number remains a number.
     """
     return np.asarray(values)[owner][()]
 
@@ -64,12 +63,12 @@ def of_owners(values: ArrayLike, owner: Owner) -> Any:
 def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
     """Return the owner and the slot of `count` consecutive readings in each laboratory of a block.
 
-    The owner of a reading is the index of its laboratory. Its slot is its number in this
-    laboratory, from 0 to `count` - 1. Both arrays have the shape (n · count,), sorted by
-    laboratory.
+    The owner of a reading is the index of its laboratory in the block. The slot of a reading is its
+    number in this laboratory, from 0 to `count` - 1. For a block of n laboratories, both arrays
+    have the shape (n · count,), sorted by laboratory.
 
-    `laboratories` is the shape of the block: (n,), or () for a single laboratory. For a single
-    laboratory the owner is `...`, and the slots have the shape (count,).
+    `laboratories` is (n,), or () for a single laboratory outside a block. For a single laboratory
+    the owner is Python's `Ellipsis`, and the slots have the shape (count,).
     """
     slots = np.tile(np.arange(count), laboratories)
     return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots
@@ -234,10 +233,11 @@ def require_seed(seed: int) -> None:
 
 
 def commitment(salt: bytes, seed: int) -> str:
-    """Return the commitment to a seed: SHA-256(salt‖seed), as 64 hexadecimal digits.
+    """Return the commitment to a seed, as 64 hexadecimal digits.
 
-    It does not reveal the seed, but proves it once salt and seed are known. The seed is hashed as
-    the text of its decimal digits.
+    The commitment is the SHA-256 hash of the bytes of `salt`, followed by the decimal digits of the
+    seed as text. It can be published before a test, because it does not reveal the seed. Anyone who
+    learns salt and seed later can compute the hash and verify that the seed is the published one.
     """
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
 

@@ -122,11 +122,11 @@ def effects(
     effect, and `difference_in_se` is None. The slope error also changes the real effect of the aim.
 
     The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
-    ball, but the hits use different balls of the same dozen. If the bat-ball
-    restitution is not proportional to the ball-wall restitution, as for a hollow bat, the results
-    differ between balls. These differences increase the scatter of the hits but partly cancel in
-    the mean, so the stated effect is too large. With the procedure ``asa``, which uses six of
-    twelve balls for its six hits, it is 6 % too large.
+    ball, but the hits use different balls of the same dozen. If the bat-ball restitution is not
+    proportional to the ball-wall restitution, as for a hollow bat, the results differ between
+    balls. These differences increase the scatter of the hits but partly cancel in the mean, so the
+    stated effect is too large. With the procedure ``asa``, which uses six of twelve balls for its
+    six hits, it is 6 % too large.
 
     Parameters
     ----------

@@ -80,12 +80,12 @@ def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
 def variances_within(
     owner: NDArray[np.intp], place: Array, metric: Array, laboratories: int
 ) -> Array:
-    """Return the pooled variance of the hits within each impact position, (laboratory,).
+    """Return the variance of hits at the same impact position, (laboratory,).
 
-    The deviation of a hit is taken from the mean of the hits at its position. The variance has the
-    unit of `metric`, squared. `owner`, `place` and `metric` are the laboratory, the position [m]
-    and the value of each hit, (hit,). The variance is NaN if no position of a laboratory has two
-    hits.
+    The deviation of a hit is taken from the mean of the hits at its position. The variance is
+    pooled over all positions of a laboratory. It has the unit of `metric`, squared. `owner`,
+    `place` and `metric` are the laboratory, the position [m] and the value of each hit, (hit,). The
+    variance is NaN if no position of a laboratory has two hits.
     """
     of, inverse = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
     counts = np.bincount(inverse)

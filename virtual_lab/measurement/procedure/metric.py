@@ -105,11 +105,11 @@ def objective_of(
 
 
 def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
-    """Return the speed of the pitch, a number, and that of the bat, an array like `place` [m/s].
+    """Return the pitch speed, a number, and the bat speed, an array like `place` [m/s].
 
     The two speeds are used to compute the batted-ball speed. `place` is the impact position from
-    the barrel tip [m]. The bat speed is computed for this position. Both speeds are the game speeds
-    that the procedure states. If it states no game, both are the speeds of the test.
+    the barrel tip [m]. The bat speed is the speed at this position. If the procedure states game
+    conditions, both are the speeds in the game. Otherwise both are the speeds in the test.
     """
     game = procedure.game
     if game is None:

@@ -259,8 +259,8 @@ def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> P
     """Return the polynomial of the metric over impact position, fitted for the result of a scan.
 
     Positions are distances from the barrel tip [m]. The polynomial is in the unit of `metric`. The
-    result of the scan is the value of the polynomial at the position where the objective, the
-    quantity that the procedure maximizes along the barrel, is largest.
+    objective is the quantity that the procedure maximizes along the barrel. The result of the scan
+    is the value of the polynomial at the position with the largest objective.
 
     `place` and `metric` are the values of one laboratory's shots, and `used` is the mask of the
     shots in the result, all (shot,). Return None if the procedure does not scan, if its result is

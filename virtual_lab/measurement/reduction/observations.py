@@ -319,7 +319,8 @@ def restitution_names(balls: int) -> list[str]:
 def across_constant(block: SessionBlock) -> Estimates:
     """Return the mean square of the marks' offsets across the bat [m²], with u, (laboratory,).
 
-    The marks are on the aim paper. The relative u is √(2/n) for n marks, because their offsets are
+    Test shots without a bat leave marks on a paper at the target. An offset is the distance of a
+    mark from the aimed point. The relative u is √(2/n) for n marks, because their offsets are
     assumed to be normally distributed. Raises `InputError` if the record of the marks is missing or
     of another kind.
     """

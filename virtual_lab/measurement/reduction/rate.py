@@ -54,10 +54,11 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
     """Return an encoder record without the overflows of its counter.
 
     At the end of its range, a counter continues at the other end. The range is one turn
-    (`counts_per_turn`) or all numbers of n bits, with or without a sign. A step of more than half
-    the range is an overflow. After all overflows are removed, each shot is shifted by whole ranges
-    until its count at `contact`, (shot,) [s], is within half a range of 0. A record without
-    overflows is returned unchanged.
+    (`counts_per_turn`), or 2^n counts for a counter of n bits, 8 to 32. The range used is the
+    smallest one that explains the steps of the count. A step of more than half the range is an
+    overflow. After all overflows are removed, each shot is shifted by whole ranges until its count
+    at the time `contact`, (shot,) [s], is within half a range of 0. A record without overflows is
+    returned unchanged.
     """
     counts = record.counts
     steps = np.diff(counts)

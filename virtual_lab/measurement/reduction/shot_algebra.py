@@ -227,10 +227,11 @@ class Sets(NamedTuple):
 
 
 def is_broadcast(values: Array) -> bool:
-    """Return whether `values`, (..., k, 1), are broadcast along the k sets of constants.
+    """Return whether k sets of constants share the same values in memory.
 
-    All sets then share the same elements in memory. Equal elements that are stored separately give
-    False. Elements may differ along the leading axes.
+    `values` is an array (..., k, 1), and only its axis of length k is tested. The result is True if
+    NumPy repeats one stored value along this axis. Equal values that are stored separately give
+    False.
     """
     return values.strides[-2] == 0
 

@@ -198,9 +198,10 @@ def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
     """Return gate times in which sabot fragments break the beam of the first gate before the ball.
 
     `record` is the gates' record without the fault. `written` is its context: station, plan and
-    random numbers. In about 60 % of the shots, fragments fly 30 mm ahead of the ball. The result is
-    a mapping with the key ``times`` [s], an array of the shape of the times in the record. For
-    light boards the mapping is empty; the simulation of the boards includes the fragments.
+    random numbers. A sabot is the carrier in which the cannon fires the ball. In about 60 % of the
+    shots, fragments of the sabot fly 30 mm ahead of the ball. The result is a mapping with the key
+    ``times`` [s], an array of the shape of the times in the record. For light boards the mapping is
+    empty; the simulation of the boards includes the fragments.
     """
     if isinstance(record, BoardRecord):
         return {}

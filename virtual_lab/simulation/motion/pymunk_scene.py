@@ -102,7 +102,10 @@ def play_pymunk(scene: ShotScene, settings: PymunkSettings = USUAL) -> PlayedSho
 
 
 def carry(scene: ShotScene, settings: PymunkSettings) -> PlayedShots:
-    """Return the result of `play_pymunk` without checking the settings and the start."""
+    """Return the motion of the shots as pieces of free motion between contacts, sorted by shot.
+
+    The result is that of `play_pymunk`, but the settings and the start are not checked.
+    """
     shots = [_Shot(scene.alone(shot), settings) for shot in range(scene.shots)]
     pieces = [
         piece._replace(shot=np.array([number]))

@@ -118,7 +118,8 @@ class TrueBalls:
     def restitution_at(self, ball: NDArray[np.int_] | EllipsisType, speed: Array) -> Array:
         """Return the ball-wall restitution of the balls `ball` at `speed` [m/s], (shot,).
 
-        With `...` the lot has one ball per shot.
+        `ball` holds the index of the ball of each shot, (shot,). If it is Python's `Ellipsis`, the
+        lot has one ball per shot.
         """
         line = self.spec.restitution
         return np.maximum(self.restitution[ball] + line.slope * (speed - line.speed), line.floor)

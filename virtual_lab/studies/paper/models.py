@@ -137,10 +137,11 @@ def best_mass(exponent: float) -> float:
 
 
 def energy_speeds() -> np.ndarray:
-    """Return the angular speed of 11 bats, all swung with the same energy [rad/s], shape (11,).
+    """Return the angular speeds of 11 bats that are swung with the same energy [rad/s], (11,).
 
-    The bats are copies of R161 with scaled mass. Their moments of inertia about an axis 33 in from
-    the tip are 15000 to 20000 oz in^2, in equal steps.
+    The bats are copies of the wood bat R161 with scaled mass. Their moments of inertia about an
+    axis 33 in from the tip are 15000 to 20000 oz in^2, in equal steps. The energy is the kinetic
+    energy of bat and batter together.
     """
     law, bat_beam = game().swing(None), beam(WOOD)
     about_body = bat_beam.inertia(bat_beam.length + law.axis_beyond_knob)
@@ -232,7 +233,12 @@ def swing_axis() -> float:
 
 
 def constant_power_exponent() -> float:
-    """Return 1/3 - 0.3: the swing exponent n for constant power minus the measured exponent."""
+    """Return the difference of two swing exponents, 1/3 - 0.3.
+
+    The angular speed of a swing is proportional to I^-n, where I is the moment of inertia of the
+    bat and n the swing exponent. n is 1/3 if the power of the batter is constant, and 0.3 by
+    measurements.
+    """
     return 1 / 3 - 0.3
 
 

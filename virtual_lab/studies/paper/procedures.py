@@ -182,7 +182,7 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
 
 def swing_matters() -> float:
-    """Return the change of the largest v_f of the bat EA70 by swing exponent 0.5 [mph].
+    """Return the change of the peak v_f of the bat EA70 from swing exponent 0 to 0.5 [mph].
 
     EA70 is the paper's aluminum bat. v_f is the batted-ball speed under standard game conditions,
     and its largest value along the bat is used. The bat speed is proportional to I^-n, where I is

@@ -104,11 +104,12 @@ def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict
     """Return a data sheet of balls with which simulated hits have the variance of earlier tests.
 
     The result is a dictionary with one entry: the key is (kind, name) of the sheet, and the value
-    is its text. The sheet is that of the procedure's ball with another scatter of e0 between balls.
-    The variance of a hit is linear in the square of this scatter, so two samples of simulated tests
-    are enough to compute it. The scatter is 0 if instruments and aim alone cause more variance than
-    the history has. `history` is the variance of a hit on each day of earlier tests. Raises
-    `InputError` for fewer than three days, and if the variances of the days differ significantly.
+    is its text. The sheet is the sheet of the procedure's ball with another scatter of e0 from hit
+    to hit. The variance of a hit is linear in the square of this scatter, so two samples of
+    simulated tests are enough to compute it. The scatter is 0 if instruments and aim alone cause
+    more variance than the earlier tests show. `history` is the variance of a hit on each day of
+    earlier tests. Raises `InputError` for fewer than three days, and if the variances of the days
+    differ significantly.
     """
     variance = history.pooled
     ball = TestSetup.of(bat, procedure=procedure).rules.spec.ball

@@ -79,8 +79,9 @@ def contacts_of(
     scale
         Scale of the positions in meters.
     sharp
-        The sharply located ball; None if the flights are made of blobs. With it, a note states that
-        the first two flights do not meet, if there is no contact and no other note.
+        The ball located by its outlines; None if only positions of blobs are known. If it is given,
+        and there is no contact and no other note, a note states that the first two flights do not
+        meet.
     """
     notes: list[Note] = []
     contacts = []

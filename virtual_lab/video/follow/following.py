@@ -108,8 +108,8 @@ def follow(
     Raises
     ------
     InputError
-        The stated frame rate implies an impossibly large g, gravity was requested for the scale but
-        no flight shows it, or a calibrated clip has no scale.
+        The stated frame rate implies an impossibly large g, or a calibrated clip has no scale. Or
+        the user asked to compute the scale from gravity, but no flight is curved enough.
     """
     progress("looking for the ball")
     watched = watch(
@@ -178,7 +178,7 @@ def measure(
     ----------
     search
         Scene and flights. Their positions come from the outlines of the ball if `sharp` is given,
-        and otherwise from the blobs, the moving regions of each frame.
+        and otherwise from the blobs, the regions that differ from the background.
     sharp
         The ball located by its outlines. None if only positions of blobs are known.
     fault

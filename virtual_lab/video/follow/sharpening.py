@@ -118,7 +118,8 @@ def sharpen(
     Parameters
     ----------
     search
-        Scene and flights, with positions from the blobs, the bright moving regions of each frame.
+        Scene and flights, with positions from the blobs, the regions that differ from the
+        background.
     progress
         Function that is called with a message about the work.
 
@@ -210,7 +211,8 @@ def settle(
     Parameters
     ----------
     ways
-        Flights made of blobs, in the order of time.
+        Flights in the order of time, with positions from the blobs, the regions that differ from
+        the background.
     ball
         The located ball, with one position per position of `ways` in the same order.
     """

@@ -266,11 +266,13 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     Parameters
     ----------
     blocks
-        Blocks on the diagonal of the matrix, (block, n, n); at least three.
+        Blocks on the diagonal of the matrix, (block, n, n). Each has n rows and n columns. There
+        are at least three.
     links
         Blocks beside the diagonal, (block, n, n). ``links[k]`` is in the rows of block k and the
-        columns of block k + 1, and the last link in the columns of the first block. The transposed
-        links are on the other side of the diagonal.
+        columns of block k + 1. The last link is in the rows of the last block and the columns of
+        the first block. The matrix is symmetric, so the transposed links are on the other side of
+        the diagonal.
     right
         Right-hand sides, (block, n, m). The solution has the same shape.
     """

@@ -70,8 +70,8 @@ def track_clip(
     ------
     InputError
         A file cannot be read, a statement is not allowed or does not fit the clip, the scale is
-        unknown, gravity was requested for the scale but no flight shows it, or the frame rate
-        implies an impossible value of g.
+        unknown, or the frame rate implies an impossible value of g. Or the user asked to compute
+        the scale from gravity, but no flight is curved enough.
     """
     # The file is opened first, because a file that is not a clip needs no scale.
     source = open_source(file)
