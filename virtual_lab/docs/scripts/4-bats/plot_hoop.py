@@ -2,9 +2,9 @@
 The hoop mode of a hollow bat
 =============================
 
-Collision efficiency e_A (rebound speed / impact speed, bat at rest) of the aluminum bat EA70 (3000
-Hz) and two variants. A softer shell (lower hoop frequency) stores more energy and returns most of
-it. The ball loses less, and e_A rises.
+Collision efficiency (rebound speed / impact speed, bat at rest) of the aluminum bat EA70 (3000 Hz)
+and two variants. A softer shell (lower hoop frequency) stores more energy and returns most of it.
+The ball loses less and rebounds faster.
 """
 
 import matplotlib.pyplot as plt

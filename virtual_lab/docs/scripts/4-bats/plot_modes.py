@@ -2,9 +2,9 @@
 Bending modes of a bat
 ======================
 
-The three lowest bending modes of the free wood bat, scaled to unit modal mass. A ball that hits a
-node (zero) does not excite that mode. The barrel nodes of the lowest two modes, 6.8 and 5.2 in from
-the tip, are near the best impact positions (band).
+The three lowest bending modes of the free wood bat R161, scaled to unit modal mass. A ball that
+hits a node (zero) does not excite that mode. The barrel nodes of the lowest two modes are 6.8 and
+5.2 in from the tip. The best impact positions are between them (gray).
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,9 @@
 Restitution, recoil and collision efficiency
 ============================================
 
-Restitution e, recoil factor r and collision efficiency e_A = (e - r) / (1 + r) of the wood bat
-R161, as in Figure 2 of Nathan (2003). e peaks near 5 in and r falls toward 11 in, so e_A peaks in
+Restitution e, recoil factor r (mass of the ball / effective mass of the bat at the impact position)
+and collision efficiency (e - r) / (1 + r) of the wood bat R161 in a game (90 mph pitch), as in
+Figure 2 of Nathan (2003). e peaks near 5 in and r falls toward 11 in, so the efficiency peaks in
 between.
 """
 
@@ -14,8 +15,9 @@ import virtual_lab as vl
 table = vl.profile("r161").table
 rows = table[table["impact_position_in"].between(1, 12)]
 figure, axes = plt.subplots()
-labels = {"restitution": "$e$", "recoil_factor": "$r$", "collision_efficiency": "$e_A$"}
+labels = {"restitution": "restitution $e$", "recoil_factor": "recoil factor $r$"}
+labels |= {"collision_efficiency": "collision efficiency $e_A$"}
 for column, label in labels.items():
     axes.plot(rows["impact_position_in"], rows[column], label=label)
-axes.set(xlabel="impact position from the tip, in", ylabel="$e$, $r$, $e_A$")
-axes.legend()
+axes.set(xlabel="impact position from the tip, in", ylabel="$e$, $r$, $e_A$", ylim=(-0.15, 0.75))
+axes.legend(loc="upper right", fontsize=8.5)

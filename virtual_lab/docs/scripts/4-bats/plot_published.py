@@ -2,8 +2,8 @@
 Published measurements compared with ours
 =========================================
 
-Ratio of our result to a published number that is not our input. Gray bars (cut at 0 and 2) are the
-ranges in which we accept a result. `virtual-lab reference` explains each square outside its bar.
+Results that are not our input. Gray: range in which we accept a result (cut at 0 and 2), wide if
+the number is approximate or of another bat. `virtual-lab reference` explains each square.
 """
 
 import matplotlib.pyplot as plt
@@ -11,15 +11,14 @@ import pandas as pd
 
 import virtual_lab as vl
 
-table = vl.reference().table
-table["published"] = pd.to_numeric(table["published"], errors="coerce")
-table = table[(table["role"] == "prediction")].dropna(subset=["value", "published"])
-ratio = (table["value"] / table["published"]).sort_values()
-place = pd.Series(range(1, ratio.size + 1), ratio.index)
-figure, axes = plt.subplots()
-ends = table[["agreement_low", "agreement_high"]].div(table["published"], axis=0).T
-axes.plot(ends[ratio.index], [place, place], "-", c="0.8", lw=4, solid_capstyle="butt")
-for marker, (verdict, rows) in zip("osx^D", table.groupby("agreement"), strict=False):
-    axes.plot(ratio[rows.index], place[rows.index], marker, mfc="none", ms=4, label=verdict)
-axes.set(xlabel="our result / published number", ylabel="published numbers, sorted", xlim=(0, 2))
-axes.legend()
+table = vl.reference().table.query("role == 'prediction'").set_index("quantity")
+columns = ["value", "agreement_low", "agreement_high"]
+ratios = table[columns].div(pd.to_numeric(table["published"], errors="coerce"), axis=0)
+ratios = ratios.assign(agreement=table["agreement"]).dropna().sort_values("value").reset_index()
+figure, axes = plt.subplots(figsize=(4.8, 8.5))
+axes.hlines(ratios.index, ratios["agreement_low"], ratios["agreement_high"], color="0.8", lw=4)
+for marker, (verdict, rows) in zip("os", ratios.groupby("agreement"), strict=True):
+    axes.plot(rows["value"], rows.index, marker, mfc="none", ms=4, label=verdict)
+axes.set_yticks(ratios.index, ratios["quantity"].str.wrap(30), fontsize=7)
+axes.set(xlabel="our result / published number", xlim=(0, 2), ylim=(-1, len(ratios)))
+figure.legend(loc="outside upper right", ncols=2)

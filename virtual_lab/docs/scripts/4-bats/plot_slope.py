@@ -1,9 +1,10 @@
 """
-The slope of e_A along the barrel
-=================================
+The slope of the collision efficiency
+=====================================
 
-Derivative of e_A with respect to the impact position. It is zero where e_A is largest. The larger
-its magnitude, the more an error of the impact position changes the measured e_A.
+The collision efficiency is the rebound speed of a ball / its impact speed on a bat at rest. Where
+its slope along the barrel is large, an error of the impact position changes the measured value. At
+the best position the slope is zero.
 """
 
 import matplotlib.pyplot as plt
@@ -14,9 +15,9 @@ import virtual_lab as vl
 figure, axes = plt.subplots()
 for bat, label in (("r161", "R161, wood"), ("ea70", "EA70, aluminum")):
     table = vl.profile(bat).table
-    rows = table[table["impact_position_in"].between(3, 10)]
-    z = rows["impact_position_in"]
-    axes.plot(z, np.gradient(rows["collision_efficiency"], z), label=label)
+    z = table["impact_position_in"]
+    slope = np.gradient(table["collision_efficiency"], z)
+    axes.plot(z[z.between(3, 10)], slope[z.between(3, 10)], label=label)
 axes.axhline(0, color="black", linewidth=0.8)
-axes.set(xlabel="impact position from the tip, in", ylabel="slope of $e_A$, 1/in")
+axes.set(xlabel="impact position from the tip, in", ylabel="slope of collision efficiency, 1/in")
 axes.legend()

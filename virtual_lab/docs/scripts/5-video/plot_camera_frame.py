@@ -2,8 +2,8 @@
 A ball to hundredths of a pixel
 ===============================
 
-Left: a simulated camera frame of a ball with the outline fitted to its rim (dashed). Right: its
-middle, enlarged. The fitted center is within three hundredths of a pixel of the true center.
+Left: a simulated camera frame of a ball, with the outline fitted to its rim (dashed). Right: its
+center, enlarged. The fitted center is within three hundredths of a pixel of the true center.
 """
 
 import matplotlib.pyplot as plt
@@ -16,10 +16,10 @@ batch = pictures(Case(radius=20, stitched=True, light="soft", phases=1, repeats=
 given = batch.inputs
 ball = fit_edge(given.regions, given.start, noise=given.noise, lens=given.lens)
 (left, top), (x, y) = given.regions.corners[0], ball.places[0] - given.regions.corners[0]
-figure, (axes, zoom) = plt.subplots(1, 2, subplot_kw={"xlabel": "column, px"}, figsize=(5, 3.2))
+figure, (axes, zoom) = plt.subplots(1, 2, subplot_kw={"xlabel": "column, px"}, figsize=(5.4, 3.2))
 axes.imshow(given.regions.pixels[0], cmap="gray", zorder=2)
 axes.add_patch(plt.Circle((x, y), ball.radius[0], fill=False, ec="C1", lw=3, ls="--", zorder=3))
 axes.set_ylabel("row, px")
 zoom.plot(x, y, "k+", batch.x - left, batch.y - top, "C1o", markersize=9)
-zoom.set(xlim=(x - 0.1, x + 0.1), ylim=(y + 0.1, y - 0.1), aspect=1)
+zoom.set(ylabel="row, px", xlim=(x - 0.1, x + 0.1), ylim=(y + 0.1, y - 0.1), aspect=1)
 zoom.legend(["fitted center", "true center"])

@@ -2,9 +2,9 @@
 A ball in a phone's clip
 ========================
 
-A simulated clip of a ball that bounces is tracked like a clip from a phone. Each dot is the ball in
-one frame (not drawn: that of the contact, and the fits to both flights, which give the speeds at
-the floor). The ratio of these speeds is the restitution.
+A simulated clip is tracked like a clip from a phone. Each dot is the ball in one frame. A curve
+fitted to the flight before and one after the bounce (not drawn) give both speeds at the floor.
+Their ratio is the restitution.
 """
 
 import matplotlib.pyplot as plt
@@ -20,6 +20,6 @@ noise = np.random.default_rng(1).normal(0, 2, away.shape)
 clip = (40 + 120 * np.clip(10.9 - away, 0, 1) + noise).astype(np.uint8)
 track = vl.track(clip, ball="73mm±0.5mm", fps=240)
 figure, axes = plt.subplots()
-axes.set_title(f"restitution {track.contacts['restitution'][0]:.3f}")
+axes.set_title(f"restitution {track.contacts['restitution'][0]:.3f} (true: {3 / 5.47:.3f})")
 axes.plot(track.places["time_s"], track.places["y_px"], "o")
 axes.set(xlabel="time, s", ylabel="image row, px", ylim=axes.get_ylim()[::-1])

@@ -2,8 +2,9 @@
 Where a physics engine is accurate
 ==================================
 
-Rebound of a ball in the physics engine pymunk. It is accurate with our collision model. Alone, at
-high speed, it is unstable (the ball passes the bat or gains energy) unless the steps are short.
+Rebound of a ball in the physics engine pymunk. With our collision model it is accurate (velocity
+within 0.01 % of the speed of approach). Alone, it is unstable where step times speed is large: from
+20 mph at 10 ms, 60 mph at 3 ms and 160 mph at 1 ms. The ball then passes the bat or gains energy.
 """
 
 import matplotlib.pyplot as plt
@@ -17,8 +18,8 @@ table = table.replace(names | {"good": "accurate"})
 figure, panels = plt.subplots(1, 2, sharey=True, figsize=(5, 3.8))
 for axes, (method, rows) in zip(panels, table.groupby("method"), strict=True):
     for k, (state, marker) in enumerate({"accurate": "o", "unstable": "^"}.items()):
-        x, y = rows.loc[rows["state"] == state, ["value", "step"]].to_numpy().T
+        x, y = rows.loc[rows["state"] == state, ["value", "step"]].to_numpy().T * [[1], [1e3]]
         axes.loglog(x, y, marker, color=f"C{k}", mfc="none", label=state)
     axes.set(title=method, xlabel="ball speed, mph")
-panels[0].set(ylabel="time step, s")
+panels[0].set(ylabel="time step, ms")
 figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", fontsize=9)
