@@ -4,8 +4,8 @@ A control chart
 
 Restitution e0 of a check ball fired at a wall that slowly works loose, minus the mean of days 1 to
 25 (σ: their standard deviation). First alarm, day 36: eight days are below the mean (day 33 is just
-below). The weighted average (newest day: 20 %) leaves its limits on day 37, a day leaves the band
-of 3 σ on day 44.
+below). The weighted average (newest day: 20 %) leaves its limits on day 37, and a single day leaves
+± 3 σ on day 44.
 """
 
 import matplotlib.pyplot as plt

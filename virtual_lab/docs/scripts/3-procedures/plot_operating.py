@@ -2,7 +2,7 @@
 Chance to pass near the limit
 =============================
 
-Chance that a bat passes BBCOR, for 20 variants of EA70 with other hoop frequencies. Circles:
+Chance that a bat passes BBCOR, for 20 variants of EA70 with different hoop frequencies. Circles:
 counted in 5 000 tests each (95 % intervals). Line: predicted from the errors of one variant. The
 limit is raised to 0.537 because all variants exceed the 0.500 of the rules. At the limit 47 % pass,
 not 50, because BBCOR comes out 0.00015 high on average.

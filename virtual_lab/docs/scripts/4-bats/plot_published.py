@@ -2,8 +2,9 @@
 Published measurements compared with ours
 =========================================
 
-Results that are not our input. Gray: range in which we accept a result (cut at 0 and 2), wide if
-the number is approximate or of another bat. `virtual-lab reference` explains each square.
+Ratio of our result to a published number that is not our input. Gray: range in which we accept a
+result (cut at 0 and 2). It is wide where the published number is approximate or of another bat.
+`virtual-lab reference` explains each square.
 """
 
 import matplotlib.pyplot as plt

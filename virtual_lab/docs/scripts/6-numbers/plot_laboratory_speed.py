@@ -2,9 +2,10 @@
 What a faster model costs a result
 ==================================
 
-Each number is a simpler model of one part of a test by ASTM F1881 (5: BBCOR). It changes the
-result, or the length of its interval (6, 7), from that of the finest model (80 to 1 500 ms, not
-drawn). Studies use 2, 3, 4 and 6. First order (6) exceeds the limit, so its coverage was tested.
+Each number is a simpler model of one part of a test by ASTM F1881 (5: one filmed hit, BBCOR). It
+changes the result, or the length of its interval (6, 7), from that of the finest model (80 to 1 500
+ms, not drawn). Studies use 2, 3, 4 and 6. First order (6) exceeds the limit, so its coverage was
+tested.
 """
 
 import matplotlib.pyplot as plt
