@@ -86,9 +86,9 @@ def collide_bats(
     All collisions are integrated together, by the stepper of the first model.
 
     `tables` holds the values of `ModalModel.table` at the n impact positions, one array (n, N + 1)
-    per pair. The first N columns are the shapes of all modes [kg^-1/2], with the rigid modes first
-    and the hoop mode last. Column N + 1 is the static compliance of all higher modes [m/N]. These
-    modes are too stiff to vibrate, so they are not among the N modes. Without `tables` these values
+    per pair. The first N columns are the shapes of the N modes of the model [kg^-1/2], with the
+    rigid modes first and the hoop mode last. The last column is the static compliance of all higher
+    modes [m/N], which are too stiff to vibrate during the contact. Without `tables` these values
     are interpolated by splines. For a few scenes this is slower, because the splines must be built
     first.
 

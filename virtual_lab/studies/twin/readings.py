@@ -180,9 +180,9 @@ def readings_of(certified: Certifications) -> dict[str, float]:
     ball and nominal speed. Three readings are missing if the records do not contain their values.
     "fit" is the largest misfit of the record of an encoder or a light board, divided by the median
     misfit of the shots. "chords" is the diameter of the ball by the gates at the bat, divided by
-    the diameter by the gates at the wall. "rebound and recoil" is the mean e_A from the recoil of
-    the bat minus the mean e_A from the rebound of the ball, divided by the standard uncertainty of
-    this difference.
+    the diameter by the gates at the wall. "rebound and recoil" is the absolute difference of two
+    values of the mean e_A, from the recoil of the bat and from the rebound of the ball, divided by
+    the standard uncertainty of the difference.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls

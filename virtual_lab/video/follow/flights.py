@@ -56,9 +56,9 @@ FLIGHTS = FlightSearch()
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
     """Return the flights of the ball among pieces of motion, and the joint fit of the flights.
 
-    A piece is a series of positions of one object in successive frames. The flights are the pieces
-    that fit one ball with the same acceleration by gravity. The result is ``([], None)`` if there
-    are no flights, or if the motion is that of a pendulum.
+    A piece is a series of positions of one object on a smooth path. The flights are the pieces that
+    fit one ball with the same acceleration by gravity. The result is ``([], None)`` if there are no
+    flights, or if the motion is that of a pendulum.
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:

@@ -149,11 +149,10 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Return the duration of one time step of `scene.time` [s].
 
-    In `scene.time` each new picture takes one step, and a frame that repeats the picture before it
-    takes none. Without repeated frames the step is the frame interval, 1 / rate. With repeated
-    frames it is longer, because fewer steps cover the same time. The frames are counted during the
-    flights `ways`, or in the whole clip without flights. With fewer than two frames the result is 1
-    / rate.
+    If every stored frame takes one step in `scene.time`, the step is the frame interval, 1 / rate.
+    If frames that repeat the picture before them take no step, the same time is covered by fewer
+    steps, and a step is longer. The frames are counted during the flights `ways`, or in the whole
+    clip without flights. With fewer than two frames the result is 1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:
