@@ -188,6 +188,11 @@ def test_a_study_with_one_lot_is_summarised_without_a_scatter_of_lots() -> None:
         ("alone = 250", "alone = 1", "alone = 1 shows no scatter"),
         ("seed = 3", "seed = 3\nrepeat = 2", "repeat; unknown key, did you mean repeats"),
         ("[factors.wall]", "[factors.walls]", "walls"),
+        (
+            "[factors.wall]",
+            "[factors.stiffness]\n[factors.wall]",
+            "factors.stiffness has no effect",
+        ),
         ('0.99, unit = "1"', '0.99, unit = "mph"', "unit 'mph' is not a unit of number"),
         ('"ea70"', '"ea71"', "'ea71'; did you mean ea70"),
         ('"astm-f1881"', '"astm"', "'astm'; did you mean"),

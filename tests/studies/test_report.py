@@ -53,7 +53,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("bats", "bats by one procedure"),
         ("procedures", "one bat by several procedures"),
         ("laboratories", "laboratories of one bat"),
-        ("repeats", "repeats of one test"),
+        ("repeats", "the same bat, procedure and laboratory, as far as stated"),
     ],
 )
 def test_the_report_names_its_comparison(results: Path, folder: str, kind: str) -> None:

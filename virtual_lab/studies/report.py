@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 PACKAGE = "virtual_lab.certificate"
-REPEATS = "repeats of one test"
+REPEATS = "the same bat, procedure and laboratory, as far as stated"
 AS_STATED = "Numbers as stated in the certificates, not verified."
 MOST_NAMED = 30  # largest number of certificate names printed beside the figure
 
