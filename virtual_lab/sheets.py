@@ -443,7 +443,7 @@ def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> s
     settings, changed = {}, [f"# {call}\n"]
     for key, value in arguments.items():
         if sealed and key in ("seed", "faults"):
-            changed += ["# seed: sealed with the truth\n"] if key == "seed" else []
+            changed += ["# seed: stored only with the truth\n"] if key == "seed" else []
         elif value is not None and key != "progress":
             listed = isinstance(value, list | tuple)
             values = [_setting(each) for each in (value if listed else [value])]

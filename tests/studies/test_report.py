@@ -31,10 +31,12 @@ LABS = {"one": "Riverside", "two": "Hilltop"}
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Save tests of two bats, two procedures, two laboratories and three repeats."""
+    """Save tests of two bats, two procedures, laboratories with and without names, and repeats."""
     folder = tmp_path_factory.mktemp("results")
     for number in range(3):
-        vl.certify("r161", seed=7, number=number).save(folder / "repeats" / f"n{number}")
+        vl.certify("r161", seed=7, test=number).save(folder / "repeats" / f"n{number}")
+    for number in (1, 2):
+        vl.certify("r161", seed=7, number=number).save(folder / "unnamed" / f"n{number}")
     vl.certify("ea70", seed=7).save(folder / "bats" / "ea70")
     vl.certify("r161", seed=7, bat_serial="S1").save(folder / "bats" / "r161")
     vl.certify("r161", procedure="ncaa-besr", seed=7).save(folder / "procedures" / "besr")
@@ -52,7 +54,8 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("bats", "bats by one procedure"),
         ("procedures", "one bat by several procedures"),
-        ("laboratories", "laboratories of one bat"),
+        ("laboratories", "laboratories of one bat design"),
+        ("unnamed", "laboratories of one bat design"),
         ("repeats", "the same bat, procedure and laboratory, as far as stated"),
     ],
 )
@@ -76,8 +79,11 @@ def test_certificates_that_differ_in_more_than_one_way_are_refused_by_name(resul
 
 
 def test_the_scatter_of_laboratories_is_compared_with_the_stored_study(results: Path) -> None:
-    said = "Simulated laboratories scatter by s_R 0.0061 (virtual-lab interlab, r161: repeats"
+    said = (
+        "Simulated laboratories that test the same bat scatter by s_R 0.0061 (virtual-lab interlab,"
+    )
     assert said in vl.report(results / "laboratories").text
+    assert said in vl.report(results / "unnamed").text
     assert "interlab" not in vl.report(results / "repeats").text
 
 

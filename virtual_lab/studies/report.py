@@ -45,7 +45,7 @@ def _laboratory(document: CertificateDocument) -> str:
 KINDS: dict[str, tuple[str, Callable[[CertificateDocument], str]]] = {
     "bats": ("bats by one procedure", _bat),
     "procedures": ("one bat by several procedures", lambda one: one.procedure.name),
-    "laboratories": ("laboratories of one bat", _laboratory),
+    "laboratories": ("laboratories of one bat design", _laboratory),
 }
 
 
@@ -292,8 +292,9 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
     """Compare the certificates in result folders.
 
     The certificates must differ in only one way: several bats, several procedures, several
-    laboratories, or repeats of one test. The same test must not occur twice. The numbers are copied
-    from the certificates and not recomputed; `verify` recomputes them.
+    laboratories, or repeats of one test. Laboratories without a stated name are told apart by their
+    calibrations. The same test must not occur twice. The numbers are copied from the certificates
+    and not recomputed; `verify` recomputes them.
 
     Parameters
     ----------
@@ -348,7 +349,21 @@ def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
     if len(differing) > 1:
         differences = "; ".join(f"{key}: {names}" for key, names in differing.items())
         allowed = (
-            f"differ in more than one respect ({differences}); allowed: a difference in one at most"
+            f"differ in more than one respect ({differences}); allowed: a difference in one at "
+            "most, so compare them in groups"
         )
         raise InputError("", "folders", None, allowed)
-    return KINDS[next(iter(differing))][0] if differing else REPEATS
+    if differing:
+        return KINDS[next(iter(differing))][0]
+    unnamed = [each for each in documents.values() if not _laboratory(each)]
+    calibrations = {_calibrations(each) for each in unnamed} - {frozenset()}
+    return KINDS["laboratories"][0] if len(calibrations) > 1 else REPEATS
+
+
+def _calibrations(document: CertificateDocument) -> frozenset[tuple[str, float]]:
+    """Return the u of each calibrated input with finite degrees of freedom.
+
+    Laboratories differ in them, because each has calibrated its own instruments.
+    """
+    lines = (line for line in document.budget if line.evaluation == "B" and line.dof is not None)
+    return frozenset((line.component, line.u) for line in lines)

@@ -39,9 +39,10 @@ class ExpectedScatter:
         elif 1 - above < UNLIKELY:
             verdict = f"is smaller than that (p = {1 - above:.1g})"
         return (
-            f"Simulated laboratories scatter by s_R {self.reproducibility:.2g} (virtual-lab "
-            f"interlab, {self.bat}: repeats {self.repeats:.2g}, {lots}laboratories "
-            f"{self.laboratories:.2g}; largest cause: {self.cause}); the scatter here {verdict}"
+            "Simulated laboratories that test the same bat scatter by s_R "
+            f"{self.reproducibility:.2g} (virtual-lab interlab, {self.bat}: repeats "
+            f"{self.repeats:.2g}, {lots}laboratories {self.laboratories:.2g}; largest cause: "
+            f"{self.cause}); the scatter here {verdict}"
         )
 
 
