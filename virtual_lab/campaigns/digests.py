@@ -39,11 +39,11 @@ def with_digests(file: bytes) -> bytes:
 
 
 def checked_file(path: Path) -> bytes:
-    """Return the bytes of a Parquet file after a check of its digests.
+    """Return the bytes of a Parquet file after a check of its two digests.
 
-    The footer of the file contains the digest of the data, and its own digest, which is computed
-    with zeros in place of this digest. Raises `InputError` if the file cannot be read, and
-    `ChangedPartError` if the data or the footer do not have these digests.
+    The footer of the file contains the digest of the data and the digest of the footer itself. To
+    compute the digest of the footer, zeros are put in the place of this digest. Raises `InputError`
+    if the file cannot be read. Raises `ChangedPartError` if the data or the footer were changed.
     """
     file = read_bytes(path, most=LARGEST_PART)
     data, footer, _ = _split_file(file)

@@ -123,10 +123,9 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
     column, the type and the unit come from the first procedure that has it.
 
     The columns are determined by testing the first laboratories of some cases. A case is a
-    combination of bat, procedure and changed values. If several cases differ only in the size of
-    changed numbers, only the first of them is tested. A changed number of 0 is different, because
-    an uncertainty of 0 has no column. Cases in which a changed number is 0 are therefore compared
-    only with each other.
+    combination of bat, procedure and changed values. Cases are alike if they differ only in the
+    size of changed numbers, and if the same numbers are 0 in all of them. An uncertainty of 0 has
+    no column. One case is tested from each group of cases that are alike.
 
     `progress` is called with a message, the number of cases tested, and the total. Raises
     `InputError` if a sheet cannot be used, or if bat, ball, rigs and procedure do not fit together.

@@ -36,11 +36,11 @@ def certificate_figures(document: CertificateDocument) -> dict[str, str | None]:
 
 
 def hits_figure(document: CertificateDocument) -> str:
-    """Return an SVG figure of the metric: its value for each hit, and the result with the limit.
+    """Return an SVG figure of the metric of each hit, and of the test result.
 
     The hits are drawn in the order of the shots. For a scan along the barrel, they are drawn
-    against the impact position [in from the tip]. The result has a second panel, which is left out
-    if there is no result.
+    against the impact position [in from the tip]. A second panel shows the test result with its
+    limit. It is left out if the certificate states no test result.
     """
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0

@@ -26,17 +26,20 @@ def dropped_frames(
 ) -> list[dict[str, Any]]:
     """Return one row per combination of a number of dropped frames and a position error.
 
-    The error of a located position is random; its standard deviations are `ERRORS` [px]. A row has
-    the same keys as in `camera_stability.picture_cells`, with two differences. ``rms_unflagged`` is
-    the relative rms error of the speed of the incoming balls without a flag. The numbers of
-    pictures are numbers of balls. The state follows from the rms error of all incoming balls.
+    The error of a located position is random. Its standard deviations are `ERRORS` [px]. A row has
+    the same keys as in `camera_stability.picture_cells`, with these differences:
+
+    * ``rms_unflagged`` is the relative rms error of the measured incoming speed, over all balls
+      without a flag.
+    * ``pictures``, ``unsaid``, ``flagged`` and ``lost`` count balls instead of pictures.
+    * ``state`` is computed from the rms error of all incoming speeds.
 
     Parameters
     ----------
     counts
         Numbers of consecutive dropped frames.
     flights
-        Number of balls per cell, each with an incoming and a rebound flight.
+        Number of balls per row, each with an incoming and a rebound flight.
     """
     return [_cell(count, error, flights) for error in ERRORS for count in counts]
 

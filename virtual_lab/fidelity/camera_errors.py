@@ -30,12 +30,13 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
     """Return the score of the located positions in a batch of pictures.
 
     * `rms`: rms error along an axis [px].
-    * `bias`: largest absolute bias along an axis, divided by the limit of the batch (no unit). A
-      bias is the mean error of the pictures with the same x relative to the grid of pixels.
+    * `bias`: largest absolute bias along an axis, divided by the limit of the batch (no unit).
     * `lost`: share of pictures without a position, 0 to 1.
     * `flagged`: share of pictures with a position and a flag, 0 to 1.
     * `unsaid`: share of pictures with an error above 5 u but without a flag, 0 to 1.
 
+    The limit of the batch is the smallest possible standard uncertainty of a position. A bias is a
+    mean error. The mean is over all pictures in which the true x has the same fraction of a pixel.
     If no picture has a position, `rms` and `bias` are inf, `lost` is 1 and the other shares are 0.
     """
     errors = np.stack([located.x - batch.x, located.y - batch.y])
@@ -57,8 +58,8 @@ def wrong_unsaid(batch: Batch, located: Located) -> NDArray[np.bool_]:
     """Return the mask of positions with an error above 5 u and without a flag, shape (picture,).
 
     The error along x or along y must be above 5 u. u includes the uncertainty from the pattern of
-    the ball. If a method states no u, the limit of the batch is used, which is the smallest
-    possible u. The mask is False for a picture without a position.
+    the ball. If a method states no u, ``batch.limit`` is used instead. This is the smallest
+    possible standard uncertainty of a position. The mask is False for a picture without a position.
     """
     pattern = np.nan_to_num(located.pattern_u)
     wrong = np.zeros(batch.x.shape, bool)

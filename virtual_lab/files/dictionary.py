@@ -368,11 +368,12 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 def with_units(table: pd.DataFrame) -> pd.DataFrame:
     """Store the units of a table's columns in its ``attrs["units"]``, and return the same table.
 
-    ``attrs["units"]`` is a dictionary keyed by column name. A unit is "" for strings and counts,
-    and "1" for pure numbers. Columns that are not in the dictionary of columns are left out. Some
-    columns can have another unit in each row. A table with such columns has a column ``unit`` with
-    the unit of each row. If the unit is the same in all rows, it is stored for these columns.
-    Otherwise ``of the row`` is stored.
+    ``attrs["units"]`` is a dictionary from column name to unit. A unit is "" for strings and
+    counts, and "1" for pure numbers. A column that `column_meaning` does not know is left out.
+
+    Some columns can have a different unit in each row. A table with such columns has a column
+    ``unit`` with the unit of each row. If this unit is the same in all rows, it is stored as the
+    unit of these columns. Otherwise ``of the row`` is stored.
     """
     units = units_of(map(str, table.columns))
     stated = set(table["unit"]) if "unit" in table else set()

@@ -102,8 +102,8 @@ def require_places(procedure: Procedure, bat: BatSpec) -> None:
 def require_ball(procedure: Procedure, ball: BallSpec) -> None:
     """Raise `InputError` if mass or e0 of a nominal ball is outside the limits of a procedure.
 
-    A lot of balls has masses and e0 near the nominal values. If these are outside the limits, the
-    procedure would reject most balls.
+    The masses and e0 of real balls scatter around the nominal values. If a nominal value is outside
+    the limits, the procedure would reject most balls.
     """
     windows = procedure.windows
     e0 = ball.restitution.at(windows.ball_restitution_speed)

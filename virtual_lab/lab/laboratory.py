@@ -209,11 +209,11 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
 
 
 def constant_name(stage: Stage, name: str) -> str:
-    """Return the name in a session of a station's constant, such as ``impact.gates.clock``.
+    """Return the name of a calibration constant in a session, such as ``impact.gates.clock``.
 
-    `name` is the name at the station, such as ``gates.clock``. The stage (kind of measurement) is
-    put in front of it. Constants of air and gravity are common to all rigs in a hall. They begin
-    with ``hall`` instead, as in ``hall.air.density``.
+    `name` is the name at the station, such as ``gates.clock``. The name in the session begins with
+    the stage (kind of measurement). Constants of air and gravity are common to all rigs in a hall.
+    Their names begin with ``hall`` instead, as in ``hall.air.density``.
     """
     if name.startswith("hall."):
         return name

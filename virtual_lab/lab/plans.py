@@ -39,9 +39,14 @@ def wall_plan(
     """Return the plan to fire every ball at the wall at each speed of the procedure.
 
     Each ball is fired `rules.wall_hits` times at each speed [m/s]. The arrays of the plan are
-    (shot,). The shots are sorted by laboratory and ball, and all positions are 0. `detail` states
-    whether the instruments record every reading or only summary values. `laboratories` is (n,) for
-    a block of n laboratories, and () for one laboratory.
+    (shot,). The shots are sorted by laboratory and ball. All positions are 0.
+
+    Parameters
+    ----------
+    detail
+        Whether the instruments record every reading or only summary values.
+    laboratories
+        The tuple ``(n,)`` for a block of n laboratories, or ``()`` for one laboratory.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = in_turn(laboratories, rules.balls * speeds.size)

@@ -104,8 +104,8 @@ def table_text(
 ) -> str:
     """Return rows as a text table with a header. The columns are as wide as their longest cell.
 
-    Without rows the text is the word ``nothing``. None gives an empty cell. A column is left out if
-    all its cells are empty.
+    Without rows the text is the word ``nothing``. The value None gives an empty cell. A column is
+    left out if all its cells are empty.
 
     Parameters
     ----------
@@ -115,8 +115,9 @@ def table_text(
         Columns to print, in this order, keyed by column key. By default the printed columns of the
         dataclass, or one column per key of a mapping.
     across
-        Key of each row that holds the head of its column in a transposed table. In such a table
-        each element of `rows` is a column. By default the table is not transposed.
+        By default each element of `rows` is a line of the table. If `across` is stated, the table
+        is transposed, so that each element is a column. `across` is then the key of the value that
+        is printed as the head of this column.
     """
     if not rows:
         return "nothing"

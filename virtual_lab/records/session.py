@@ -90,9 +90,11 @@ def pack(session: Session) -> PackedSession:
     """Return the files of a session as bytes and arrays, keyed by path in its folder.
 
     Nothing is written. The file ``session.json`` holds the SHA-256 of every other file. For the
-    hash of a text file, CR LF is replaced by LF. In a simulated session, the hash of a channel also
-    covers the entry ``simulation`` of ``session.json``. This entry, as JSON in one line with sorted
-    keys, is put before the channel's file.
+    hash of a text file, CR LF is replaced by LF.
+
+    A channel is one instrument's record. In a simulated session, the hash of a channel's file also
+    covers the entry ``simulation`` of ``session.json``. The hash is then computed from this entry,
+    followed by the file. The entry is JSON in one line with sorted keys.
     """
     channels: dict[str, dict[str, Any]] = {}
     start = _start_of_digests(session.origin)

@@ -64,11 +64,12 @@ def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
     """Return the owner and the slot of `count` consecutive readings in each laboratory of a block.
 
     The owner of a reading is the index of its laboratory in the block. The slot of a reading is its
-    number in this laboratory, from 0 to `count` - 1. For a block of n laboratories, both arrays
-    have the shape (n · count,), sorted by laboratory.
+    number in this laboratory, from 0 to `count` - 1. Owner and slot select the random numbers of
+    the reading.
 
-    `laboratories` is (n,), or () for a single laboratory outside a block. For a single laboratory
-    the owner is Python's `Ellipsis`, and the slots have the shape (count,).
+    For a block of n laboratories, `laboratories` is ``(n,)``. Both results then have n times
+    `count` elements, sorted by laboratory. For a single laboratory outside a block, `laboratories`
+    is ``()``. The slots then have the shape (count,), and the owner is Python's `Ellipsis` object.
     """
     slots = np.tile(np.arange(count), laboratories)
     return (np.arange(*laboratories).repeat(count) if laboratories else ...), slots

@@ -198,9 +198,9 @@ def daily(
     Parameters
     ----------
     ball
-        Check ball for the wall: a name in the catalog or a .toml file. Aging lowers the
-        restitution of some balls from day to day, and the charts include this. The check cylinder
-        at the impact rig is always hit with the check ball of the catalog.
+        Check ball for the wall: a name in the catalog or a .toml file. Aging lowers the restitution
+        of some balls from day to day, and the charts include this. The check cylinder at the impact
+        rig is always hit with the check ball of the catalog.
     days
         Number of mornings.
     baseline
@@ -209,10 +209,10 @@ def daily(
         Number of hits each morning.
     drift
         Loss of rebound speed at the wall per day, for example 0.0005. It is a fraction of the
-        rebound speed before the losses, when the wall is rigid.
+        rebound speed from a rigid wall.
     step
-        Sudden loss of rebound speed at the wall, as a fraction of the rebound speed before the
-        losses.
+        Sudden loss of rebound speed at the wall, as a fraction of the rebound speed from a rigid
+        wall.
     faults
         Fault of the impact rig.
 
@@ -237,8 +237,9 @@ def daily(
     Raises
     ------
     InputError
-        A number is out of range, a ball, rule or fault is unknown, the gates do not detect every
-        rebound from the wall because it is too slow, or a day has no valid hit at the cylinder.
+        A number is out of range, or a ball, rule or fault is unknown. The gates do not detect every
+        rebound from the wall, because the rebound is too slow. A day has no valid hit at the
+        cylinder.
     """
     ball, faults, rules = entry_name(ball), words_of(faults), wholes_of(rules)
     _check_counts(days, baseline, hits, rules)

@@ -205,10 +205,14 @@ def record_score(
 def economy_score(day: Day, expert: Day, needless: float, result: float) -> tuple[float, str]:
     """Return the economy score, 0 to 1, and its explanation.
 
-    The score is the product of three factors: the expert's time divided by the trainee's time, the
-    expert's number of shots divided by the trainee's number of shots, and the score `result`. The
-    first two factors are at most 1. `needless` is the time of checks that the procedure does not
-    require but that a reading justified [s]. It does not count as the trainee's time.
+    The score is the product of these factors:
+
+    * The expert's time divided by the trainee's time, at most 1.
+    * The expert's number of shots divided by the trainee's number of shots, at most 1.
+    * The score `result`.
+
+    `needless` is a time [s] that is subtracted from the trainee's time. It is the time of extra
+    checks. The procedure does not require them, but an unusual reading was a good reason for them.
     """
     minutes, shots = max((day.seconds - needless) / 60, 1.0), max(len(day.fired), 1)
     theirs, fired = expert.seconds / 60, max(len(expert.fired), 1)

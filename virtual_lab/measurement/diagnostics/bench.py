@@ -164,15 +164,17 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     mean but not the median. A swing is odd if it is much longer or shorter than the median. A
     counted release is one that is used for the period, see `counted_releases`.
 
-    Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases.
-    The first is for the mean over all counted releases. The second compares the most deviating
-    release with the others. It is needed because an outlier increases the uncertainty in the first
-    comparison.
+    Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases:
 
-    Two flags are always yielded, even if they are raised in no laboratory. The first is for
-    releases that are left out because of an odd swing. The second is for releases with an odd swing
-    that are used because too few others remain. The second flag rules out a verdict if it is
-    raised.
+    * The first compares the mean with the median swing time, on average over all counted releases.
+    * The second compares the release that deviates most with the others. An outlier increases the
+      uncertainty of the first comparison, so that the first may miss it.
+
+    Two flags are always yielded, even if they are raised in no laboratory:
+
+    * The first is for releases that are left out because of an odd swing.
+    * The second is for releases with an odd swing that are used, because too few others remain. If
+      it is raised, the laboratory gets no verdict.
     """
     record = evidence.block.records["bench"]["pendulum"]
     assert isinstance(record, PendulumRecord)

@@ -147,14 +147,17 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons per encoder: the rate from half of a record, and from the whole record.
+    """Yield two comparisons per encoder.
 
-    The half is the part of a shot's record nearest contact. For each shot, the difference of the
-    two rates is multiplied by the sensitivity of the test result to the rate.
+    The rate from half of a record is compared with the rate from the whole record. The half is the
+    part of a shot's record nearest contact. For each shot, the difference of the two rates is
+    multiplied by the sensitivity of the test result to the rate. The two comparisons are:
 
-    The first comparison uses the sum of these products over all shots of a laboratory. The second
-    uses the product of a single shot of each laboratory: the shot with the smallest p-value
-    (`Pairs.harmful`). `Pairs.sigmas`, (laboratory,), is the absolute sum or product in units of its
+    * The sum of these products over all shots of a laboratory.
+    * The product of a single shot of each laboratory, the shot with the smallest p-value
+      (`Pairs.harmful`).
+
+    `Pairs.sigmas`, (laboratory,), is the absolute value of this sum or product, divided by its
     standard uncertainty.
 
     Nothing is yielded for an encoder that the rig does not have, that keeps no record, or that does

@@ -273,14 +273,27 @@ def shortfalls_of_block(
     mean: Array,
     square: Array,
 ) -> None:
-    """Fill `mean` and `square` with the expected shortfall of each scan and its expected square.
+    """Fill `mean` and `square` with the expected shortfall and its expected square, per scan.
 
-    A shortfall is the amount by which an adjacent position is truly better than the chosen one. The
-    true amount is unknown; its normal distribution is described in `choice.shortfalls`. `mean`,
-    (laboratory,), has the unit of the metric, and `square` its square. A position is complete if it
-    has as many valid hits as the rules require. Both results are 0 without a complete position or
-    without scatter. In `place`, `valid` and `metric`, laboratory i has the shots from `starts[i]`
-    up to, but not including, `starts[i + 1]`.
+    A scan tests several positions along the barrel, and one of them is chosen. The shortfall is the
+    amount by which an adjacent position is truly better than the chosen one. The true amount is
+    unknown. Its normal distribution is described in `choice.shortfalls`.
+
+    Parameters
+    ----------
+    starts
+        First shot of each laboratory. Laboratory i has the shots from `starts[i]` up to, but not
+        including, `starts[i + 1]`.
+    place, valid, metric
+        Impact position, validity and metric of each shot, (shot,).
+    rules
+        Rules of the scan. A position is complete if it has as many valid hits as they require.
+    mean
+        Overwritten with the expected shortfall, (laboratory,), in the unit of the metric. It is 0
+        if no position is complete, or if the hits do not scatter.
+    square
+        Overwritten with the expected square of the shortfall, (laboratory,), in the squared unit of
+        the metric. It is 0 in the same cases.
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

@@ -68,7 +68,8 @@ def fit_heights(
 ) -> None:
     """Compute the height of each shot at the target, and the slopes of its flights in and out.
 
-    The results are computed for several sets of constants. A row of an array belongs to one set.
+    The results are computed for several sets of constants. Each set is a row of the arrays below.
+
     The height is measured on the incoming ball. A slope is the change of height per meter of
     distance from the target, without the effect of gravity. A slope is NaN if fewer than two gates
     detected the ball in this direction. The height is NaN if the slope in is NaN.
@@ -76,8 +77,8 @@ def fit_heights(
     Parameters
     ----------
     heights
-        Heights at which the balls passed the gates, (batch, direction, gate, shot) [m]. A batch is
-        a group of rows with the same heights.
+        Heights at which the balls passed the gates, (batch, direction, gate, shot) [m]. Rows that
+        use the same heights share a batch.
     batch
         Index of the batch of each row, (row,).
     speeds

@@ -195,10 +195,17 @@ def rebound_speed_from_recoil(
 def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
     """Return the distance from the barrel tip at which a ball met the bat [m].
 
-    It is `aimed` + `aim` - `along`, all in meters. `aim` is the offset of the line of fire from its
-    nominal line for one set of constants, positive toward the knob. `aimed` is the planned impact
-    position. It contains the calibrated offset `along`, which is therefore subtracted before `aim`
-    is added.
+    The result is `aimed` + `aim` - `along`.
+
+    Parameters
+    ----------
+    aimed
+        Impact position that is expected if the line of fire has the offset `along` [m].
+    aim
+        Offset of the line of fire from its nominal line [m], positive toward the knob. An
+        uncertainty budget varies it.
+    along
+        Calibrated value of this offset [m]. If `aim` is equal to `along`, the result is `aimed`.
     """
     return aimed + aim - along
 

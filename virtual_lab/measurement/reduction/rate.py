@@ -53,12 +53,17 @@ class RateFit(AlignedArrays):
 def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> EncoderRecord:
     """Return an encoder record without the overflows of its counter.
 
-    At the end of its range, a counter continues at the other end. The range is one turn
-    (`counts_per_turn`), or 2^n counts for a counter of n bits, 8 to 32. The range used is the
-    smallest one that explains the steps of the count. A step of more than half the range is an
-    overflow. After all overflows are removed, each shot is shifted by whole ranges until its count
-    at the time `contact`, (shot,) [s], is within half a range of 0. A record without overflows is
-    returned unchanged.
+    A counter has a range. At the end of the range, the counter continues at the other end. The
+    record shows which range the counter has. The smallest of these ranges that fits the steps of
+    the count is used:
+
+
+    * one turn, `counts_per_turn`
+    * 2^n counts for a counter of n bits, where n is 8 to 32
+
+    A step of more than half the range is an overflow. After all overflows are removed, the counts
+    of each shot are shifted by whole ranges. The count at the time `contact`, (shot,) [s], is then
+    within half a range of 0. A record without overflows is returned unchanged.
     """
     counts = record.counts
     steps = np.diff(counts)

@@ -128,9 +128,10 @@ def bat_properties(x: Constants) -> BatProperties:
     """Return mass, length, balance, inertia and barrel radius of bats [SI].
 
     The readings are corrected by the calibration. In the result, `z_cm` is the distance of the
-    center of mass from the tip, and `inertia_cm` is the moment of inertia about the center of mass.
-    `x` holds the bench readings and calibration constants, keyed by name. The results have the
-    shape of the constants: numbers, or columns (..., k, 1).
+    center of mass from the tip. `inertia_cm` is the moment of inertia about the center of mass.
+
+    `x` holds bench readings and calibration constants, keyed by name. Its values are numbers, or
+    arrays of any common shape. The results have the same shape.
     """
     mass = (x["bat.mass"] - x["bench.scale.zero"]) / x["bench.scale.span"]
     length = x["bat.length"] - x["bench.rule.offset"]

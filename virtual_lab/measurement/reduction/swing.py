@@ -19,16 +19,17 @@ DEGREE = 3
 def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     """Return rate [counts/s] and angle [counts] of a swung bat at contact in each shot, (shot,).
 
-    The results of a shot are NaN if the gates did not detect the ball, or if it came too early for
-    a fit.
+    The results of a shot are NaN if the gates did not detect the ball, or if the ball came too
+    early for a fit.
 
     Parameters
     ----------
     record
-        Counts (shot, sample) at common times; 0 where the bat is square to the ball.
+        Counts (shot, sample) at times that all shots share. The count is 0 where the bat is square
+        to the ball.
     contact
-        Time at which the ball would reach a bat that is square to it, from the gates and before
-        corrections, shape (shot,) [s].
+        Time of contact with a bat that is square to the ball, shape (shot,) [s]. It is computed
+        from the gate times, without calibration corrections.
     reach
         Distance that the bat moves during one encoder count at the impact position, divided by the
         speed of the ball, shape (shot,) [s].

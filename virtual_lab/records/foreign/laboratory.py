@@ -92,10 +92,11 @@ def _read_form(path: Path) -> LaboratoryForm:
 
 
 def procedure_name(folder: Path) -> str:
-    """Return the procedure in another laboratory's form: a catalog name, or the path of a file.
+    """Return the procedure stated by another laboratory, a catalog name or the path of a file.
 
-    The form is in `folder`, and the path begins with `folder`. Raises `InputError` if the form is
-    missing or incomplete, or if the file is outside the folder.
+    The laboratory stated the test procedure in the form (a TOML file) in `folder`. A returned path
+    begins with `folder`. Raises `InputError` if the form is missing or incomplete, or if the file
+    is outside the folder.
     """
     return _procedure(_read_form(folder / FORM).procedure, folder)
 

@@ -352,12 +352,23 @@ def probing_scenes(
 ) -> Scenes:
     """Return the scenes that measure the error of a collision model, one per impact position.
 
-    In each scene the nominal `ball` hits the bat at the relative `speed` [m/s], with the ball-wall
-    restitution e0 of the ball at this speed. The positions are about `PROBING.every` apart. They
-    cover at least the range `PROBING.places`. `places` is a second range, the lowest and the
-    highest distance from the tip [m]. If it goes beyond the first range, the positions cover both.
-    Raises `InputError` for a negative position, and for a speed that is not positive, not finite,
-    or above 1e6 m/s.
+    In each scene the nominal ball hits the bat. The ball-wall restitution is the e0 of the ball at
+    the relative speed. The impact positions are about `PROBING.every` apart. They always cover the
+    range `PROBING.places`.
+
+    Parameters
+    ----------
+    ball
+        Data sheet of the ball.
+    speed
+        Relative speed of ball and bat [m/s].
+    places
+        Lowest and highest distance from the tip that the positions must also cover [m].
+
+    Raises
+    ------
+    InputError
+        A position is negative. Or the speed is not positive, not finite, or above 1e6 m/s.
     """
     low, high = min(places[0], PROBING.places[0]), max(places[1], PROBING.places[1])
     count = round((high - low) / PROBING.every) + 1

@@ -301,12 +301,22 @@ def draw_balls(
     lot: Draws | None = None,
     store: Array | None = None,
 ) -> TrueBalls:
-    """Return `number` balls of a lot, drawn at random, with mass and restitution, each (ball,).
+    """Return `number` balls of a production lot, drawn at random, with mass and e0, each (ball,).
 
-    The mass is in kg. The ball-wall restitution e0 refers to the reference speed of the sheet. For
-    a block of laboratories the arrays are (laboratory, ball). The properties of the lot are drawn
-    from `lot`, by default from `draws`. `store` is the relative humidity in which the lot is kept,
-    0 to 1, (laboratory,); None means the humidity of the sheet.
+    The mass is in kg. The ball-wall restitution e0 refers to the reference speed of the data sheet.
+    For a block of laboratories the arrays are (laboratory, ball).
+
+    Parameters
+    ----------
+    spec
+        Data sheet of the ball.
+    draws
+        Source of the random numbers.
+    lot
+        Source of the random numbers for the mean properties of the lot; None: `draws`.
+    store
+        Relative humidity in which the lot is kept, 0 to 1, (laboratory,); None: the humidity of the
+        data sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread

@@ -166,8 +166,8 @@ def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str])
     study
         The study, with the values of its factors.
     procedure
-        Name of the procedure. The factors of a lot of balls change the sheet of this procedure's
-        ball.
+        Name of the procedure. Factors that belong to the production lot of the balls change the
+        sheet of this procedure's ball.
     names
         Names of the factors to apply.
 

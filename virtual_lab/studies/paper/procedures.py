@@ -104,8 +104,14 @@ def reaction(distance: float) -> float:
 def ncaa_bat_speed(place: float | Array, length: float) -> Array:
     """Return the bat speed in the NCAA rig [mph] at one or more positions, in the shape of `place`.
 
-    `place` are positions [in from the tip], and `length` is the length of the bat [m]. The speed is
-    66 mph at 6 in from the tip, and proportional to the distance from the pivot.
+    The speed is 66 mph at 6 in from the tip. It is proportional to the distance from the pivot.
+
+    Parameters
+    ----------
+    place
+        Distance from the tip [in].
+    length
+        Length of the bat [m].
     """
     pivot = (length - rules("ncaa-modified").pivot_from_knob) / INCH
     return np.asarray(66.0 * (pivot - np.asarray(place)) / (pivot - 6.0))

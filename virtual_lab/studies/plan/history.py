@@ -101,15 +101,18 @@ def _of_daily_checks(path: Path) -> DailyScatter:
 
 
 def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict[Key, str]:
-    """Return a data sheet of balls with which simulated hits have the variance of earlier tests.
+    """Return a data sheet of balls that give simulated hits the variance of earlier tests.
 
-    The result is a dictionary with one entry: the key is (kind, name) of the sheet, and the value
-    is its text. The sheet is the sheet of the procedure's ball with another scatter of e0 from hit
-    to hit. The variance of a hit is linear in the square of this scatter, so two samples of
-    simulated tests are enough to compute it. The scatter is 0 if instruments and aim alone cause
-    more variance than the earlier tests show. `history` is the variance of a hit on each day of
-    earlier tests. Raises `InputError` for fewer than three days, and if the variances of the days
-    differ significantly.
+    The result is a dictionary with one entry, from (kind, name) of the sheet to its text. The sheet
+    is a copy of the sheet of the procedure's ball. Only the scatter of e0 from hit to hit is
+    changed.
+
+    The variance of a hit is linear in the square of this scatter. Two samples of simulated tests
+    are therefore enough to find the scatter. Instruments and aim alone may cause more variance than
+    the earlier tests show. In this case the scatter is 0.
+
+    `history` has the variance of a hit on each day of earlier tests. Raises `InputError` for fewer
+    than three days, and if the variances of the days differ significantly.
     """
     variance = history.pooled
     ball = TestSetup.of(bat, procedure=procedure).rules.spec.ball

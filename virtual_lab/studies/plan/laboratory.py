@@ -132,10 +132,12 @@ class PlannedLaboratory:
 def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
     """Return the data sheets of the instruments of `rigs`, with each u and each scatter halved.
 
-    The result is keyed by the name of the instrument. If the data sheet of a rig itself has
-    standard uncertainties or scatters, for example of its pivot, this sheet is also returned. The
-    key of this sheet is the name of the table in it that has them. If several tables have them,
-    their names are joined by ``+``. Raises `InputError` for an unknown rig.
+    The result is a dictionary from the name of the instrument to its data sheet.
+
+    The data sheet of a rig can also have standard uncertainties or scatters, for example of the
+    pivot. Such a sheet is also returned. Its key is the name of the table that has these values,
+    for example ``pivot``. The names of several tables are joined by ``+``. Raises `InputError` for
+    an unknown rig.
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
@@ -155,10 +157,10 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
 def attempts(forecast: Forecast, counts: Counts) -> Array:
     """Return the largest number of shots that each plan allows, in the shape of the counts.
 
-    The procedure states a largest number of shots, the attempts, for its own number of hits. For a
-    plan, the attempts are multiplied by a ratio and rounded up: the expected number of shots in the
-    plan, divided by the expected number in the procedure. The result is never below the attempts in
-    the procedure.
+    The procedure states a largest number of shots, called attempts. A plan with more hits needs
+    more attempts. Divide the expected number of shots in the plan by the expected number in the
+    procedure. The attempts of the procedure are multiplied by this ratio and rounded up. If the
+    ratio is below 1, the attempts are not changed.
     """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))

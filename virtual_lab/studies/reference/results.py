@@ -400,8 +400,9 @@ def hoop_trend(bat: str, speed: float) -> float:
 def length_trend(speed: float) -> float:
     """Return the change of the peak BBCOR per inch of bat length [1/in].
 
-    It is the slope of a straight line, fitted to R161 at lengths of 31, 32, 33 and 34 in. `speed`
-    is the relative speed of ball and bat [mph].
+    BBCOR is the bat-ball coefficient of restitution. Its peak is computed for the wood bat R161
+    with lengths of 31, 32, 33 and 34 in. The result is the slope of a straight line through the
+    four peaks. `speed` is the relative speed of ball and bat [mph].
     """
     tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])

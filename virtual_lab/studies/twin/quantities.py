@@ -63,16 +63,17 @@ def compare_quantities(
 ) -> tuple[list[TwinQuantity], int]:
     """Return one row per quantity, the metric first, and the number of days without a valid result.
 
-    A row compares the stated u of a quantity with the errors of this quantity on simulated days
-    with a valid result. On these days, the instruments record only summary values, such as speeds,
-    and not every edge and count.
+    A row compares the stated standard uncertainty u of a quantity with the errors of this quantity
+    on simulated days. Only days with a valid result are used. On these days, the instruments record
+    only summary values, such as speeds, and not every edge and count.
 
     Parameters
     ----------
     certification
-        The test; it must have a metric.
+        The test. It must have a metric.
     playing
-        Days simulated from the records of the laboratory (days of its twin).
+        Generator of simulated days. It simulates a copy of the laboratory (its twin), made from the
+        laboratory's records.
     days
         Number of days to simulate.
     progress

@@ -162,9 +162,10 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
 def lengths_of(model: CameraModel) -> Array:
     """Return half the width and half the height of the picture in the ball's plane [m], (2,).
 
-    Half the width is the distance in the ball's plane between two points of the picture: a quarter
-    of the width to the left of the middle, and a quarter of the width to the right. Half the height
-    is computed in the same way.
+    Half the width is the distance between two points of the ball's plane. In the picture, one point
+    is a quarter of the width to the left of the middle. The other is a quarter of the width to the
+    right. Half the height is the distance between the points a quarter of the height above and
+    below.
     """
     wide, high = model.image_size
     middle = np.array([(wide - 1) / 2, (high - 1) / 2])

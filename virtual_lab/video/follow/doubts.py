@@ -111,9 +111,11 @@ class Falls:
 
 
 def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:
-    """Raise `InputError` if no ball has the diameter that it has by a scale from gravity.
+    """Raise `InputError` if the diameter of the ball is outside `FALLS.diameters`.
 
-    The frame rate `rate` [1/s] must then be wrong.
+    The diameter is computed from the radius in the picture and from `scale`, which was found from
+    gravity. No real ball has a diameter outside this range. The frame rate `rate` [1/s] must then
+    be wrong.
     """
     diameter = 2 * scale.metres_per_pixel * float(np.median([each.radius for each in ways]))
     least, most = FALLS.diameters

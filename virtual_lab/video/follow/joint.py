@@ -317,18 +317,18 @@ def _solve(
 
 
 def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
-    """Return the covariance of position and velocity along an axis, caused by the ball's pattern.
+    """Return the covariance of position and velocity along one axis, caused by the ball's pattern.
 
-    The pattern shifts the positions in neighboring frames alike. The covariance, (2, 2), is in
-    pixels and frames.
+    The covariance, (2, 2), is in pixels and frames. It is the same for both axes. The pattern
+    shifts the positions in neighboring frames by similar amounts.
 
     Parameters
     ----------
     flight
         Flight with sharp positions.
     residuals
-        Residuals of its positions, (position, axis) [pixels]. The covariance is increased if the
-        residuals are larger than noise and pattern explain.
+        Residuals of the positions, (position, axis) [pixels]. If the scatter of the residuals is
+        larger than the scatter caused by noise and pattern, the covariance is increased.
     late
         Time of each position since the middle of the flight, (position,) [frames].
     """

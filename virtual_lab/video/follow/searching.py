@@ -43,14 +43,15 @@ class FlightsFound:
 def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -> FlightsFound:
     """Return the flights of the ball, and the scene with the frame times that fit them best.
 
-    `same`, (frame,), is the mask of the repeated frames: frames that show the same picture as the
-    frame before. Either a repeated frame takes as long as any other frame, and the frame times are
-    the time stamps. Or a repeated frame takes no time, and all later frames are earlier by one
-    frame.
+    `same`, (frame,), is the mask of the repeated frames. A repeated frame shows the same picture as
+    the frame before. There are two interpretations:
 
-    With fewer than two repeated frames, the time stamps are used. If more than 40 % of the frames
-    are repeated frames, every frame was stored twice, and a repeated frame takes no time. Otherwise
-    both interpretations are tried. The one with more positions on flights and less scatter is used.
+    * A repeated frame takes as long as any other frame. The frame times are then the time stamps.
+    * A repeated frame takes no time. All later frames are then earlier by one frame.
+
+    With fewer than two repeated frames, the first interpretation is used. If more than 40 % of the
+    frames are repeated, every frame was stored twice, and the second one is used. Otherwise both
+    are tried. The one with more positions on flights and less scatter is used.
     """
     readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
     if float(same.mean()) > TIME.every_other:
@@ -64,10 +65,11 @@ def clip_scene(
 ) -> FlightScene:
     """Return the scene of a clip: blobs, frame times, and properties of camera and scale.
 
-    Positions are in pixels and times in frames. The unit of length of g (`fall`) and of drag is the
-    pixel if the scale of the picture is known. Otherwise it is the radius of the ball, and
-    `in_radii` is True. `fall` and `drag` are None if neither scale nor diameter is known. `fall` is
-    also None if most frames are stored twice.
+    Positions are in pixels and times in frames. The scene holds the acceleration of gravity
+    (`fall`) and the air drag (`drag`). Their unit of length depends on the scale of the picture. If
+    the scale is known, it is the pixel. Otherwise it is the radius of the ball, and `in_radii` is
+    True. `fall` and `drag` are None if neither scale nor diameter is known. `fall` is also None if
+    most frames are stored twice.
 
     Parameters
     ----------

@@ -89,9 +89,14 @@ class SharpBall:
 def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece]) -> bool:
     """Return whether the ball should be located sharply, by its outline (`sharpen`).
 
-    This needs a calibration that states a camera, the lens blur or the exposure. The camera must
-    not move, and the clip must not be interlaced (`watched`). `ways` must hold one or two flights,
-    and gravity must not be the requested ruler. The location may still fail.
+    The result is True if all of these are true:
+
+    * The calibration states the camera, the lens blur or the exposure. One of them is enough.
+    * `watched` shows a camera that does not move and a clip that is not interlaced.
+    * `ways` holds one or two flights.
+    * The user did not request gravity as the source of the scale (`knowledge.ruler`).
+
+    `sharpen` may still fail.
     """
     calibration = knowledge.calibration
     # A file that only states rate or scale replaces options and is not a reason for an outline fit.
@@ -197,16 +202,17 @@ def settle(
 ) -> tuple[FlightScene, list[Piece], SharpBall]:
     """Return scene, flights and located ball, with positions from the ball's outlines.
 
-    The scene has the gravity and drag of the calibration. The flights have the positions of `ball`,
-    corrected for the height of the ball above the plane. They have no unusable positions, outliers,
-    or positions near a contact.
+    The scene has the gravity and drag of the calibration. The plane is the plane in which the ball
+    moves. The flights have the positions of `ball`, corrected for the height of the ball above the
+    plane. The flights have no unusable positions, outliers, or positions near a contact.
 
     The returned ball has all positions. A usable position that is in no flight gets the flag
     `OFF_WAY`. Notes name each flight that leaves the plane or does not fit the model of a flight.
-    The plane is the plane in which the ball moves. `aside` of the ball has additional fits, in
-    which the slope of one flight relative to the plane is one standard uncertainty larger. The
-    uncertainty of the results is computed from these fits. Raises `NotSharpError` if too few
-    positions of a flight remain.
+    The field `aside` of the returned ball has additional fits. In each of these fits, the angle
+    between one flight and the plane is one standard uncertainty larger. The uncertainty of the
+    results includes the differences between these fits and the main fit.
+
+    Raises `NotSharpError` if too few positions of a flight remain.
 
     Parameters
     ----------

@@ -87,9 +87,10 @@ def fit_edge(
 ) -> Located:
     """Return position and radius of the ball in each region, from a fit of its outline.
 
-    Positions are in pixels of the full frame, and the radius is in pixels. `x_u` and `y_u` only
-    include noise. `pattern_u` is the u that the pattern of the ball causes in x, and also in y. A
-    ball that cannot be fitted has the flag `NOT_FOUND`, and all its values except the blur are NaN.
+    Positions are in pixels of the full frame. The radius is in pixels. `x_u` and `y_u` only include
+    noise. `pattern_u` is the standard uncertainty caused by the pattern of the ball, the same in x
+    and in y. A ball that cannot be fitted has the flag `NOT_FOUND`. All its values except the blur
+    are then NaN.
 
     Parameters
     ----------
@@ -102,16 +103,17 @@ def fit_edge(
     noise, lens
         Noise of the camera, and standard deviation of the blur of its lens [pixels].
     oval
-        Known deviation of the outlines from circles: the numbers c and s, in a shape that
-        broadcasts to (region, 2). The outline is an ellipse with the radius r = R (1 + c cos 2a + s
-        sin 2a) in the direction a, where R is the mean radius.
+        Expected deviation of the outlines from circles: the numbers c and s, in a shape that
+        broadcasts to (region, 2). The outline is an ellipse. Its radius in the direction a is r = R
+        (1 + c cos 2a + s sin 2a), where R is the mean radius.
 
-        A ball beside the camera's axis has such an outline. It is longer in the direction away from
-        the axis, by the factor 1 / cos b, where b is the angle between the ball and the axis.
+        A ball beside the camera's axis has such an outline. The outline is longer in the direction
+        away from the axis, by the factor 1 / cos b, where b is the angle between the ball and the
+        axis.
     oval_u
-        Standard uncertainty of c and s. With 0 the ellipse is not fitted. This is allowed only if c
-        and s are known to 0.0005, because the fit would mistake a larger error for a pattern of the
-        ball.
+        Standard uncertainty of c and s. If it is above 0, c and s are fitted together with the
+        position and the radius. If it is 0, c and s keep the values of `oval`. State 0 only if the
+        errors of c and s are below 0.0005. Larger errors would be taken for a pattern of the ball.
     """
     from virtual_lab.video.locate.edge_kernel import View
 

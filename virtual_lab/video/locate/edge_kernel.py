@@ -121,7 +121,7 @@ def _weigh(
 def sector_sums(
     view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
 ) -> Array:
-    """Fill `sums` with the normal equations of a region, and return counts of its pixels.
+    """Fill `sums` with the normal equations of a region, and return sums over its pixels.
 
     The returned array has counts and other sums over the pixels, in the order of `TALLY`.
 
@@ -136,10 +136,15 @@ def sector_sums(
         from the gray values of the pixels instead of the model, and only some of the rows are used.
     sums
         Overwritten with one set of equations per sector, (sector + 1, n, n). The last set is for
-        pixels off the rim. A set is a weighted sum of products over the pixels of the sector. The n
-        factors of a pixel are the derivatives of its gray value with respect to the shared
-        parameters, and to the knots of the pattern at the beginning and at the end of the sector,
-        and last the residual of the gray value.
+        pixels off the rim.
+
+        A set is a weighted sum over the pixels of the sector. For each pixel, the products of all
+        pairs of these n numbers are added:
+
+        * the derivatives of its gray value with respect to the shared parameters
+        * the derivatives with respect to the knots of the pattern at the beginning of the sector
+        * the derivatives with respect to the knots at the end of the sector
+        * the residual of the gray value
     """
     region, back, way = view
     rows, cols = region.shape

@@ -32,9 +32,14 @@ PLACE = np.dtype([*WRITTEN.items(), *DRAWN.items()])
 def course_of(track: FollowedClip) -> Places:
     """Return one record of the type `PLACE` per position of the ball, in the order of frames.
 
-    The positions are the first of these that exist: sharp positions, positions of the flights,
-    positions of all pieces of smooth motion. If none exist, the result has up to 12 evenly spaced
-    frames of the clip with the position NaN.
+    The track may hold three kinds of positions. The best kind that it holds is used for all frames:
+
+    * sharp positions, located by the outline of the ball
+    * positions of the flights
+    * positions of all pieces of smooth motion
+
+    If the track holds none, the result has up to 12 evenly spaced frames of the clip with the
+    position NaN.
     """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
     values: dict[str, Any]
