@@ -67,10 +67,11 @@ def nearest(name: object, names: Iterable[str]) -> str:
 
 
 def of_extra(module: str, name: str, who: str) -> Any:
-    """Import and return a module of the extra `name`.
+    """Import and return a module that is installed with the extra `name`.
 
-    Raises `InputError` if the extra is not installed. `who` is the feature that needs the extra,
-    for the message.
+    An extra is an optional group of packages. `module` is the name of the module. `who` is the
+    feature that needs the extra; the error message names it. Raises `InputError` if the extra is
+    not installed.
     """
     try:
         return import_module(module)

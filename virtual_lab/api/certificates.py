@@ -571,7 +571,9 @@ def reduce(
     reason: str = "",
     history: Folders = (),
 ) -> Certificate:
-    """Return the certificate computed from a folder of raw records, without the sealed truth.
+    """Return the certificate computed from a folder of raw records.
+
+    The sealed true values are not read.
 
     Parameters
     ----------
@@ -583,21 +585,21 @@ def reduce(
     reason
         Reason for the replacement. The certificate states the replaced report and the reason.
     history
-        Result folder of an earlier test of this bat design by the same procedure in this
-        laboratory, or a folder of such folders. At least three tests are needed. These tests
-        replace the history that is stored with the records.
+        Result folders of at least three earlier tests, or a folder that contains them. The earlier
+        tests are of this bat design, by the same procedure, in this laboratory. They are used
+        instead of the history that is stored with the records.
 
     Returns
     -------
     Certificate
-        The certificate in memory; its method ``save`` writes the files.
+        The certificate in memory. Its method ``save`` writes the files.
 
     Raises
     ------
     InputError
-        A record, calibration or procedure is missing or cannot be used; the folder `replaces` has
-        no certificate; only one of `replaces` and `reason` is stated; or `history` has fewer than
-        three tests or tests of another kind.
+        A record, calibration or procedure is missing or cannot be used. The folder `replaces` has
+        no certificate. Only one of `replaces` and `reason` is stated. `history` has fewer than
+        three tests, or tests of another kind.
     """
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter, kind_of

@@ -54,10 +54,13 @@ def checked_file(path: Path) -> bytes:
 
 
 def checked_footer(path: Path) -> bytes:
-    """Check the digest of a Parquet file's footer; return a file with this footer but no data.
+    """Check the footer of a Parquet file, and return a file that has this footer but no data.
 
-    The file is returned as bytes, with the Parquet mark at the beginning and at the end. Raises
-    `InputError` if the file cannot be read, and `ChangedPartError` if the footer was changed.
+    The footer is the last part of the file. It is checked with the digest (check sum) that it
+    contains. The returned bytes begin and end with ``PAR1``, as the Parquet format requires.
+
+    Raises `InputError` if the file cannot be read. Raises `ChangedPartError` if the footer was
+    changed.
     """
     end = read_bytes(path, most=LARGEST_PART, last=FIRST_LOOK)
     if len(end) == FIRST_LOOK and _length(end) + TAIL_BYTES > FIRST_LOOK:

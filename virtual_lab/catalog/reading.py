@@ -130,12 +130,16 @@ def find(kind: str, name: str) -> Path:
 
 
 def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
-    """Return the content of an entry's file, and the list of its numbers with their sources.
+    """Return the content of a catalog entry's file, and its numbers with their sources.
 
-    The content is a mapping with values and units as written in the file. If a bat is a
-    modification of a base bat, the list includes the numbers that it takes over from the base. The
-    mapping does not include them. Raises `InputError` for an unknown entry, for a file that is not
-    TOML, and for an invalid bat. Raises `KeyError` for a number without ``source`` or ``verified``.
+    The first result is a mapping with values and units as written in the file. The second result
+    has one `Datum` per number.
+
+    The file of a bat may state only the changes of a base bat. In this case, the mapping has only
+    these changes. The second result also has the unchanged numbers of the base bat.
+
+    Raises `InputError` for an unknown entry, for a file that is not TOML, and for an invalid bat.
+    Raises `KeyError` for a number without ``source`` or ``verified``.
     """
     text, where = source(kind, name)
     numbers = load_bat(name).sheet if kind == "bats" else _numbers(text, where)

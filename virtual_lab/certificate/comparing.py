@@ -78,12 +78,20 @@ def same_text(path: Path) -> str:
 
 
 def compared_json(path: Path, here: Mapping[str, Any], text: str) -> Iterator[Mismatch]:
-    """Yield one mismatch per key of a JSON file that differs from the values `here`.
+    """Compare the values in a JSON file with `here`, and yield one mismatch per different value.
 
-    Numbers that differ only by rounding are equal. `text` is the file content that this program
-    writes for `here`. If all keys agree but the file differs from `text`, the first different line
-    is the only mismatch. Nothing is yielded if keys and text agree. A file that cannot be read is
-    one mismatch.
+    Numbers that differ only by rounding are equal. If all values agree, the text of the file is
+    compared with `text`. In this case, the first different line is the only mismatch. Nothing is
+    yielded if values and text agree. A file that cannot be read is one mismatch.
+
+    Parameters
+    ----------
+    path
+        The JSON file.
+    here
+        Expected values.
+    text
+        Text that this program writes for the expected values.
     """
     try:
         stated = read_json(path)

@@ -31,8 +31,8 @@ MOST_UNPRINTABLE = 500  # largest number of characters without a glyph
 def pdf_name(document: CertificateDocument) -> str:
     """Return the file name of the PDF, such as ``certificate-0123456789ab-SIMULATED.pdf``.
 
-    It contains the number of the certificate, and SIMULATED for a simulated test or not-verified
-    for any other test.
+    The name contains the number of the certificate. Then follows ``SIMULATED`` for a simulated
+    test, and ``not-verified`` for any other test.
     """
     kind = "SIMULATED" if document.simulation else "not-verified"
     return f"certificate-{document.number}-{kind}.pdf"

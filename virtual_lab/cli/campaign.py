@@ -10,7 +10,7 @@ from virtual_lab.parameters import Folder
 
 
 def check(folder: Folder, *, progress: Progress) -> Any:
-    """List the damaged and the missing parts in FOLDER (exit code 4 if there are any)."""
+    """List damaged and missing parts of the campaign in FOLDER (exit code 4 if there are any)."""
     return api.Campaign.open(folder).check(progress)
 
 

@@ -66,9 +66,14 @@ class Picture:
 def by_picture(place: Callable[[Picture], Place | None]) -> Estimator:
     """Return an estimator for several pictures that calls `place` for each picture.
 
-    `place` returns a position [px from the corner of the region] or None. The result is NaN with a
-    flag if `place` returns None, or if the position is at least one ball radius away from the start
-    position in the estimator's input.
+    An estimator locates the ball. `place` locates the ball in one picture. It returns a position
+    [px from the corner of the picture's region], or None.
+
+    The estimator also has a start position for each picture, near which the ball is searched. In
+    two cases the estimated position is NaN and has a flag:
+
+    * `place` returns None;
+    * the returned position is at least one ball radius away from the start position.
     """
 
     def estimator(inputs: EstimatorInput) -> Located:

@@ -43,9 +43,19 @@ CASE = CaseSettings()
 def pictures(case: Case, seed: int = 1, block: int = 0) -> Batch:
     """Return simulated pictures of a case, with the true positions of the ball.
 
-    The center of the ball is at `case.phases` different fractions of a pixel, and there are
-    `case.repeats` pictures for each of them. `seed` and `block` select the random numbers. They
-    determine the noise, the position of the picture in the frame, and the pattern of the ball.
+    The center of the ball is at `case.phases` different fractions of a pixel. There are
+    `case.repeats` pictures for each fraction.
+
+    Parameters
+    ----------
+    case
+        Conditions of the pictures.
+    seed
+        Seed of the random numbers.
+    block
+        Number of the set of pictures, from 0. Different sets have different random numbers. The
+        random numbers determine, for example, the noise, the position of the picture in the frame,
+        and the orientation of the ball.
     """
     draws, side = Streams(seed), case.side
     count, middle = case.phases * case.repeats, (side - 1) / 2

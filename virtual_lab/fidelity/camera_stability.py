@@ -86,10 +86,14 @@ def picture_cells(
 ) -> list[Row]:
     """Return one row per combination of condition, ball and method.
 
-    In a map, one quantity varies, such as the contrast. A condition is one value of this quantity.
-    The methods locate the ball by the convex hull or by the edge fit. A row has these keys:
+    A condition is one value of a quantity, such as the contrast. The conditions of one quantity
+    form a map. There are two methods to locate the ball: the convex hull and the edge fit.
 
-    * ``map``, ``value``, ``ball``, ``method``: the combination.
+    A row has these keys:
+
+    * ``map``: name of the map.
+    * ``value``: value of the quantity.
+    * ``ball``, ``method``: names of the ball and of the method.
     * ``state``: a value of `PictureState`.
     * ``rms_unflagged``: rms error along an axis in pictures without a flag [px]; None if there are
       no such pictures.
@@ -103,9 +107,9 @@ def picture_cells(
     progress
         Function that is called with the name of each map.
     axes
-        Maps, keyed by name. Each is the field of `Case` that varies and its values.
+        Maps, keyed by name. A map has the name of the field of `Case` that varies, and its values.
     balls
-        Cases in which this field is varied, keyed by ball name.
+        Case of each ball, keyed by ball name. The field of a map is changed in each case.
     """
     rows: list[Row] = []
     for axis, (name, values) in axes.items():

@@ -29,13 +29,20 @@ SIZES = ("effect", "se", "rms", "ms")
 
 
 def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
-    """Return a chart of the effect of each model on the metric of a whole test, against run time.
+    """Return a chart of the effect of each model on the metric of a test, against computing time.
 
-    The test has several parts, such as the camera, and each part has several models. There is one
-    row per model of a part. A row states the effect of the model on the metric, relative to the
-    most accurate model of the part, and the standard error of this effect. Both are divided by the
-    standard uncertainty u of the metric. The row also states the time per certificate [ms]. The
-    rows come from a stored table; nothing is simulated.
+    A test has several parts, such as the camera. Each part can be computed by several models. There
+    is one row per model of a part. A row states:
+
+    * the effect of the model on the metric, relative to the most accurate model of the part;
+    * the standard error of this effect;
+    * the computing time [ms], per shot for the camera, and per certificate for the other parts.
+
+    Effect and standard error are divided by the standard uncertainty u of the metric. Two parts
+    have another quantity instead of the metric. For the camera it is the collision efficiency e_A
+    of one filmed shot. For the uncertainty it is half the length of the uncertainty interval.
+
+    The rows come from a stored table. Nothing is simulated.
     """
     text = (DATA / "uncertainty" / "laboratory.csv").read_text("utf-8")
     rows: list[Row] = []
@@ -58,10 +65,14 @@ def laboratory_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_laboratory(rows: list[Row], title: str) -> PageFigure:
-    """Return a figure of each model's effect on the metric, divided by u, against its time [ms].
+    """Return a figure of the effects of models on the metric, with one panel per part of the test.
 
-    The time is per shot for the camera, and per certificate for the other parts of the test. There
-    is one panel per part. `rows` are the rows of `laboratory_chart`.
+    Each point is one model. The horizontal axis is the computing time of the model [ms], per shot
+    for the camera, and per certificate for the other parts. The vertical axis is the absolute
+    effect of the model on the metric, divided by the standard uncertainty of the metric.
+
+    `rows` are the rows of `laboratory_chart`, which defines the effect. `title` is the title of the
+    figure.
     """
     from virtual_lab.output.page_figure import PageFigure
 

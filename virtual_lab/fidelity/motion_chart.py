@@ -81,20 +81,26 @@ def motion_chart(
 ) -> SpeedChart:
     """Return a chart of error and run time of the models that move ball and bat.
 
-    There is one row per model, scene and setting. A row states rms errors of e_A, of the ball's
-    velocity [m/s] and of the bat's angular rate [rad/s]. It states the share (0 to 1) of missed
-    contacts or of lost energy, and the time per shot [µs]. Values that do not apply are None.
+    There is one row per model, scene and setting. A row states:
+
+    * rms errors of the collision efficiency e_A, of the ball's velocity [m/s] and of the bat's
+      angular rate [rad/s];
+    * the share of missed contacts or of lost energy, 0 to 1;
+    * the run time per shot [µs].
+
+    Values that do not apply are None.
 
     Parameters
     ----------
     progress
         Function that is called with a message that names the current task.
     steps
-        Time steps of the simulated hits [s].
+        Time steps [s] of the simulated hits.
     losses
-        Time steps at which a bat rotates without a hit, to measure its energy loss [s].
+        Time steps [s] of the simulations that measure the energy loss. In these simulations the bat
+        rotates and is not hit.
     batch
-        Number of shots for the timing of the closed form.
+        Number of shots with which the run time of the closed form is measured.
     """
     rows: list[Row] = []
     play_pymunk(_scene(Start.SQUARE, 1e-3, 1))  # loads modules before the timing

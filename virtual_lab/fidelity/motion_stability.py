@@ -58,14 +58,18 @@ AXES: dict[MotionAxis, tuple[float, ...]] = {
 def motion_stability(progress: Progress = quiet) -> StabilityMap:
     """Return maps of the accuracy of plain pymunk and of our pymunk model of the motion.
 
-    Each model has five maps, one per quantity in `MotionAxis`. A map shows this quantity against
-    the time step. There is one row per cell. A row states the map, the model, the value of the
-    quantity, the time step [s], the state (good, inaccurate or unstable) and the number of shots.
-    ``worst_error`` is the largest error of the ball's velocity, divided by the speed of approach.
-    It is None if it is not finite.
+    pymunk is a library for the motion of rigid bodies. Each of the two models has five maps, one
+    per quantity in `MotionAxis`. A cell of a map is one combination of a value of this quantity and
+    a time step.
 
-    ``refused`` states whether our model rejects the settings of a cell. Such cells are computed
-    too. In the maps of plain pymunk it is always False.
+    There is one row per cell. A row states:
+
+    * the map, the model, the value of the quantity and the time step [s];
+    * the state (good, inaccurate or unstable) and the number of shots;
+    * ``worst_error``: largest error of the ball's velocity, divided by the speed of approach; None
+      if it is not finite;
+    * ``refused``: whether our model rejects the settings of the cell. Rejected cells are computed
+      too. For plain pymunk the value is always False.
     """
     rows = []
     for method in (Carrier.ALONE, Carrier.RUNG):

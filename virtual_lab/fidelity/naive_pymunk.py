@@ -137,13 +137,13 @@ def naive_errors(
 ) -> Array:
     """Return the error of the ball's velocity after contact, computed with pymunk alone, (shot,).
 
-    The error [m/s] is the magnitude of the velocity difference from the exact solution, in the
-    plane of the simulation.
+    The error [m/s] is the magnitude of the difference from the exact velocity, in the plane of the
+    simulation.
 
     Parameters
     ----------
     scene
-        Shots at the bat that `rod` returns.
+        Shots at a bat. The bat must be the one that the function `rod` returns.
     step
         Time step [s].
     iterations

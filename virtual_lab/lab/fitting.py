@@ -136,11 +136,15 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
 
 
 def identities(rigs: Iterable[str]) -> dict[str, InstrumentIdentity]:
-    """Return the identities that the data sheets of the instruments of `rigs` state.
+    """Return the identities of the instruments of `rigs`, keyed by instrument name.
 
-    The keys are the names of the instruments. An instrument whose data sheet states no identity is
-    left out, and so are the instruments of rigs of other packages. Raises `InputError` for an
-    identity with a wrong entry.
+    An identity is, for example, a serial number. It is read from the data sheet of the instrument.
+    Two kinds of instruments are left out:
+
+    * instruments whose data sheet has no identity;
+    * instruments of a rig that is not in the catalog, because another package supplies it.
+
+    Raises `InputError` for an identity with a wrong entry.
     """
     instruments, stated = catalog.names("instruments"), {}
     for rig in rigs:

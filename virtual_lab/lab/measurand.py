@@ -36,14 +36,18 @@ def measurands(
 ) -> dict[str, Array]:
     """Return the true results of each laboratory's test, keyed by name, (laboratory,) [SI].
 
-    ``metric`` is the result that a laboratory without errors would find from the same impact
-    positions. The other quantities of a certificate, such as ``restitution``, are weighted means of
-    the true values at the impact positions.
+    * ``metric`` is the result that a laboratory without errors would find from the same impact
+      positions.
+    * The other quantities of a certificate, such as ``restitution``, are weighted means of the true
+      values at the impact positions.
+    * ``metric_of_continuous_curve`` is the metric at the maximum of the continuous curve. It exists
+      only for a scan.
+    * ``width_m`` is the width of the curve [m] at the drop `width_drop` below the maximum. It
+      exists only if the scan states `width_drop`.
+    * ``metric_as_found`` is the metric before the conversion to a standard ball. It exists only if
+      the procedure requires this conversion.
 
-    For a scan, ``metric_of_continuous_curve`` is the metric at the maximum of the continuous curve.
-    If the scan states a `width_drop`, ``width_m`` is the width of the curve at this drop below the
-    maximum [m]. If the procedure converts the metric to a standard ball, ``metric_as_found`` is the
-    metric before this conversion. All values are NaN in a laboratory without a result.
+    All values are NaN in a laboratory without a result.
 
     Parameters
     ----------
@@ -52,9 +56,11 @@ def measurands(
     specimen
         True bat and true balls of each laboratory.
     reduced
-        Reduced shots of the test: impact positions, and which hits are valid.
+        Reduced shots of the test: impact positions, and which hits are valid. The shots of all
+        laboratories are on one axis.
     weights
-        Weights of the hits in the result on the certificate, (shot,); NaN counts as 0.
+        Weights of the hits in the result on the certificate, (shot,), on the same axis. NaN counts
+        as 0.
     control
         True e of the control bat divided by its known e.
     """

@@ -178,13 +178,18 @@ def _unpickle(pickled: bytes) -> tuple[RoundRobin, Mapping[Key, str]]:
 
 
 def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
-    """Return the range of impact conditions in a test [SI], over which a surrogate model is fitted.
+    """Return the ranges of the impact conditions in a test [SI], for the fit of a surrogate model.
 
-    The variables are impact position, relative speed, and e0 and mass of the ball. The range of
-    each variable extends six standard deviations beyond its nominal values. The lower limit of the
-    speed is a further 1 % lower. The limits of e0 are at least the smallest e0 of the ball's data
-    sheet and at most 1. The scatter of position and speed is taken from the cannons in the catalog.
-    The same arguments always give the same range, so the surrogate is always the same.
+    The impact conditions are impact position, relative speed, and e0 (ball-wall restitution) and
+    mass of the ball. Each range extends six standard deviations beyond the nominal values. There
+    are two exceptions:
+
+    * The lower limit of the speed is a further 1 % lower.
+    * The range of e0 never extends below the smallest e0 of the ball's data sheet, and never above
+      1.
+
+    The scatter of position and speed is taken from the cannons in the catalog. The same arguments
+    always give the same ranges, and thus the same surrogate.
     """
     either = np.array([-1.0, 1.0])
     sigmas = 6  # half width of the range; a collision outside costs time but no accuracy

@@ -30,14 +30,23 @@ def fault_titles() -> dict[str, str]:
 def fault_of_text(words: str, action: str, key: str) -> str:
     """Return the name of the fault that a trainee entered by its title or its name.
 
-    Three inputs are returned unchanged: “none”, “no result”, and a line of at most 300 characters
-    that begins with “other:”. Such a line describes a fault in the trainee's words. `action` and
-    `key` are only used in the error message.
+    Three kinds of input are returned unchanged:
+
+    * “none”;
+    * “no result”;
+    * a line of at most 300 characters that begins with “other:” and describes a fault.
+
+    Parameters
+    ----------
+    words
+        Text that the trainee entered.
+    action, key
+        Names of the action and of the input field, for the error message.
 
     Raises
     ------
     InputError
-        The string is not a fault and not one of these inputs. The message suggests the most similar
+        `words` is neither a fault nor one of these inputs. The message suggests the most similar
         title.
     """
     titles = fault_titles()

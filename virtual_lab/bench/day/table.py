@@ -100,9 +100,9 @@ def channels() -> Mapping[str, str]:
 
 @cache
 def preparation() -> tuple[str, ...]:
-    """Return the names of the steps that the procedure requires before the shots, in order.
+    """Return the names of the steps that the procedure requires before the first shot, in order.
 
-    These are the steps before the first impact position is set.
+    The last step is the one before ``set-place``, the step that sets the first impact position.
     """
     book = (name for name, each in action_table().actions.items() if each.in_book)
     return tuple(takewhile(lambda name: name != "set-place", book))

@@ -41,27 +41,30 @@ def serve(
     Parameters
     ----------
     folders
-        Folder of each trainee, keyed by the trainee's name. At most 50.
+        Folder of each trainee, keyed by the trainee's name. There can be at most 50 folders.
     scenario
-        Scenario of new days. If None, the days in the folders are replayed. They must be handed in.
+        Scenario of new days. If None, the days in the folders are replayed. In this case, all these
+        days must have been handed in.
     seed
-        Seed of all new days, which are then equal. If None, each day has a random seed.
+        Seed of the random numbers. If it is given, all new days are the same. If None, each new day
+        has a different random seed.
     port, host
         Port and host name of the pages. A host other than this computer needs `tls`.
     browser
-        Whether to open the page of the first day.
+        Whether to open the page of the first day in the browser.
     say
         Function that prints a line of instructions.
     tls
         Files of certificate and key, in PEM format. If None, the pages are served without TLS.
     exam
-        Title of an exam; empty for none. Its days stay closed until the trainer begins the exam.
+        Title of the exam. If it is empty, there is no exam. In an exam, the days stay closed until
+        the trainer begins it.
 
     Raises
     ------
     InputError
-        The scenario, a folder, the number of folders or `tls` cannot be used, the port is in use,
-        or the host is unknown or needs `tls`.
+        The scenario, a folder, the number of folders or `tls` cannot be used. The port is in use.
+        The host is unknown, or needs `tls`.
     """
     import uvicorn
 

@@ -234,7 +234,9 @@ def run_operator(
     morning: Day | None = None,
     listed: Mapping[str, float] = MappingProxyType({}),
 ) -> Day:
-    """Return the day after an operator has carried out all actions. No log is written.
+    """Carry out all actions of a simulated operator, and return the resulting day.
+
+    No log is written.
 
     Parameters
     ----------
@@ -243,9 +245,10 @@ def run_operator(
     operator
         The simulated operator.
     morning
-        The day to continue. By default a new day.
+        The day to continue. If None, a new day begins.
     listed
-        Possible faults of a new day, with their probabilities. Ignored if `morning` is given.
+        Probability of each fault that a new day may have, keyed by fault name. It is ignored if
+        `morning` is given.
 
     Raises
     ------

@@ -74,7 +74,8 @@ def rules_of(desk: Desk) -> list[PrintedRule]:
 def instruments_of(desk: Desk) -> Iterator[PrintedInstrument]:
     """Yield one row per instrument, with its printed calibration constants.
 
-    The order is the order of the constants in the session of the day.
+    The instruments are in the order of their first constants in the calibration at the beginning of
+    the day.
     """
     morning, session = desk.day.morning, desk.session
     groups: dict[tuple[str, str], list[PrintedConstant]] = {}

@@ -44,23 +44,28 @@ def costly_decisions(
     results: tuple[EnteredResult, ...],
     justified: set[int],
 ) -> tuple[CostlyDecision, ...]:
-    """Return up to three decisions with the largest effect on the error of the result.
+    """Return up to three wrong decisions with the largest effect on the error of the result.
 
     For each wrong decision, the day is replayed with only this decision corrected. The effect is
-    the change of the error. Decisions that create or prevent the result of the day come first. The
-    tuple is empty if no decision changed the error.
+    the change of the absolute error of the result. The decision with the largest effect is first.
+
+    Some decisions have no effect in numbers, because the day has a result only with the wrong
+    decision, or only without it. These decisions come before all others. The tuple is empty if no
+    decision changed the error.
 
     Parameters
     ----------
-    apparatus, desk
-        The machines, and the desk of the trainee's day.
+    apparatus
+        The machines of the laboratory.
+    desk
+        The trainee's day with its reduced results.
     truth
         True metric [SI]; None if it is unknown.
     results
         Results that the trainee entered.
     justified
-        Shots that were rejected for a good reason, counted from 0. These decisions are not
-        corrected.
+        Indices of the shots that were rejected for a good reason, counted from 0. These rejections
+        are not corrected.
     """
     decisions: list[CostlyDecision] = []
     value = desk.result[0] if desk.result else None

@@ -183,17 +183,18 @@ def debrief(
     Parameters
     ----------
     apparatus
-        The machines of the day, which hold the truth.
+        The machines of the day, with their true values.
     taken_day
-        The day, or its desk. A desk saves time if it already holds the reduced results.
+        The day, or a `Desk` (the day with its reduced results). A desk that already holds the
+        reduced results saves time.
     scenario
         The scenario with the faults of the day.
     seal
-        Sentence about the seal of the truth, printed in the debrief.
+        Sentence about the sealed true values, which is printed in the debrief.
     expert
-        The day of the simulated expert. By default it is simulated.
+        The day of the simulated expert. If None, this day is simulated.
     scores_only
-        Whether to skip the effects of faults and decisions, which take most of the time.
+        Whether to leave out the effects of faults and decisions. They take most of the time.
 
     Raises
     ------

@@ -44,16 +44,17 @@ class Deviation:
 
 
 def deviations(desk: Desk) -> Iterator[Deviation]:
-    """Yield the judgment of each deviation from the procedure, in the order of the entries.
+    """Yield the judgment of each deviation from the procedure, in the order of the log entries.
 
     There are three kinds of deviation:
 
-    * an omission that the trainee noted;
-    * the rejection of a hit that was within the acceptance windows;
-    * an additional check, if an earlier reading was beyond its limit and thus justified the check.
+    * The trainee noted that a step was omitted.
+    * The trainee rejected a hit that was within the acceptance windows.
+    * The trainee did a check that the procedure does not require. It is only yielded if an earlier
+      reading beyond its limit was a good reason for the check.
 
-    Struck-out entries are not judged. Entries that another laboratory supplied are not judged
-    either.
+    Two kinds of entry are not judged: entries that the trainee struck out, and entries that another
+    laboratory supplied.
     """
     before = Desk(desk.day.until(0))
     for event in desk.day.events:

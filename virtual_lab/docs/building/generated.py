@@ -126,9 +126,9 @@ def slug(title: str) -> str:
 
 
 def commands() -> Iterator[tuple[str, str]]:
-    """Yield name and text of the page of all commands.
+    """Yield one pair: the file name and the text of the page that describes all commands.
 
-    The descriptions are the same as in the commands' help.
+    The page describes each command with the same words as the command's help.
     """
     parts = [
         "# Commands\n",

@@ -19,10 +19,10 @@ LOADED = re.compile(
 
 
 def remote_resources(folder: Path) -> list[str]:
-    """Return every place where a built page would load something from another site.
+    """Return the places in built pages at which a page loads something from another site.
 
-    An item holds the file and the text of the page at this place, at most 120 characters of it. The
-    list is empty if there is none.
+    `folder` holds the built pages. Each item has the path of a file and the text at the place in
+    this file, at most 120 characters. The list is empty if there are no such places.
     """
     return [
         f"{path.relative_to(folder)}: {match[0][:120]}"

@@ -49,10 +49,13 @@ def propagate_metric(
 
 
 def low_dof_source(linear: Budget) -> Component | None:
-    """Return the source with the fewest degrees of freedom if they are below 3, otherwise None.
+    """Return the source of uncertainty with the fewest degrees of freedom, if they are below 3.
 
-    Monte Carlo draws of such a source scatter so widely that u does not settle. If a component of
-    the budget has parts, each part is a source. Sources with u = 0 are ignored.
+    Otherwise return None. Monte Carlo draws of a source with fewer than 3 degrees of freedom
+    scatter so widely that u does not settle.
+
+    A source is a component of the budget. If the component has parts, each part is a source
+    instead. Sources with u = 0 are ignored.
     """
     parts = [part for line in linear.components for part in (line.parts or (line,)) if part.u]
     component = min(parts, key=lambda part: part.dof, default=None)

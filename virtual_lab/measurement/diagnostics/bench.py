@@ -282,15 +282,20 @@ class Slowing(NamedTuple):
 def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
     """Return the observed change of the pendulum's period, divided by the predicted change.
 
-    `Slowing.times` is this ratio. The result also holds its standard uncertainty and degrees of
-    freedom, and the number of counted releases, the releases of the pendulum that are used
-    (`counted_releases`). All arrays are (laboratory,).
-
     The period of a pendulum grows with the square of the amplitude, so it shortens as the swing
-    decays. The change is predicted from the recorded amplitudes. The ratio is 1 if they are
-    correct. It is NaN if the amplitude does not decay, or if no release is counted. Return None if
-    the releases have fewer than four swings. `laboratories` is the number of laboratories in the
-    record.
+    decays. The change is predicted from the recorded amplitudes. The ratio is 1 if these amplitudes
+    are correct.
+
+    The result has four arrays, (laboratory,):
+
+    * `times` is the ratio. It is NaN if the amplitude does not decay, or if no release is counted.
+    * `u` is the standard uncertainty of the ratio.
+    * `dof` is the number of degrees of freedom of this uncertainty.
+    * `releases` is the number of releases of the pendulum that are used. The function
+      `counted_releases` selects them.
+
+    Return None if the releases have fewer than four swings. `laboratories` is the number of
+    laboratories in the record.
     """
     times = record.times.reshape(laboratories, -1, record.times.shape[1])
     counted = counted_releases(odd_swings(times))
@@ -359,10 +364,12 @@ def scale_drift(evidence: Evidence) -> Iterator[Pairs]:
 
 
 def air_read_and_stated(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of two air densities, from the climate record and from the calibration.
+    """Yield one comparison of the measured air density with the density stated in the calibration.
 
-    `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard uncertainty.
-    Nothing is yielded without a climate record, or if the calibration states no density.
+    The measured density comes from the climate record. `Pairs.sigmas`, (laboratory,), is the
+    absolute difference of the two densities in units of its standard uncertainty.
+
+    Nothing is yielded if there is no climate record, or if the calibration states no density.
     """
     calibration = evidence.block.calibration.get(DENSITY)
     if calibration is None or "climate" not in evidence.block.records["bench"]:
@@ -450,12 +457,12 @@ def _of_ball(evidence: Evidence, laboratory: int, fired: Mask, bad: Mask) -> str
 
 
 def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of e0 at the end of the hits at the wall with e0 at the beginning.
+    """Yield one comparison that shows a drift of e0 during the hits at the wall.
 
-    A straight line is fitted to the mean e0 of the balls against the order in which they hit the
-    wall. The difference is the value of the line for the last ball minus its value for the first
-    ball. `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard
-    uncertainty. Nothing is yielded for fewer than four balls.
+    e0 is the ball-wall restitution. A straight line is fitted to the mean e0 of the balls against
+    the order in which the balls hit the wall. The difference is the value of the line for the last
+    ball minus its value for the first ball. `Pairs.sigmas`, (laboratory,), is the absolute
+    difference in units of its standard uncertainty. Nothing is yielded for fewer than four balls.
     """
     e0, readings = evidence.measured_balls.restitution[:, 0], evidence.reduced.preparation.balls
     if e0.shape[1] < 4:

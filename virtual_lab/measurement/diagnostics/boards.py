@@ -178,16 +178,23 @@ class Heights:
 
 
 def heights(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield comparisons of the heights at which incoming balls pass the boards and reach the bat.
+    """Yield comparisons of the heights of incoming balls at the light boards and at the bat.
 
-    Two comparisons are yielded for each board except the first and the last. The first compares the
-    mean height at the board with the line through the first and last boards. The second compares
-    the slope of this difference over the height of the ball with 0. The slope differs from 0 if the
-    height scale of the board is wrong relative to the first and last boards. One more comparison is
-    the mean height at the bat minus the mean height of the marks on the aim paper. This comparison
-    is left out if there are too few marks or none. `Pairs.sigmas`, (laboratory,), is the absolute
-    difference in units of its standard uncertainty. Nothing is yielded if the instrument does not
-    measure heights. A laboratory with too few shots is not compared.
+    Each board except the first and the last has two comparisons. They use the deviation of a ball:
+    its height at the board, minus the height of the line through its heights at the first and the
+    last board.
+
+    * The first comparison is the mean deviation against 0.
+    * The second comparison is a slope against 0: the slope of the deviation as a function of the
+      ball's height. This slope differs from 0 if the height scale of the board is wrong relative to
+      the first and last boards.
+
+    One more comparison is the mean height at the bat against the mean height of the marks on the
+    aim paper. It is left out if there are too few marks or none.
+
+    `Pairs.sigmas`, (laboratory,), is the absolute difference in units of its standard uncertainty.
+    Nothing is yielded if the instrument does not measure heights. A laboratory with too few shots
+    is not compared.
     """
     gates = evidence.readings.flights
     if not isinstance(gates, GateReadings) or not gates.shows_height:

@@ -112,8 +112,10 @@ class Checked:
 def check(evidence: Evidence) -> Checked:
     """Return the results of all checks for a block of sessions.
 
-    `Checked.answers` has one entry per check, in the order of the test day. An entry is empty if
-    the check yields nothing. An entry can also hold a flag that no laboratory raises.
+    `Checked.answers` has one tuple per check, in the order of the test day. The tuple has the
+    results that the check yields, possibly none. A result states which laboratories raise the flag
+    of the check. There may be no such laboratory.
+
     `Checked.left_out` names the checks that cannot be done because the records lack the readings.
     """
     kinds: set[type[Record]] = {type(record) for record in evidence.block.impact.values()}

@@ -271,11 +271,17 @@ def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
     """Yield one comparison of two mean e_A, from the bat's recoil and from the ball's rebound.
 
     e_A is the collision efficiency. The difference is recoil minus rebound. `Pairs.sigmas`,
-    (laboratory,), is the absolute difference in units of its standard uncertainty. The mean is over
-    the valid shots with both values. If there are at least `FEWEST_SHOTS` marks on the aim paper,
-    one such shot is enough, because the marks give the scatter of the impact position. Otherwise a
-    laboratory needs at least `FEWEST_SHOTS` such shots, because their scatter gives the uncertainty
-    of the mean. Nothing is yielded if no laboratory has enough shots.
+    (laboratory,), is the absolute difference in units of its standard uncertainty. Each mean is
+    over the valid shots that have both values.
+
+    How many such shots a laboratory needs depends on the number of marks on the aim paper:
+
+    * With at least `FEWEST_SHOTS` marks, one shot is enough, because the scatter of the marks gives
+      the uncertainty.
+    * With fewer marks, `FEWEST_SHOTS` shots are needed, because their scatter gives the
+      uncertainty.
+
+    Nothing is yielded if no laboratory has enough shots.
     """
     difference = evidence.shots.recoil_efficiency - evidence.shots.rebound_efficiency
     has_both = evidence.reduced.valid & np.isfinite(difference)

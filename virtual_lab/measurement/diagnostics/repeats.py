@@ -22,11 +22,13 @@ from virtual_lab.units import Array, Mask
 def records_repeated(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag for each instrument that has the same record for two shots.
 
-    If two shots have identical records of one instrument but different records of another
-    instrument, a record was stored twice. The flag is raised in all laboratories and rules out a
-    verdict. Nothing is yielded without such a repeat, or if all swings of the pendulum are
-    identical to the last digit. In the second case, the instruments have no noise and equal records
-    are possible.
+    A record was stored twice if two shots have identical records of one instrument, but different
+    records of another instrument. The flag is raised in all laboratories and rules out a verdict on
+    the bat.
+
+    Nothing is yielded if no record was stored twice. Nothing is yielded either if all releases of
+    the pendulum have the same times to the last digit. Such records come from simulated instruments
+    without noise, for which equal records are possible.
     """
     pendulum = evidence.block.records["bench"].get("pendulum")
     if isinstance(pendulum, PendulumRecord) and not np.ptp(pendulum.times, axis=0).any():

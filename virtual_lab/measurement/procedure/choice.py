@@ -45,13 +45,20 @@ def shortfalls(
 
     Both are in the unit of the metric. A scan chooses the impact position with the best measured
     value. The shortfall is the amount by which an adjacent position is truly better than the chosen
-    one. If the adjacent position is not better, the shortfall is 0. Mean and rms value are taken
-    over the possible true differences, which are assumed to be normally distributed. Their mean is
-    the measured difference, and their standard deviation follows from the scatter of the hits at
-    each position. The shortfalls of the two adjacent positions are added.
+    one. If the adjacent position is not better, the shortfall is 0.
 
-    The result is 0 if no position was chosen, if the hits do not scatter, or if the procedure does
-    not average final hits at one position. The parameters are described in `outcomes_of`.
+    The true difference of two positions is unknown. It is assumed to be normally distributed. The
+    center of this distribution is the measured difference. Its standard deviation follows from the
+    scatter of the hits at each position. The mean and the mean square of the shortfall are computed
+    for this distribution, and added for the two adjacent positions.
+
+    The result is 0 in three cases:
+
+    * no position was chosen;
+    * the hits do not scatter;
+    * the procedure does not average final hits at one position.
+
+    The parameters are described in `outcomes_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:

@@ -35,9 +35,10 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
 def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
     """Return the balls of one lot with a mass or e0 outside the window, each with the reason.
 
-    `balls` has arrays (ball,). e0 is computed for the speed that the procedure states for its
-    window. If both mass and e0 are outside, the reason is the mass. The tuple is empty if all balls
-    are within the windows.
+    A window is the range that the procedure allows. `balls` has arrays (ball,). The window of e0
+    (ball-wall restitution) applies at a speed that the procedure states. e0 is therefore computed
+    for this speed. If both mass and e0 are outside, the reason is the mass. The tuple is empty if
+    all balls are within the windows.
     """
     windows = procedure.windows
     of_mass, of_e0 = _misfits(procedure, balls)
