@@ -399,8 +399,8 @@ AnyStudy = Annotated[
 def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     """Return the data sheet of a rig or of one of its instruments, and the key in this sheet.
 
-    The second result is the rest of `key` after the stage, or after the instrument. The function
-    does not check whether the sheet has this key.
+    For the key ``impact.gates.distance_u``, for example, the results are the sheet of the
+    instrument and ``distance_u``. The function does not check whether the sheet has this key.
 
     Parameters
     ----------

@@ -227,10 +227,11 @@ def _columns(tested: BlockTest) -> Columns:
 
 
 def write_part(table: pa.Table, folder: Path, block: Block) -> None:
-    """Write the tests of a block, `table`, to a Parquet file in `folder`.
+    """Write the tests of a block to a Parquet file in `folder`.
 
-    The file is written completely or not at all. It replaces an older file. Raises `OSError` if the
-    folder cannot be written, and `InputError` if the extra ``campaign`` is not installed.
+    `table` holds the tests. The file is written completely or not at all. It replaces an older
+    file. Raises `OSError` if the folder cannot be written, and `InputError` if the extra
+    ``campaign`` is not installed.
     """
     words = {**PROGRAM, "name": block.name, "tests": str(block), "processor": processor()}
     words |= {DATA: NO_DIGEST, FOOTER: NO_DIGEST}

@@ -296,8 +296,8 @@ def source(kind: str, name: str) -> tuple[str, str]:
     """Return the text of an entry, and the name of its file for error messages.
 
     The second result is the file name for an entry of the catalog, and the path for a user's file.
-    If `sheets_in_place` replaces the entry, its replacement text and `name` are returned. Raises
-    `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
+    If the entry is replaced by `sheets_in_place`, the replacement text and `name` are returned.
+    Raises `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     in_place = _in_place.get()
     if in_place is not None:

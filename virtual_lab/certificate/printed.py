@@ -278,8 +278,8 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     * `decides`: there is a result, and the bat meets every rule other than the limit.
     * `uncertain`: u is not printed as 0.
 
-    If the document states no result, for example for an INVALID test, the returned dictionary has
-    no `uncertain` and no keys for value and uncertainty.
+    Some documents state no result, for example for an INVALID test. The dictionary then has no
+    `uncertain`, and no keys for the measured value, its uncertainty and its interval.
     """
     metric, verdict = document.metric, document.verdict
     printed = METRICS[metric.name]

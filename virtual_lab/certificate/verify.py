@@ -197,11 +197,17 @@ def reduced_document(
 ) -> CertificateDocument:
     """Return the certificate that this program makes from a test result, for a comparison.
 
-    `stated` are the JSON values of the certificate to compare with. The digest of the truth is
-    copied from `stated`. The versions are copied if they have the keys that this program writes;
-    otherwise the result has the versions of this program. The commit is copied if it has the keys
-    ``id`` and ``changes``; otherwise the result has no commit. `session_digest` is the SHA-256 of
-    ``session.json``.
+    Parameters
+    ----------
+    stated
+        JSON values of the certificate to compare with. These values are copied from it:
+
+        * the digest of the truth
+        * the versions, if they have the keys that this program writes. Otherwise the result has the
+          versions of this program.
+        * the commit, if it has the keys ``id`` and ``changes``. Otherwise the result has no commit.
+    session_digest
+        SHA-256 of ``session.json``.
     """
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)

@@ -51,8 +51,8 @@ def camera_stability(progress: Progress = quiet) -> StabilityMap:
     """Return maps that show where the methods to locate a ball work, one row per cell of a map.
 
     A row has the same keys as in `picture_cells`. An additional map shows the effect of dropped
-    frames. In the rows of this map, ``rms_unflagged`` is the relative error of a speed, and the
-    numbers of pictures (``pictures``, ``unsaid``, ``flagged``, ``lost``) are numbers of balls.
+    frames. In the rows of this map, ``rms_unflagged`` is the relative error of a speed.
+    ``pictures``, ``unsaid``, ``flagged`` and ``lost`` then count balls instead of pictures.
     """
     rows = picture_cells(progress)
     progress("frames dropped")

@@ -116,8 +116,8 @@ def draw_maps(
     Parameters
     ----------
     rows
-        Cells of all maps, one dictionary per cell. Each has the keys `value` (column of the map)
-        and `state`.
+        Cells of all maps, one dictionary per cell. The key `value` is the label of the cell's
+        column in the map. The key `state` is its state.
     title
         Title of the figure.
     states

@@ -172,9 +172,9 @@ def naive_errors(
 def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
     """Return the share of shots in which the ball passes through the bat without a contact, 0 to 1.
 
-    Every ball should rebound; a miss is an error of pymunk with the time step `step` [s]. The balls
-    fly with `speed` [m/s] toward a point 6 in from the tip. The contact times are spread evenly
-    over one step.
+    Every ball should rebound. A miss is an error of pymunk with the time step `step` [s]. The balls
+    fly with `speed` [m/s] toward a point 6 in from the tip. Each shot has the contact at another
+    time within a time step. These times are evenly spaced.
     """
     passed = 0
     for shot in range(shots):

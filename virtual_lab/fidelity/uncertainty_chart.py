@@ -50,10 +50,11 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 
 
 def draw_uncertainty(rows: list[Row], title: str) -> PageFigure:
-    """Return a figure of the errors of u and interval, divided by u, against the run time [ms].
+    """Return a figure of the errors of uncertainties against the run time [ms].
 
-    `rows` are the rows of `uncertainty_chart`. The run time is for one processor core. The three
-    panels show the errors of u, of the lower end and of the upper end of the interval.
+    The three panels show the errors of the standard uncertainty u, and of the lower end and the
+    upper end of the coverage interval. The errors are divided by u. The run time is for one
+    processor core. `rows` are the rows of `uncertainty_chart`.
     """
     from virtual_lab.output.page_figure import PageFigure
 

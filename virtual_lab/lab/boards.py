@@ -19,9 +19,9 @@ from virtual_lab.streams import SEED_BITS, Streams
 def film_board(
     camera: str, board: Board, folder: Path, *, views: int = 10, seed: int | None = None
 ) -> Path:
-    """Write simulated pictures of a calibration board into a new folder. Return the pictures' path.
+    """Write simulated pictures of a calibration board into a new folder.
 
-    The pictures are PNG files in ``folder/pictures``, which is the returned path. The file
+    The pictures are PNG files in ``folder/pictures``. The path of this folder is returned. The file
     ``truth/camera.json`` in `folder` holds the true lens and the true camera position in axes of
     the rig. In the first picture the board lies in the plane in which the ball flies.
 
@@ -41,8 +41,8 @@ def film_board(
     Raises
     ------
     InputError
-        The camera is unknown, the seed is not between 0 and 2^128 - 1, there are too few or too
-        many pictures, or the folder is not empty or cannot be written.
+        The camera is unknown, or the seed is not between 0 and 2^128 - 1. There are too few or too
+        many pictures. The folder is not empty or cannot be written.
     """
     import cv2
 

@@ -177,12 +177,19 @@ def true_curve(
     places: Array,
     owner: Owner = ...,
 ) -> TrueCurve:
-    """Return the true e_A, e, r and e0 at positions along a bat, arrays (place,).
+    """Return the true collision curve of a bat at positions along it, arrays (place,).
 
-    The speeds are the nominal speeds of the procedure. `places` are distances from the barrel tip
-    [m]. For a block of laboratories, `owner`, (place,), is the index of the laboratory that each
-    position belongs to. The bat and the balls of this laboratory are used. For a single laboratory
-    `owner` is `...`, the default.
+    The curve holds the collision efficiency e_A, the bat-ball restitution e, the recoil factor r
+    and the ball-wall restitution e0. The speeds are the nominal speeds of the procedure.
+
+    Parameters
+    ----------
+    places
+        Distances from the barrel tip [m].
+    owner
+        For a block of laboratories, the index of the laboratory of each position, (place,). The bat
+        and the balls of this laboratory are used. For a single laboratory, Python's `Ellipsis`, the
+        default.
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(

@@ -23,8 +23,8 @@ def decimals(u: float) -> int:
 def digits(u: float) -> str:
     """Return an uncertainty as text with two significant digits.
 
-    An uncertainty of 100 or more is written as a whole number with all its digits. The text is
-    ``0`` if `u` is at most 1e-9 in any unit, and ``nan`` or ``inf`` if it is not finite.
+    An uncertainty of 100 or more is written as a whole number with all its digits. If `u` is at
+    most 1e-9, the text is ``0``. If `u` is not finite, the text is ``nan`` or ``inf``.
     """
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 
@@ -40,7 +40,9 @@ def with_uncertainty(value: float, u: float, word: str = "u") -> str:
 
 
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
-    """Return a message about a value outside its limits, with enough decimals to show this.
+    """Return a message about a value outside its limits.
+
+    The message has so many decimals that the printed value is also outside the printed limits.
 
     Parameters
     ----------

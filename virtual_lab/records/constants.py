@@ -229,9 +229,11 @@ def constant_of(key: str) -> Constant | None:
 def require_plausible(key: str, constant: Estimate, where: str) -> None:
     """Raise `InputError` if a constant is outside its plausible range, or if its u is too large.
 
-    u may be at most as large as the width of the range. A budget shifts the constant by its u, and
-    the model is meaningless far outside the range. A constant of an unknown kind may have any value
-    between -1e18 and 1e18. `key` is the name of the constant, and `where` is the name of its file.
+    u must not be larger than the width of the range. The reason is that an uncertainty budget
+    shifts the constant by u, and that the model is meaningless far outside the range. A constant of
+    an unknown kind may have any value between -1e18 and 1e18.
+
+    `key` is the name of the constant. `where` is the name of the file, for the message.
     """
     of = constant_of(key)
     low, high = (of.low, of.high) if of else (-GREATEST, GREATEST)

@@ -285,10 +285,16 @@ def particulars_of(
 ) -> Particulars:
     """Return the particulars of a test from the keys and values of a document.
 
-    They state laboratory, customer, bat, persons and the like. `where` is the name of the document
-    for error messages. If `folder` is stated, the document names the file of the logo in this
-    folder. Otherwise the document contains the picture itself. Raises `InputError` in the same
+    They state laboratory, customer, bat, persons and the like. Raises `InputError` in the same
     cases as `read_particulars`.
+
+    Parameters
+    ----------
+    where
+        Name of the document for error messages.
+    folder
+        Folder of the file of the logo. State it if the document contains the name of this file. By
+        default the document must contain the picture itself.
     """
     table = document.get("laboratory")
     if folder is not None and isinstance(table, Mapping) and isinstance(table.get("logo"), str):

@@ -320,12 +320,15 @@ def critique(
 
 
 def misranking(field: float, differences: Array) -> Ranking:
-    """Return the ranking of two bats by a procedure, with the probability that it is wrong.
+    """Return the ranking of two bats by a procedure, with the probability of a wrong order.
 
-    The ranking is ``no result`` if fewer than two differences are finite. It is ``tie``, without a
-    probability, if the bats differ by less than 0.1 mph in the field. Otherwise it depends on the
-    probability of the opposite order: ``opposite order`` at 95 % or above, ``same order`` at 5 % or
-    below, and ``by chance`` in between.
+    The order is wrong if it is opposite to the order in the field. The ranking is one of these:
+
+    * ``no result``: fewer than two differences are finite.
+    * ``tie``: the bats differ by less than 0.1 mph in the field. No probability is stated.
+    * ``opposite order``: the probability of a wrong order is 95 % or more.
+    * ``same order``: the probability is 5 % or less.
+    * ``by chance``: the probability is in between.
 
     Parameters
     ----------
@@ -333,8 +336,8 @@ def misranking(field: float, differences: Array) -> Ranking:
         Difference of the peak batted-ball speed of the two bats in the field [mph], first minus
         second bat.
     differences
-        Differences of the metrics in any unit, first minus second bat, shape (laboratory,); NaN if
-        a test has no result.
+        Differences of the metrics in any unit, first minus second bat, shape (laboratory,). A
+        difference is NaN if a test has no result.
     """
     finite = differences[np.isfinite(differences)]
     if finite.size < 2:

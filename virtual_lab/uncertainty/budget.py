@@ -331,9 +331,8 @@ def means_of_hits(
 def weighted_sums(hits: Array, weights: Array) -> Array:
     """Return the weighted sum of the hits for each set of constants, (laboratory, k).
 
-    `hits` holds the values of the hits, (laboratory, k, hit), where k is the index of a set of
-    calibration constants and readings. `weights` is (laboratory, hit). A hit of weight 0 is left
-    out even if it is NaN.
+    `hits` holds the values of the hits, (laboratory, k, hit), for k sets of calibration constants
+    and readings. `weights` is (laboratory, hit). A hit of weight 0 is left out even if it is NaN.
     """
     from virtual_lab.uncertainty.budget_kernel import weigh
 

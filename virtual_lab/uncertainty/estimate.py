@@ -83,19 +83,20 @@ def means_of_readings(
 ) -> Estimates:
     """Return means of repeated readings with their type A uncertainties, (laboratory,).
 
-    The degrees of freedom are the number of used readings minus one, or inf if `least_u` is larger
-    than the u from the scatter. With one used reading, u is NaN and the degrees of freedom are inf.
-    Without any, the mean is also NaN.
+    The degrees of freedom are the number of used readings minus one. If `least_u` is larger than
+    the u from the scatter, they are inf. With one used reading, u is NaN and the degrees of freedom
+    are inf. Without a used reading, the mean is also NaN.
 
     Parameters
     ----------
     readings
         Repeated readings, (laboratory, n), n ≥ 2.
     used
-        Mask of the readings to use, with the shape of `readings`; None: all.
+        Mask of the readings to use, with the shape of `readings`. None means all.
     least_u
-        Lower bound of the standard uncertainty of a mean, in the unit of the readings. State
-        step/√12 for an instrument whose step of resolution may hide the scatter (GUM F.2.2.1).
+        Lower bound of the standard uncertainty of a mean, in the unit of the readings. Use step/√12
+        if the resolution of the instrument, `step`, is so coarse that it may hide the scatter (GUM
+        F.2.2.1).
     """
     counted = np.ones(readings.shape, dtype=bool) if used is None else used
     number = counted.sum(axis=1)

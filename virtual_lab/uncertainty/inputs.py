@@ -130,11 +130,12 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
     ----------
     entries
         Inputs, keyed by name. An entry is an `Input`, an `Estimate`, a number without uncertainty,
-        or an array of readings (n,). Readings are used by their mean and the standard uncertainty
-        of this mean from their scatter (type A). For inputs that were read together, the key is a
-        tuple of m names, and the entry is an array of readings (n, m).
+        or an array of readings (n,). The mean of the readings is used. Its standard uncertainty is
+        computed from their scatter (type A). For inputs that were read together, the key is a tuple
+        of m names, and the entry is an array of readings (n, m).
     correlations
-        Correlation coefficients of pairs of inputs, keyed by the two names; all others are 0.
+        Correlation coefficients of pairs of inputs, keyed by the two names. All other coefficients
+        are 0.
     """
     if not isinstance(entries, Mapping) or not entries:
         raise InputError("", "inputs", entries, "allowed: names and inputs, {'d': vl.Input(…)}")

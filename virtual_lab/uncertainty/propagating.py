@@ -59,12 +59,16 @@ def propagate_inputs(
         of the readings and its standard uncertainty are used. The value for a tuple of m names is
         an array of readings (n, m) that were taken together.
     correlations
-        Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``; all others are 0.
+        Correlation coefficients of pairs of inputs, ``{("a", "b"): 0.5}``. All other coefficients
+        are 0.
     method
-        ``first-order`` is GUM 5.1 with differences over ± u, and Welch–Satterthwaite.
-        ``second-order`` adds the terms of GUM 5.1.2, note, to mean and variance. ``monte-carlo`` is
-        JCGM 101, with the probabilistically symmetric and the shortest interval, and JCGM 102 for
-        several outputs.
+        ``first-order`` is the law of propagation of GUM 5.1. Each input is changed by +u and by -u
+        to find its sensitivity. The degrees of freedom follow from the Welch–Satterthwaite formula.
+
+        ``second-order`` adds the terms of GUM 5.1.2, note, to mean and variance.
+
+        ``monte-carlo`` is JCGM 101, and JCGM 102 for several outputs. It gives the
+        probabilistically symmetric and the shortest interval.
     probability
         Coverage probability of the interval, between 0 and 1.
     digits
@@ -90,8 +94,8 @@ def propagate_inputs(
     Raises
     ------
     InputError
-        An argument is not allowed, an input, a correlation or an output of the model cannot be
-        used, no input has an uncertainty, too many draws are needed, or the model gives different
+        An argument is not allowed. An input, a correlation or an output of the model cannot be
+        used. No input has an uncertainty. Too many draws are needed. The model gives different
         results for the same inputs.
     """
     named_method(method, "method")

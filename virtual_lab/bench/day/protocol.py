@@ -64,8 +64,8 @@ def remarks(day: Day) -> Display:
     """Return one row for each step that the last event required and that was not done in time.
 
     A row holds the text "skipped: " with the title of the step, the effect of the omission, and an
-    empty unit. The tuple is empty if no required step was skipped. Steps that were skipped before
-    earlier events are not listed again.
+    empty unit. The tuple is empty if no required step was skipped. Steps required by earlier events
+    are not listed.
     """
     last = len(day.events) - 1
     sheets = action_table().actions

@@ -108,10 +108,10 @@ class PrintedRow(NamedTuple):
 def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
     """Yield one row per suspected fault.
 
-    Some readings indicate a fault if they are outside their limits. The fault is then suspected,
-    and its row is the first such reading. The list ``unless`` of a fault names other faults that
-    explain the same readings. The fault is left out if one of these other faults is suspected too.
-    Nothing is yielded if all readings are within their limits.
+    Some readings indicate a fault if they are outside their limits. The fault is then suspected.
+    Its row is the row of the first such reading. The list ``unless`` of a fault names other faults
+    that explain the same readings. The fault is left out if one of these other faults is suspected
+    too. Nothing is yielded if all readings are within their limits.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):
@@ -412,12 +412,12 @@ def rows_of_edges(record: Record, event: DayEvent, shots: range) -> Iterator[Che
     """Yield the largest and the smallest ratio of blocking times over several shots, one row each.
 
     The ratio is the time for which the incoming ball blocks the first gate, divided by the time for
-    which it blocks the last gate. It is 1 for a round ball. There is no such row if no ball has
-    both times.
+    which it blocks the last gate. It is 1 for a round ball. These two rows are left out if no shot
+    has both times.
 
-    For light boards, an additional first row holds the number of balls with a ratio that is clearly
-    too large. In these shots, a fragment of the sabot blocked the first gate before the ball did.
-    These ratios are left out.
+    Light boards have an additional first row with the number of ratios that are clearly too large.
+    In these shots, a fragment of the sabot blocked the first gate before the ball did. The other
+    two rows do not use these ratios.
 
     `event` is the entry of the notebook to which the rows refer. `shots` is the range of shots,
     counted from 0.

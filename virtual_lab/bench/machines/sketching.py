@@ -70,10 +70,11 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 
 
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
-    """Return blurred values of e_A and of the angular rate of the bat after the hit [rad/s].
+    """Return inaccurate values of e_A and of the angular rate of the bat after the hit [rad/s].
 
-    `efficiency` is the true e_A. e_A is rounded to 0.01, and the rate to 0.1 rad/s. Each call for
-    the same shot gives the same values.
+    A trainee sees these values in the sketch of a shot. Both have a random error. e_A is then
+    rounded to 0.01, and the rate to 0.1 rad/s. Each call for the same shot gives the same values.
+    `efficiency` is the true e_A.
     """
     draws = firing.laboratory.draws
     day_draws = draws.normal("rehearsal.sketch-day", 2)
@@ -113,11 +114,20 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
 
 
 def true_motion(firing: Firing, day: Day, shot: int) -> Motion | None:
-    """Return the true motion of a shot of a day. `shot` is counted from 1.
+    """Return the true motion of a shot in a rehearsal.
 
     Times are in s, lengths in m and angles in rad. The result is None for a rig that swings the
     bat, and for a shot that the model of the motion cannot compute. Raises `IndexError` if the shot
     has not been fired.
+
+    Parameters
+    ----------
+    firing
+        The machines that fire the shots.
+    day
+        State of the rehearsed day.
+    shot
+        Number of the shot, counted from 1.
     """
     shot_scene = scene_of_shot(firing, firing.conditions(before_shot(day, shot)))
     if shot_scene is None:

@@ -228,7 +228,11 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 
 def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
-    """Return the entries of a day as text in CSV format: a header row, and one row per entry."""
+    """Return the entries of a day as text in CSV format.
+
+    The text has a header row, and one row per entry in the log of `desk.day`. `briefing` is the
+    briefing of the rehearsal.
+    """
     lines = StringIO()
     rows = csv.writer(lines)
     rows.writerow(["entry", "time_min", "action", "struck_out", "entered", "shown"])

@@ -76,10 +76,16 @@ class SlowMotion:
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
     """Return an approximate motion of ball and bat that agrees with the sketch of a shot.
 
-    The sketch is the top view of a shot that a trainee may see. Its contacts are the true ones, and
-    its numbers are blurred. Times are in s, lengths in m and angles in rad. `event` is the entry of
-    the shot in the log of the day. `place` is its impact position from the tip [m]. If no ball
+    The sketch is the top view of a shot that a trainee may see. The sketch has the true contacts,
+    but its numbers have random errors. Times are in s, lengths in m and angles in rad. If no ball
     reached the bat, the x of the ball is NaN.
+
+    Parameters
+    ----------
+    event
+        Entry of the shot in the log of the day.
+    place
+        Impact position of the shot from the tip [m].
     """
     sketch = event.sketch
     touching = -FILM.barrel - FILM.ball / 1e3

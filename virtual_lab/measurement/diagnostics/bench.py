@@ -39,7 +39,8 @@ def sports(evidence: Evidence) -> Iterator[Raised]:
     """Yield one flag if bat, ball and procedure are not all for the same sport.
 
     The flag is raised in all laboratories of the block. Nothing is yielded if the sports agree. An
-    item without a stated sport is ignored, and so is a check standard.
+    item without a stated sport is ignored. A check standard, such as a steel cylinder in place of
+    the bat, is also ignored.
     """
     entries = {
         "the bat": evidence.block.bat_sport,

@@ -27,11 +27,13 @@ def chords(evidence: Evidence) -> Iterator[Raised]:
     ball takes to cross the thickness of the beam. A beam that misses the center of the ball shows
     less than the diameter, but no beam can show more.
 
-    A flag holds the laboratories in which it is raised. Two flags are yielded for the gates at the
-    wall, and two for the gates at the bat. The first flag is raised if a diameter is more than 2 %
-    too large. The second is raised if the 90 % quantile of the diameters is more than 2 % too
-    small. A flag is also yielded if no laboratory raises it. Nothing is yielded for gates that
-    recorded no edges.
+    Two flags are yielded for the gates at the wall, and two for the gates at the bat:
+
+    * The first is raised if a diameter is more than 2 % above the nominal diameter.
+    * The second is raised if nine of ten diameters are more than 2 % below the nominal diameter.
+
+    A flag holds the laboratories in which it is raised. It is also yielded if no laboratory raises
+    it. Nothing is yielded for gates that recorded no edges.
     """
     hits = evidence.reduced.preparation.balls
     wall, bat = (evidence.block.records[stage].get("gates") for stage in ("balls", "impact"))

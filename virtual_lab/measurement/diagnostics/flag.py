@@ -139,9 +139,9 @@ def pairs(
     """Return a comparison of two measurements in each laboratory. Their difference should be 0.
 
     The arrays of the result are (laboratory,). `sigmas` is the absolute difference in units of its
-    standard uncertainty, and `likely` is its two-sided p-value. `harmful` is a second p-value. For
-    this p-value, a difference is noise if it shifts the test result by less than `HARMLESS` times
-    the u of the test result.
+    standard uncertainty, and `likely` is its two-sided p-value. `harmful` is a second p-value,
+    which allows for harmless differences. A difference is harmless if it shifts the test result by
+    less than `HARMLESS` times the u of the test result.
 
     Parameters
     ----------
@@ -161,8 +161,8 @@ def pairs(
         Additional standard uncertainty of `value`, in the same unit. It is added in quadrature, so
         the u of the difference is at least `least`.
     moves
-        Largest shift of the test result per unit of `value`, divided by the standard uncertainty of
-        the test result. By default the shift is not limited.
+        Largest possible shift of the test result if `value` changes by 1, divided by the standard
+        uncertainty of the test result. By default it is infinite.
     among
         Number of similar differences that were compared. It is above 1 if `value` is the least
         likely of several differences.

@@ -73,10 +73,11 @@ def shortfalls(
 def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
     """Return the budgets of a block, with the mean shortfall of each laboratory added to its value.
 
-    A shortfall is the expected amount by which a neighbor of the chosen impact position is truly
-    better. `lost` holds the shortfalls, see `shortfalls`. The standard uncertainty of the shortfall
-    becomes the component `CHOICE` of each budget. If all shortfalls are 0, the budgets are returned
-    unchanged.
+    The procedure chooses the impact position with the best measured metric. A neighboring position
+    may truly be better. The shortfall is the amount by which it is better, in the unit of the
+    metric, or 0. `lost` holds the mean and the uncertainty of each shortfall, see `shortfalls`.
+    This standard uncertainty becomes the component `CHOICE` of each budget. If all shortfalls are
+    0, the budgets are returned unchanged.
     """
     if not (lost.rms > 0).any():
         return metric

@@ -73,10 +73,11 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
 def mean_at(
     at: float, most: int, place: Array, valid: Mask, objective: Array, reach: float
 ) -> tuple[int, float]:
-    """Return the number of hits used at a position, and the mean of their `objective`.
+    """Return the number of hits used at a position, and the mean of `objective` over these hits.
 
-    The first `most` valid hits within `reach` [m] of `at` [m] are used. The mean is 0 if there are
-    none. The arrays are (shot,).
+    `objective` is the quantity that the procedure maximizes. The used hits are valid and within
+    `reach` [m] of the position `at` [m]. At most `most` hits are used, in the order of firing.
+    Without hits the mean is 0. The arrays are (shot,).
     """
     count, total = 0, 0.0
     for shot in range(place.size):
@@ -90,12 +91,22 @@ def mean_at(
 def best_of(
     among: Array, most: int, place: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
-    """Return the index of the position in `among` [m] with the largest mean objective.
+    """Return the index of the position in `among` with the largest mean objective.
 
-    The mean is over the first `most` valid hits within `rules.reach` [m] of the position. `place`
-    [m], `valid` and `objective` are the impact position of each hit, whether it is valid, and the
-    quantity that the procedure maximizes, all (shot,). A position without hits has the mean 0. The
-    index is 0 if `among` is empty. Positions are distances from the barrel tip.
+    The mean is over the first `most` valid hits within `rules.reach` [m] of the position. A
+    position without hits has the mean 0. The index is 0 if `among` is empty. All positions are
+    distances from the barrel tip [m].
+
+    Parameters
+    ----------
+    among
+        Positions to compare.
+    place
+        Impact position of each hit, (shot,).
+    valid
+        Whether each hit is valid, (shot,).
+    objective
+        Quantity that the procedure maximizes, for each hit, (shot,).
     """
     best, top = 0, -np.inf
     for k in range(among.size):

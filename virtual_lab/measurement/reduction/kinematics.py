@@ -232,10 +232,17 @@ def head_on_efficiency(e_A: Floats, sine_square: Floats) -> Floats:
 def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) -> Floats:
     """Return e_A at the aimed position, given `e_A` at the actual impact position.
 
-    e_A is the collision efficiency. The result is ``e_A - (slope * off + error)``. `off` is the
-    distance of the actual from the aimed position, positive toward the knob [m]. `slope` is the
-    slope of e_A over the distance from the tip [1/m]. `error` is the error of ``slope * off``,
-    without a unit.
+    e_A is the collision efficiency. The result is ``e_A - (slope * off + error)``.
+
+    Parameters
+    ----------
+    off
+        Distance of the actual from the aimed position, positive toward the knob [m].
+    slope
+        Slope of e_A over the distance from the tip [1/m].
+    error
+        Error of ``slope * off``, without a unit. It is 0 except when an uncertainty budget varies
+        it.
     """
     return e_A - (slope * off + error)
 

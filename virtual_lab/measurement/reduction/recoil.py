@@ -55,21 +55,21 @@ def fit_recoil(record: EncoderRecord, contact: Array) -> RateFit:
     Parameters
     ----------
     record
-        Counts (shot, sample) at common times.
+        Counts (shot, sample) at times that all shots share.
     contact
-        Time of contact from the gates, shape (shot,) [s], on the encoder's clock; NaN if the gates
-        did not detect the ball.
+        Time of contact, shape (shot,) [s], computed from the gates. It refers to the clock of the
+        encoder. It is NaN if the gates did not detect the ball.
 
     Returns
     -------
     RateFit
-        Rates at the end of contact, (shot,), in counts per second by the encoder's clock, before
-        its calibration is applied. A shot without a contact has NaN.
+        Rates at the end of contact, (shot,) [counts/s]. The calibration of the encoder's clock is
+        not yet applied. A shot without a contact has NaN.
 
     Raises
     ------
     ValueError
-        The record ends too soon after the last contact for a fit, or no shot has a contact.
+        The record ends too soon after the last contact for a fit. Or no shot has a contact.
     """
     contacts = contact[np.isfinite(contact)]
     after = record.times > (contacts.max() if contacts.size else np.inf) + RECOIL.settling_time

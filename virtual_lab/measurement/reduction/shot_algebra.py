@@ -266,9 +266,9 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
 
 
 def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
-    """Return for each shot the value of its ball, (..., shot).
+    """Return the value of each shot's ball, (..., shot).
 
-    `values` are the values of the balls, (..., ball), and `ball` is the index of each shot's ball,
+    `values` are the values of the balls, (..., ball). `ball` is the index of each shot's ball,
     (shot,) or (..., shot).
     """
     if ball.ndim == 1:
@@ -393,8 +393,9 @@ def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Fl
 def drag_of(x: Constants, mass: Array) -> Array:
     """Return the drag rate κ of balls in the air of the hall [1/m].
 
-    κ is the relative loss of speed per meter of flight. `x` are the constants keyed by name, and
-    `mass` is the mass of the balls [kg]. The result has the broadcast shape of both.
+    κ is the relative loss of speed per meter of flight. `x` are the constants keyed by name. `mass`
+    is the mass of the balls [kg]. The shape of the result is the broadcast shape of the constants
+    and the mass.
     """
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 

@@ -15,11 +15,11 @@ KEYS = ("value", "unit", "u", "dof", "source")
 
 
 def read_constants(entries: Mapping[str, Any], where: str) -> dict[str, Estimate]:
-    """Return the calibration constants in another laboratory's form, keyed by name, in SI.
+    """Return the calibration constants that another laboratory stated, keyed by name, in SI.
 
-    `entries` are the constants in the form. An entry must have the keys value, unit and u, and may
-    have dof (by default inf) and source. `InputError` is raised for the first entry that cannot be
-    used or is not plausible. It names the file `where` and the key.
+    `entries` are the constants in the form that the laboratory filled in. An entry must have the
+    keys value, unit and u, and may have dof (by default inf) and source. `InputError` is raised for
+    the first entry that cannot be used or is not plausible. It names the file `where` and the key.
     """
     constants = {key: _constant(key, entry, where) for key, entry in entries.items()}
     for key, constant in constants.items():

@@ -173,12 +173,18 @@ def every_second_missed(record: Any, written: FaultContext) -> Arrays:
 
 
 def cleared_twice(record: Any, written: FaultContext) -> Arrays:
-    """Return gate times in which the gate nearest the bat reports the end of some passages late.
+    """Return gate times with a late end of some passages at the gate nearest the bat.
 
-    In about 60 % of the shots, the gate reports the incoming ball a second time. Therefore the
-    recorded time at which the ball left the beam is 0.4 ms late. `record` is the gates' record
-    without the fault. `written` is its context: station, plan and random numbers. The result is a
-    mapping with the key ``times`` [s], an array of the shape of the times in the record.
+    In about 60 % of the shots, this gate reports the incoming ball a second time. The recorded time
+    at which the ball left the beam is then 0.4 ms late. The result is a mapping with the key
+    ``times`` [s], an array of the shape of the times in the record.
+
+    Parameters
+    ----------
+    record
+        The gates' record without the fault.
+    written
+        Context of the record: station, plan and random numbers.
     """
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3

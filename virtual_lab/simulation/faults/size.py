@@ -48,9 +48,9 @@ def _scaled(before: Any, after: Any, size: float) -> Any:
 def blend(before: Any, after: Any, size: float) -> Any:
     """Return `before` + `size` · (`after` - `before`), number by number.
 
-    Mappings, dataclasses, and tuples, lists and arrays of floats are changed entry by entry.
-    Integers, strings, tuples of objects and the keys of a mapping are those of `after`. So are
-    numbers that are not finite in `before` or in `after`.
+    Mappings, dataclasses, and tuples, lists and arrays of floats are changed entry by entry. If a
+    number is not finite in `before` or in `after`, the number of `after` is returned. Integers,
+    strings, tuples of objects and the keys of a mapping are those of `after`.
     """
     if before is after:
         return before

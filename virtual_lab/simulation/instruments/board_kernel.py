@@ -157,8 +157,9 @@ def gain_memory(radius: float) -> Array:
 def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: Array) -> None:
     """Compute the sensitivity of the time and height of a passage to errors at the beams.
 
-    The result is written to `gains`, (3, n), one column per ball. Each row is a ratio of standard
-    uncertainties u:
+    A passage is the flight of a ball through a light board, a vertical row of beams. The result is
+    written to `gains`, (3, n), one column per ball. Each row is a ratio of standard uncertainties
+    u:
 
     * u of the time of the passage divided by u of the time at which a beam is broken or cleared;
     * u of the height divided by u of the ball's position when a beam is broken or cleared;

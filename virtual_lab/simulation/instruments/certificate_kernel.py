@@ -31,8 +31,8 @@ def pieces_of(dof: float) -> Array:
 
     The result has the shape (interval, power), with the lowest power first. The intervals of z have
     the width `PIECE` and extend from -`REACH` to `REACH`. In each interval the variable of the
-    polynomial runs from -1 to 1. `dof` is ν and must be above 0 and finite; an infinite ν gives
-    NaN. The result is cached.
+    polynomial runs from -1 to 1. `dof` is the number ν. It must be above 0. If it is infinite, the
+    coefficients are NaN. The result is cached.
     """
     from scipy.special import gammainccinv, gammaincinv, ndtr
 

@@ -80,14 +80,14 @@ def sum_up_gates(
     ----------
     records
         Array (shot, direction, gate). Before the call it holds standard normal numbers. After the
-        call it holds recorded times [s], NaN if the ball was not detected. Only the direction `out`
-        is changed.
+        call, one direction holds the recorded times [s]. A time is NaN if the ball was not
+        detected. The other direction is not changed.
     flights
         Trajectory parameters from `Passage.way`, (5, shot).
     start
         Times at the target, (shot,) [s].
     out
-        True for the rebounding ball, False for the incoming ball.
+        Direction to compute: True for the rebounding ball, False for the incoming ball.
     gates
         True constants of the gates.
     jitter

@@ -267,11 +267,12 @@ def _write(state: Moving, row: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log) -> None:
-    """Start or resume shots, and simulate each until its next contact with the bat or its end.
+    """Simulate shots, each until its next contact with the bat or until the shot ends.
 
-    A shot pauses at a contact with the bat, because the caller must compute the collision
-    efficiency e_A of the contact. `log.waits` is then True for this shot. The next call with the
-    shot resumes it. The events are added to `log`, which is changed in place.
+    A shot that was not paused starts at its beginning. A shot pauses at a contact with the bat,
+    because the caller must compute the collision efficiency e_A of the contact. `log.waits` is then
+    True for this shot. The next call with the shot resumes it. The events are added to `log`, which
+    is changed in place.
 
     `shots` holds the indices of the shots. `efficiency`, (len(shots),), is the e_A of the contact
     at which each shot was paused. It is ignored for a shot that was not paused.

@@ -78,9 +78,10 @@ def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotS
 
 
 def nearness(scene: ShotScene, state: ShotState) -> Nearness:
-    """Return gap [m] and relative motion of ball and bat for each state, as a `Nearness` of (n,).
+    """Return gap [m] and relative motion of ball and bat for each state.
 
-    The gap is negative if ball and bat overlap. The ends of the bat are flat.
+    The arrays of the result have one element per state. The gap is negative if ball and bat
+    overlap. The ends of the bat are flat.
     """
     bat = scene.bat
     cos, sin = np.cos(state.angle), np.sin(state.angle)

@@ -76,15 +76,16 @@ def ringing(
 ) -> tuple[Array, Array]:
     """Return two matrices A (shot, term) and B (term, sample) for the decaying vibration of a bat.
 
-    The matrix product A B has the shape (shot, sample). It is the rotation of the bat's cross
-    section at the pivot by bending [rad]. It is valid for samples after the release.
+    The matrix product A B has the shape (shot, sample). It is the rotation due to bending of the
+    bat's cross section at the pivot [rad]. It is valid for samples after the release.
 
     Parameters
     ----------
     turn
-        Rotation of the section per unit of each modal coordinate, (shot, mode) [kg^-1/2 m^-1].
+        Rotation of this cross section per unit of each modal coordinate, (shot, mode) [kg^-1/2
+        m^-1].
     displacement, velocity
-        Modal coordinates and rates at release, (shot, mode) [kg^1/2 m, kg^1/2 m/s].
+        Modal coordinates and their rates of change at release, (shot, mode) [kg^1/2 m, kg^1/2 m/s].
     angular_frequency
         Undamped angular frequencies, (mode,) [rad/s].
     damping_ratio

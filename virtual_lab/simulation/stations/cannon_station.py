@@ -64,9 +64,9 @@ def commission(
 ) -> dict[str, Any]:
     """Return the instruments of a rig with a cannon, keyed by the field names of its station.
 
-    The errors of the instruments are drawn at random, or are zero if `factory` is ideal. The key
-    ``ideal`` of the result is True in this case. Raises `InputError` for an unknown or invalid data
-    sheet.
+    The errors of the instruments are drawn at random. If `factory` is ideal, they are zero. The
+    result also has the key ``ideal``, which is True for an ideal factory and False otherwise.
+    Raises `InputError` for an unknown or invalid data sheet.
 
     Parameters
     ----------

@@ -79,12 +79,14 @@ def blows_of(
 ) -> Blows:
     """Return the collisions of the balls with a bat on a pivot, one per scene, (shot,).
 
-    The pivot is at the true distance `at` from the knob [m].
+    `detail` states whether the instruments record every reading or only summary values. For every
+    reading, the whole collision is computed. The pivot is then at its true distance `at` from the
+    knob [m].
 
-    If `detail` requests only summary values, only the collision efficiency e_A is computed. The
-    contact time is then a typical value, and there is no vibration. The pivot is then at the
-    surveyed distance `surveyed` from the knob [m], because a shift by a fraction of a millimeter
-    does not change e_A.
+    For summary values, only the collision efficiency e_A is computed. The contact time is a typical
+    value, and there is no vibration. The pivot is taken to be at its surveyed distance `surveyed`
+    from the knob [m]. The two distances differ by a fraction of a millimeter, which does not change
+    e_A.
 
     Raises `InputError` for a position beyond the bat, or a scene that gives no result.
     """

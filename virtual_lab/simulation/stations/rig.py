@@ -258,8 +258,8 @@ def _entry_points() -> Mapping[str, EntryPoint]:
 def find_rig(name: str, stage: Stage) -> Rig:
     """Return the installed rig `name` of a stage. Only the package of this rig is loaded.
 
-    Raises `InputError` if no rig has that name, or if the rig belongs to another stage. The message
-    lists the rigs of the stage, so all packages are loaded for it. If a package cannot be loaded,
+    Raises `InputError` if no rig has that name, or if the rig belongs to another stage. To list the
+    rigs of the stage in the message, all packages are then loaded. If a package cannot be loaded,
     its error is raised.
     """
     point = _entry_points().get(name)

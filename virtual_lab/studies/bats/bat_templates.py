@@ -193,9 +193,10 @@ class BodyFit:
 def fit(
     measured: BatMeasurements, target: Array | None = None, start: Array | None = None
 ) -> BodyFit:
-    """Return the bat of a template that fits the measurements, with parameters close to `target`.
+    """Return a bat that fits the measurements, with parameters close to `target`.
 
-    The result holds the bat, its parameters, and the misfit of each measurement.
+    The bat is built from a template, a family of bats with a few free parameters. The result holds
+    the bat, its parameters, and the misfit of each measurement.
 
     Parameters
     ----------
@@ -299,10 +300,10 @@ def hoop_quantities(body: BatBody) -> dict[str, float]:
 def require_plausible_hoop(measured: BatMeasurements) -> None:
     """Raise `InputError` if a measured modal mass of the hoop mode is implausible.
 
-    A bat model is fitted to all other measurements. The measured modal mass is implausible below
-    half or above twice the modal mass of a shell with the outline and wall of this model.
-    `InputError` is also raised if no model fits the other measurements. Nothing is raised if no
-    modal mass was measured.
+    A bat model is fitted to all other measurements. The modal mass is computed for a shell with the
+    outline and wall of this model. The measured modal mass is implausible if it is less than half
+    or more than twice the computed one. `InputError` is also raised if no model fits the other
+    measurements. Nothing is raised if no modal mass was measured.
     """
     mass = measured.hoop_modal_mass
     if mass is None:

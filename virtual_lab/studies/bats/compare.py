@@ -229,8 +229,8 @@ def compare(
         energy.
     reference_inertia
         Moment of inertia I0 in the law: the name of a bat, or a number with its unit. By default
-        the I0 of the game conditions, ``17000 oz in^2``. For its two loaded bats the paper uses the
-        moment of inertia of the barrel-loaded bat instead.
+        the I0 of the game conditions, ``17000 oz in^2``. Nathan (2003) uses the moment of inertia
+        of the barrel-loaded bat instead for the two loaded bats.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball of each bat's
         sport.
@@ -238,8 +238,8 @@ def compare(
     Raises
     ------
     InputError
-        There are fewer than two bats, two have the same name, no exponent is stated, an exponent is
-        not between 0 and 0.5, or a bat, a ball or the moment of inertia cannot be used.
+        There are fewer than two bats, or two have the same name. No exponent is stated, or an
+        exponent is not between 0 and 0.5. A bat, a ball or the moment of inertia cannot be used.
     """
     if len(bats) < 2:
         raise InputError("", "bats", ", ".join(bats) or "none", "allowed: at least two")

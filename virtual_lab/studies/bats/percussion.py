@@ -208,8 +208,9 @@ def percussion(
     Returns
     -------
     PercussionStudy
-        One row per impact position: 2 to 12 in from the tip in steps of 1 in, the center of
-        percussion, and the positions 0.01 in on each side of it.
+        One row per impact position. The positions are 2 to 12 in from the tip in steps of 1 in, and
+        the center of percussion. Two more positions are 0.01 in away from the center of percussion,
+        one on each side.
 
     Raises
     ------

@@ -229,9 +229,9 @@ def collide_at(
 
 
 def energy_loss(collisions: Collisions) -> Array:
-    """Return the energy lost in bending, in the hoop mode and in the ball, (position,).
+    """Return the energy lost in a collision, as a share of the ball's initial energy, (position,).
 
-    It is a share of the ball's initial energy, 0 to 1.
+    The share is 0 to 1. It is the sum of the losses in bending, in the hoop mode and in the ball.
     """
     return np.asarray(
         collisions.energy.bending + collisions.energy.hoop + collisions.energy.hysteresis

@@ -150,12 +150,14 @@ def mass_share(light: str, heavy: str) -> float:
 
 
 def thinner_is_livelier() -> float:
-    """Return the increase of the peak performance factor (BPF) of EA70 by a thinner wall.
+    """Return the increase of the peak bat performance factor (BPF) due to a thinner wall.
 
-    EA70 is the aluminum bat of the paper. The thinner wall is the wall of the catalog bat
-    ``barrel-loaded``. The peak with the thinner wall is computed for a free bat at rest, 3 to 8 in
-    from the tip, at 160 mph. The peak with the original wall is computed under standard game
-    conditions.
+    The bat is EA70, the aluminum bat of the paper. The thinner wall is the wall of the catalog bat
+    ``barrel-loaded``. The result is the peak with the thinner wall minus the peak with the original
+    wall. The two peaks belong to different conditions:
+
+    * thinner wall: a free bat at rest, hit at 160 mph, 3 to 8 in from the tip
+    * original wall: standard game conditions
     """
     struck_body = body(ALUMINIUM).with_wall(_thickness())
     bat_beam, mass = beam_of(struck_body), paper_ball().mass
@@ -211,8 +213,9 @@ def least_lead(first: str, second: str, *swings: float) -> float:
     """Return the smallest lead of the first bat over several swing exponents [mph].
 
     The lead is the peak batted-ball speed of the first bat minus the peak of the second, under
-    standard game conditions. `swings` are 0 to 0.5 in steps of 0.1. Raises `ValueError` without an
-    exponent, `KeyError` for another exponent, and `InputError` for an unknown bat.
+    standard game conditions. Each of `swings` is one of 0, 0.1, 0.2, 0.3, 0.4 and 0.5. Raises
+    `ValueError` without an exponent, `KeyError` for another exponent, and `InputError` for an
+    unknown bat.
     """
     return min(lead(first, second, n) for n in swings)
 

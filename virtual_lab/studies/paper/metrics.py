@@ -102,13 +102,18 @@ def _peak_at(bat: str, speed: float) -> float:
 
 
 def explicit_share(v: str) -> float:
-    """Return the share of the direct effect in the effect of a speed on the batted-ball speed.
+    """Return the direct share of the change of the batted-ball speed with a speed, 0 to 1.
 
-    `v` is ``ball`` or ``bat``, for the speed of the ball or of the bat. The direct effect is the
-    factor of this speed in Eq. (3): the collision efficiency e_A for the ball, and 1 + e_A for the
-    bat. The indirect effect is caused by the change of e_A with the relative speed, and is taken as
-    positive. The share is the direct effect divided by the sum of both, 0 to 1. The bat is the wood
-    bat R161, hit at the position of its largest e_A.
+    `v` is ``ball`` or ``bat``, for the speed of the ball or of the bat. This speed has two effects
+    on the batted-ball speed:
+
+    * The direct effect is the factor of the speed in Eq. (3). It is the collision efficiency e_A
+      for the ball, and 1 + e_A for the bat.
+    * The indirect effect is caused by the change of e_A with the relative speed. Its absolute value
+      is used.
+
+    The result is the direct effect divided by the sum of both. The bat is the wood bat R161, hit at
+    the position of its largest e_A.
     """
     e_A = top(WOOD, "collision_efficiency").value
     factor = e_A if v == "ball" else 1 + e_A
@@ -162,9 +167,9 @@ def effect_of_support(bat: str, support_name: str) -> float:
 def firmness() -> float:
     """Return the largest difference of the batted-ball speed between two handle supports [mph].
 
-    The absolute difference is returned. The bat is R161, the wood bat of the paper. One support is
-    a clamp. The other is a pivot on a spring (``held`` in `support`). The bat is at rest and is hit
-    3 to 8 in from the tip at 160 mph.
+    The largest absolute difference over the impact positions is returned. The bat is R161, the wood
+    bat of the paper. It is at rest and is hit at 160 mph, 3 to 8 in from the tip. One support is a
+    clamp. The other is a pivot on a spring (``held`` in `support`).
     """
     on_spring = collide_at(WOOD, Z, support_name="held").collision_efficiency
     return FAST * _worst(
@@ -290,12 +295,12 @@ def efficiency(e: float, r: float) -> float:
 
 
 def overestimate(speed: float) -> float:
-    """Return the error of the batted-ball speed v_f [mph] due to an e measured at `speed` [mph].
+    """Return the error of the batted-ball speed v_f [mph] due to a restitution at a wrong speed.
 
-    e is the bat-ball restitution. Ball and bat meet at a relative speed of 160 mph. v_f is computed
-    with the e that belongs to `speed`, and with the e that belongs to 160 mph. The result is the
-    first value minus the second. The numbers are an example: e decreases linearly from 0.55 at 60
-    mph to 0.45 at 160 mph, and the recoil factor is 0.25.
+    e is the bat-ball restitution. It depends on the relative speed of ball and bat, which is 160
+    mph in the hit. v_f is computed twice, with the e for the wrong speed `speed` [mph], and with
+    the e for 160 mph. The result is the first value minus the second. The numbers are an example: e
+    decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph, and the recoil factor is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))
@@ -446,7 +451,10 @@ def softball_factor() -> float:
 
 
 def besr_less_efficiency(e_A: float) -> float:
-    """Return the ball exit speed ratio BESR minus `e_A`, which is 0.5 for every `e_A`."""
+    """Return the ball exit speed ratio BESR minus the collision efficiency `e_A`.
+
+    The result is 0.5 for every `e_A`.
+    """
     return float(besr(e_A)) - e_A
 
 
@@ -469,10 +477,19 @@ def batted_speed_of(e_A: float, v_ball: float, v_bat: float) -> float:
 
 
 def energy_fraction(name: str, e: float, r: float) -> float:
-    """Return one of the three shares of the collision energy by Eqs. (10), dimensionless.
+    """Return one of the three shares of the collision energy, dimensionless.
 
-    `name` is ``ball`` (energy of the ball), ``bat`` or ``dissipated``. `e` is the bat-ball
-    restitution and `r` the recoil factor. Raises `AttributeError` for another name.
+    The share is computed by Eqs. (10) of Nathan (2003).
+
+    Parameters
+    ----------
+    name
+        ``ball`` (energy of the ball), ``bat`` or ``dissipated``. Another name raises
+        `AttributeError`.
+    e
+        Bat-ball restitution.
+    r
+        Recoil factor.
     """
     return float(getattr(energy_fractions(e, r), name))
 

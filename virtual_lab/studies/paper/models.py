@@ -84,7 +84,7 @@ def less_lost() -> float:
 
 
 def shell_frequency() -> float:
-    """Return the frequency of the hoop mode of EA70 [kHz]."""
+    """Return the frequency of the hoop mode of EA70, the aluminum bat of the paper [kHz]."""
     hoop = body(ALUMINIUM).hoop
     assert hoop is not None
     return hoop.frequency / 1e3
@@ -157,12 +157,12 @@ def energy_exponent() -> float:
 
 
 def laws_apart() -> float:
-    """Return the largest absolute difference of angular speed between two swing laws [%].
+    """Return the largest difference of angular speed between two swing laws [%].
 
-    One law keeps the energy constant, and the other is the power law with n = 0.3. The angular
-    speed by the first law is divided by the angular speed by the second law, and this ratio is
-    scaled to a mean of 1. The result is its largest deviation from 1. Moments of inertia are 15000
-    to 20000 oz in^2.
+    One law keeps the energy constant. The other is the power law with n = 0.3. The angular speed is
+    computed by both laws for moments of inertia from 15000 to 20000 oz in^2. The ratio of the two
+    speeds is divided by its mean. The result is the largest absolute deviation of this ratio from
+    1, in percent.
     """
     power = np.asarray(game().swing(0.3).angular_speed(INERTIAS))
     ratio = energy_speeds() / power
@@ -233,11 +233,11 @@ def swing_axis() -> float:
 
 
 def constant_power_exponent() -> float:
-    """Return the difference of two swing exponents, 1/3 - 0.3.
+    """Return the swing exponent for constant power minus the measured exponent, 1/3 - 0.3.
 
-    The angular speed of a swing is proportional to I^-n, where I is the moment of inertia of the
-    bat and n the swing exponent. n is 1/3 if the power of the batter is constant, and 0.3 by
-    measurements.
+    The angular speed of a swing is proportional to I^-n. I is the moment of inertia of the bat, and
+    n is the swing exponent. If the power of the batter is constant, n is 1/3. The measured value is
+    0.3.
     """
     return 1 / 3 - 0.3
 

@@ -37,10 +37,10 @@ PITCH, LIMIT = 70.0, 0.228  # pitch speed [mph], and limit of e_A
 def rest_prediction_error(bat: str, n: float) -> float:
     """Return the error of a peak batted-ball speed [mph] predicted from a test of the bat at rest.
 
-    The prediction uses the collision efficiency of the free bat, measured at 160 mph, 3 to 9 in
-    from the tip. The error is the predicted minus the true peak speed. `n` is the swing exponent, 0
-    to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and `InputError` for an unknown
-    bat.
+    In the test, a free bat is hit at 160 mph at positions 3 to 9 in from the tip. The prediction
+    uses the collision efficiency measured in this test. The error is the predicted minus the true
+    peak speed. `n` is the swing exponent, 0 to 0.5 in steps of 0.1. Raises `KeyError` for another
+    exponent, and `InputError` for an unknown bat.
     """
     e_A = collide_at(bat, PLACES, speed=160.0).collision_efficiency
     highest = top_of(PLACES, e_A, 90.0, game_bat_speed(bat, PLACES, n))
@@ -188,12 +188,11 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
 
 
 def swing_matters() -> float:
-    """Return the change of the peak v_f of the bat EA70 from swing exponent 0 to 0.5 [mph].
+    """Return the change of the peak batted-ball speed v_f due to the swing exponent [mph].
 
-    EA70 is the paper's aluminum bat. v_f is the batted-ball speed under standard game conditions,
-    and its largest value along the bat is used. The bat speed is proportional to I^-n, where I is
-    the moment of inertia and n the swing exponent. The result is v_f for n = 0.5 minus v_f for n =
-    0.
+    The bat is EA70, the paper's aluminum bat. The peak is the largest value along the bat under
+    standard game conditions. The bat speed is proportional to I^-n, where I is the moment of
+    inertia and n the swing exponent. The result is the peak for n = 0.5 minus the peak for n = 0.
     """
     return (
         top(ALUMINIUM, "batted_speed_mph", 0.5).value

@@ -116,16 +116,16 @@ def plan(
 
     A plan has 1, 7/6, 4/3, 3/2, 5/3, 2, 5/2, 3 or 4 times the hits, balls and wall hits of the
     procedure, rounded. Numbers between these are not tried. A plan may exchange up to eight
-    instruments. The new instruments have half of each standard uncertainty and half of each
-    scatter, such as the scatter of a cannon's aim, or the data sheets named in `prices`.
-    Instruments that hardly lower u are not considered. An exchange does not change the minutes. A
-    plan is left out if it would still reach the target with one exchanged instrument fewer, or with
-    the next smaller number of hits, balls or wall hits.
+    instruments. The new instruments follow the data sheets named in `prices`. By default they have
+    half of each standard uncertainty and half of each scatter, such as the scatter of a cannon's
+    aim. Instruments that hardly lower u are not considered. An exchange does not change the
+    minutes. A plan is left out if it would still reach the target with one exchanged instrument
+    fewer, or with the next smaller number of hits, balls or wall hits.
 
     To choose the plans, u is predicted to first order from the budget of the present laboratory.
     Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u
-    reaches the target. If no plan is predicted to reach the target, the table has the floor. The
-    floor is the plan with the smallest u, and the text names its largest terms.
+    reaches the target. If no plan is predicted to reach the target, the table contains the plan
+    with the smallest u instead (the floor). The text names the largest terms of this u.
 
     Parameters
     ----------
@@ -147,8 +147,8 @@ def plan(
         exchanged.
     history
         Result folders of at least three earlier tests of the same bat by the same procedure, or one
-        folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these days. It
-        is an error if the scatter of the days differs (Bartlett's test).
+        folder of ``virtual-lab daily``. The simulated hits get the pooled scatter of these tests or
+        days. Their scatters must agree by Bartlett's test.
     laboratories
         Number of simulated tests per plan, at least 100.
     seed

@@ -73,9 +73,9 @@ def published_value(quantity: str) -> float:
 def finder_of(row: Published, finders: Mapping[str, Callable[..., float]]) -> Callable[[], float]:
     """Return a function without arguments that computes our result for a published number.
 
-    The result has the published unit. `row` names one of the functions `finders`, and its
-    arguments. Raises `KeyError` for a name that `finders` does not have, and `ValueError` for a row
-    without a name.
+    The result has the published unit. The text `row.find` begins with the name of one of the
+    functions `finders`. The arguments of this function follow. Raises `KeyError` for a name that
+    `finders` does not have, and `ValueError` for an empty text.
     """
     name, *arguments = row.find.split()
     return partial(finders[name], *map(_argument, arguments))

@@ -272,10 +272,10 @@ def peak_restitution(bat: str, speed: float) -> float:
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position [in from the tip] of the peak BBCOR, between 3 and 9 in.
+    """Return the position of the peak BBCOR, between 3 and 9 in [in from the tip].
 
-    The peak is computed by `peak_restitution`. `speed` is the relative speed of ball and bat [mph].
-    Raises `InputError` for an unknown bat.
+    BBCOR is the bat-ball coefficient of restitution. The peak is computed by `peak_restitution`.
+    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).place
 

@@ -102,7 +102,8 @@ def unlike_readings(
 ) -> tuple[list[TwinReading], int]:
     """Compare the readings of a test with simulated days of the same laboratory, its twin.
 
-    Return one row per reading, and the smallest number of days with which a reading was compared.
+    Return one row per reading, and a number of days. Each reading was compared with at least this
+    number of simulated days.
 
     A reading is a number from `readings_of`. A row compares a reading of the test with the same
     reading on the simulated days. A reading that is NaN in the records, or NaN on all days, has no
@@ -217,10 +218,10 @@ def readings_of(certified: Certifications) -> dict[str, float]:
 def largest_deviation(values: Array, groups: NDArray[np.number]) -> float:
     """Return the largest absolute deviation of a value from the mean of its group, dimensionless.
 
-    The deviation is divided by the pooled standard deviation within the groups, and by √(1 - 1/k),
-    where k is the size of the group. The result is NaN if no group has two values, or if the values
-    of every group are equal. `values` has the shape (n,). `groups`, (n,), is the number of the
-    group of each value.
+    The deviation is divided by s √(1 - 1/k). Here s is the pooled standard deviation within the
+    groups, and k is the size of the group. The result is NaN if no group has two values, or if the
+    values of every group are equal. `values` has the shape (n,). `groups`, (n,), is the label of
+    the group of each value.
     """
     _, group, number = np.unique(groups, return_inverse=True, return_counts=True)
     several = number[group] > 1

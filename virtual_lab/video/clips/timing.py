@@ -141,9 +141,9 @@ def usual_step(times: Array) -> float:
 def frame_steps(times: Array) -> Array:
     """Return the time of each frame since the first frame, in frame intervals, (frame,).
 
-    `times`, (frame,), are in s. If the times are even, the result is the number of the frame,
-    counted from 0. If they are `uneven`, the times are divided by `usual_step`, the usual time
-    between frames.
+    `times`, (frame,), are in s. If the times are evenly spaced, the result is the index of each
+    frame. Otherwise (see `uneven`) it is the time since the first frame divided by `usual_step`,
+    the usual time between frames.
     """
     if uneven(times):
         return np.asarray((times - times[0]) / usual_step(times))

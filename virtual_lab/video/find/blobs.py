@@ -100,11 +100,15 @@ def blobs(
 ) -> tuple[Blobs, list[BlobView]]:
     """Return the blobs of a picture that may be a ball, (blob,), and a list of their views.
 
-    A blob is a region that differs from the background. It is a record of the type `BLOB`, and its
-    view shows its surroundings. Positions are in pixels from the middle of the upper left pixel, to
-    the right and down. The fields `picture_x` and `picture_y` of a blob are its position in
-    `picture`. The fields `x` and `y` are its position in the still frame, where the drift of the
-    camera is removed; the still frame agrees with the first frame of the clip.
+    A blob is a region that differs from the background. It is a record of the type `BLOB`. The view
+    of a blob shows its surroundings.
+
+    A blob has two positions, in pixels to the right and down from the middle of the upper left
+    pixel:
+
+    * `picture_x` and `picture_y` are its position in `picture`.
+    * `x` and `y` are its position after the drift of the camera is removed. They agree with the
+      first frame of the clip.
 
     Parameters
     ----------
@@ -116,7 +120,7 @@ def blobs(
         Drift of the picture from the still frame, (4,): shift in x and y [pixels], growth, and turn
         [rad].
     still
-        The still frame, with the background.
+        The still frame. It has the background without moving objects, seen as in the first frame.
     """
     off, light = still.difference(small, drift)
     pairs: list[tuple[BlobRow, BlobView]] = []

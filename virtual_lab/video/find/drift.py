@@ -178,8 +178,8 @@ def edges_of(
 def leap_of(before: Image, after: Image) -> Array:
     """Return the drift from picture `before` to picture `after`, (4,), accurate to a few pixels.
 
-    The drift is a shift in x and y [pixels]; its growth and turn are 0. The pictures are gray and
-    have the same size.
+    The four numbers are the shift in x and y [pixels], the growth, and the turn. Growth and turn
+    are always 0. The pictures are gray and have the same size.
     """
     scale = max(1.0, max(before.shape) / _ALIGN.coarse)
     size = tuple(round(side / scale) for side in before.shape[::-1])

@@ -22,17 +22,25 @@ from virtual_lab.video.follow.pieces import GROWTH, Piece
 def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     """Return the positions in a track file as blobs, and the flights in its column `flight`.
 
-    The required columns are frame, x_px, y_px and flight. x_px and y_px are positions in the still
-    frame, that is, without the drift of the camera. flight is empty for a position outside flights.
-    Optional columns are radius_px (default: the median of the other rows), time_s (default: the
-    time of the frame in the clip), drift_x_px and drift_y_px (default: 0). Flights of fewer than
-    five positions are left out.
+    The required columns are:
+
+    * frame: number of the frame.
+    * x_px, y_px: position after the drift of the camera is removed.
+    * flight: name of the flight; empty for a position outside flights.
+
+    The optional columns are:
+
+    * radius_px: radius of the ball. The default is the median of the other rows.
+    * time_s: time of the position. The default is the time of the frame in the clip.
+    * drift_x_px, drift_y_px: drift of the camera. The default is 0.
+
+    Flights of fewer than five positions are left out.
 
     Raises
     ------
     InputError
-        The file or a column is missing, a number cannot be read, no position has a radius, a frame
-        is not in the clip or occurs twice, or two flights overlap in time.
+        The file or a column is missing, or a number cannot be read. No position has a radius. A
+        frame is not in the clip or occurs twice. Two flights overlap in time.
     """
     table = read_table(path)
     if "flight" not in table:

@@ -284,10 +284,12 @@ def _nearest(
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     """Return the contacts between consecutive flights, as pairs of flight index and time [frames].
 
-    The index is that of the flight before the contact. Flights that pass each other at a distance
-    have no contact. `fit` is the joint fit of the flights. Flights with positions from blobs
-    (bright regions), which are not sharp, have no contact if more than `FLIGHTS.contact_frames`
-    frames are between them.
+    The index is that of the flight before the contact. `fit` is the joint fit of the flights. There
+    is no contact in these cases:
+
+    * The flights pass each other at a distance.
+    * The positions of the first flight are not sharp, and more than `FLIGHTS.contact_frames` frames
+      are between the flights. Positions are not sharp if they come from blobs (bright regions).
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
@@ -304,7 +306,8 @@ def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
     """Return the readout time of the camera's rolling shutter [frames].
 
     It is the readout time stated in the scene. If none is stated, several readout times are tried.
-    The best one is returned if it fits the flights much better than 0; otherwise 0 is returned.
+    The best one is returned if it fits the flights much better than a readout time of 0. Otherwise
+    0 is returned.
     """
     if scene.readout is not None:
         return scene.readout
@@ -390,9 +393,11 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
 def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
     """Return the share of the frames with a moving ball that belong to `flights`, 0 to 1.
 
-    A frame has a moving ball if it is between the first and the last frame of a flight. It also has
-    one if it belongs to another piece of smooth motion that has the size and color of the ball and
-    moves by more than a diameter.
+    A frame has a moving ball in two cases:
+
+    * It is between the first and the last frame of a flight.
+    * It belongs to one of `pieces`, the pieces of smooth motion in the clip. The piece must have
+      the size and color of the ball and move by more than a diameter.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))

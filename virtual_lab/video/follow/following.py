@@ -169,7 +169,7 @@ def measure(
     sharp: SharpBall | None = None,
     fault: str = "",
 ) -> FollowedClip:
-    """Return the flights, contacts and scale of a clip in SI units, with notes on doubts.
+    """Return the flights, contacts and scale of a clip in SI units, with notes on doubtful points.
 
     The result has no flights if `search` has none, or if no scale is known. If the user stated no
     frame rate, and the rate in the file contradicts g, a rate that agrees with g is used.

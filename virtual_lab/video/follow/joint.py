@@ -141,7 +141,7 @@ def estimate_of(
     quantity
         Function of a fit that returns a number.
     unit
-        Size of one unit of this number, for example in SI units.
+        Conversion factor of this number, for example to SI units.
     relative_u
         Relative standard uncertainty of `unit`.
     """

@@ -103,7 +103,8 @@ def _solver(times: bytes, degree: int) -> tuple[Array, Array]:
 def pieces(blobs: Blobs, time: Array, pull: Array | None = None) -> list[Piece]:
     """Return the pieces of smooth motion that blobs form, in the order of time.
 
-    Pieces of fewer than five positions are left out.
+    A blob is a region of a picture that differs from the background. Pieces of fewer than five
+    positions are left out.
 
     Parameters
     ----------

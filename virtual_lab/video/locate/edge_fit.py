@@ -273,8 +273,7 @@ def solve_ring(blocks: Array, links: Array, right: Array) -> Array:
     links
         Blocks beside the diagonal, (block, n, n). ``links[k]`` is in the rows of block k and the
         columns of block k + 1. The last link is in the rows of the last block and the columns of
-        the first block. The matrix is symmetric, so the transposed links are on the other side of
-        the diagonal.
+        the first block. The other half of the symmetric matrix has the transposed links.
     right
         Right-hand sides, (block, n, m). The solution has the same shape.
     """

@@ -34,8 +34,8 @@ def whole_frames(
 
     All frames that the camera records are yielded, also those without the ball. If `count` is
     stated, only `count` frames at equal steps are yielded. The time stamps are readings of the
-    camera's clock. The bat is drawn only if `bat` is given. `name` and `slots` select the random
-    numbers of the camera: `name` by instrument, and `slots` by shot.
+    camera's clock. The bat is drawn only if `bat` is given. `name` is the name of the camera, and
+    `slots` are the numbers of the shots. Together they select the random numbers of the camera.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)
