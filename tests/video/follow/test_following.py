@@ -24,6 +24,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs, measure
 from virtual_lab.video.follow.knowledge import FILE, ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound
+from virtual_lab.video.show.course import course_of, names_of
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
 SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # number of exposures
@@ -54,6 +55,18 @@ def test_flights_and_contacts_agree_with_the_truth(followed: Get) -> None:
         assert abs(pull.value - 9.81) < 3 * pull.u < 0.3 * 9.81
     assert result.scale is not None  # scale of a ball lighter than its background
     assert result.scale.metres_per_pixel == pytest.approx(made.truth.metres_per_pixel, rel=0.02)
+
+
+def test_positions_in_metres_are_the_path_of_the_speeds(tmp_path: Path) -> None:
+    """A camera that looks down by 28° sees other distances at the top than at the bottom."""
+    _, result = run(SCENES["tilted"], tmp_path)
+    places = course_of(result)
+    assert len(names_of(places)) >= 3
+    for name in names_of(places):
+        one = places[places["flight"] == name]
+        moved = [one["x_m"][-1] - one["x_m"][0], one["y_m"][0] - one["y_m"][-1]]
+        flown = [np.trapezoid(one[f"{way}_m_per_s"], one["time_s"]) for way in ("right", "up")]
+        assert moved == pytest.approx(flown, abs=0.002)  # 5 % of .4 m without the perspective
 
 
 @pytest.mark.parametrize("name", ["carried", "pendulum", "empty"])

@@ -115,6 +115,10 @@ class Fit:
         """Return the positions of a flight in the picture, (time, 2) [pixels]."""
         return _project(self.at(flight, t)[:, :2], self.tilt, self.centre)
 
+    def in_plane(self, places: Array) -> Array:
+        """Return the points of the plane that are seen at `places`, (position, 2) [pixels]."""
+        return _project(places, -self.tilt, self.centre)
+
 
 def estimate_of(
     quantity: Callable[[Fit], float],

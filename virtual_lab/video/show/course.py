@@ -90,11 +90,15 @@ def course_of(track: FollowedClip) -> Places:
             rows, states = np.isin(places["frame"], way.frames), track.fit.at(k, way.t)
             middle = states[len(way.t) // 2, 2:]
             right, down = middle / max(float(np.hypot(*middle)), 1e-12)
-            speeds = track.scale.metres_per_pixel / track.seconds * states[:, 2:]
+            unit = track.scale.metres_per_pixel
+            speeds = unit / track.seconds * states[:, 2:]
             places["flight"][rows] = str(k + 1)
             places["along_px"][rows] = track.fit.residuals[k] @ [right, down]
             places["across_px"][rows] = track.fit.residuals[k] @ [-down, right]
             places["right_m_per_s"][rows], places["up_m_per_s"][rows] = speeds.T * [[1], [-1]]
+            if not sharp:  # in the plane of the speeds, not in the picture
+                flown = unit * track.fit.in_plane(spots(places)[rows])
+                places["x_m"][rows], places["y_m"][rows] = flown.T
     return places
 
 
