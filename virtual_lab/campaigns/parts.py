@@ -124,8 +124,8 @@ def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:
 
     The columns are determined by testing the first laboratories of some cases. A case is a
     combination of bat, procedure and changed values. Cases are alike if they differ only in the
-    size of changed numbers, and if the same numbers are 0 in all of them. An uncertainty of 0 has
-    no column. One case is tested from each group of cases that are alike.
+    size of changed numbers, and if the same numbers are 0 in all of them. The zeros matter because
+    an uncertainty of 0 has no column. One case is tested from each group of cases that are alike.
 
     `progress` is called with a message, the number of cases tested, and the total. Raises
     `InputError` if a sheet cannot be used, or if bat, ball, rigs and procedure do not fit together.

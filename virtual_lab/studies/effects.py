@@ -115,18 +115,8 @@ def effects(
     unit, for a change of the component by one standard uncertainty u. `difference_in_se` is the
     real effect minus the stated effect, in standard errors.
 
-    For two components, the real effect can differ from the stated effect for a known reason. The
-    first is the slope of the collision efficiency along the barrel. Its stated uncertainty is the
-    spread of the slope over many bats, but the study tests one bat. For the slope, `real_effect` is
-    therefore the effect of the slope error of this one bat. It cannot be compared with the stated
-    effect, and `difference_in_se` is None. The slope error also changes the real effect of the aim.
-
-    The second is `hits`. The stated effect assumes that each hit has an independent, randomly drawn
-    ball, but the hits use different balls of the same dozen. If the bat-ball restitution is not
-    proportional to the ball-wall restitution, as for a hollow bat, the results differ between
-    balls. These differences increase the scatter of the hits but partly cancel in the mean, so the
-    stated effect is too large. With the procedure ``asa``, which uses six of twelve balls for its
-    six hits, it is 6 % too large.
+    For two components, the real effect can differ from the stated effect for a known reason, see
+    Notes.
 
     Parameters
     ----------
@@ -161,6 +151,21 @@ def effects(
     ------
     InputError
         A name is unknown, or there are too few laboratories for the number of components.
+
+    Notes
+    -----
+    The first of the two components is the slope of the collision efficiency along the barrel. Its
+    stated uncertainty is the spread of the slope over many bats, but the study tests one bat. For
+    the slope, `real_effect` is the effect of the slope error of this one bat. It cannot be compared
+    with the stated effect, and `difference_in_se` is None. The slope error also changes the real
+    effect of the aim.
+
+    The second is `hits`. Its stated effect is too large if the results differ between balls. This
+    is the case if the bat-ball restitution is not proportional to the ball-wall restitution, as for
+    a hollow bat. The stated effect assumes that each hit has an independent, randomly drawn ball.
+    In fact, the hits use different balls of the same dozen. The differences between the balls
+    increase the scatter of the hits, but they partly cancel in the mean. With the procedure
+    ``asa``, which uses six of twelve balls for its six hits, the stated effect is 6 % too large.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     round_robin = RoundRobin.of(bat, procedure, summed=summed)

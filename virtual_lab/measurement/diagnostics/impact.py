@@ -147,11 +147,11 @@ def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
 
 
 def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield two comparisons per encoder.
+    """Yield two comparisons per encoder of half of the record with the whole record.
 
-    The rate from half of a record is compared with the rate from the whole record. The half is the
-    part of a shot's record nearest contact. For each shot, the difference of the two rates is
-    multiplied by the sensitivity of the test result to the rate. The two comparisons are:
+    The rate of the bat is computed from both. The half is the part of a shot's record nearest
+    contact. For each shot, the difference of the two rates is multiplied by the sensitivity of the
+    test result to the rate. The two comparisons are:
 
     * The sum of these products over all shots of a laboratory.
     * The product of a single shot of each laboratory, the shot with the smallest p-value

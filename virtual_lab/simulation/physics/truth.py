@@ -24,7 +24,8 @@ class TrueBat:
     """The true bat on the rig: the body of the data sheet with the material of an individual.
 
     A block of laboratories has one common bat, or one individual per laboratory. In a specimen of
-    shots, `owner` is the index of the individual that each shot hits; it is `...` for a common bat.
+    shots, `owner` is the index of the individual that each shot hits. For a common bat it is
+    `Ellipsis`.
     """
 
     name: str

@@ -100,9 +100,9 @@ class ShotPlan:
     """Plan of the operator: ball, nominal speed [m/s] and set impact position [m] of each shot.
 
     `slot` is the number of each shot in its laboratory, on which its random numbers depend. `owner`
-    is the index of that laboratory in its block; it is `...` for a single laboratory. A rig that
-    swings the bat rotates it at `turn_rate` [rad/s], a number or (shot,); other rigs ignore
-    `turn_rate`.
+    is the index of that laboratory in its block. For a single laboratory it is Python's `Ellipsis`.
+    A rig that swings the bat rotates it at `turn_rate` [rad/s], a number or (shot,). Other rigs
+    ignore `turn_rate`.
     """
 
     slot: Slots

@@ -100,10 +100,10 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
 
 @lru_cache
 def top(bat: str, curve: str, swing: float | None = 0.0) -> Peak:
-    """Return the largest value of a curve along a bat, and its position [in from the tip].
+    """Return the largest value of a curve along a bat, and its distance from the tip [in].
 
-    The bat is swung under standard game conditions. Positions from 0.5 to 12 in are searched.
-    Raises `KeyError` for an unknown curve or exponent, and `InputError` for an unknown bat.
+    The bat is swung under standard game conditions. The curve is searched from 0.5 to 12 in. Raises
+    `KeyError` for an unknown curve or exponent, and `InputError` for an unknown bat.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def peak_value(bat: str, curve: str) -> float:
 
 
 def peak_place(bat: str, curve: str) -> float:
-    """Return the position [in from the tip] of the largest value of a curve, for swing exponent 0.
+    """Return the distance from the tip of the largest value of a curve [in], for swing exponent 0.
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
     ``batted_speed_mph``. The bat is swung under standard game conditions. Positions from 0.5 to 12
@@ -203,7 +203,7 @@ def collide_at(
     bat
         Name in the catalog, or a modal model.
     z
-        Impact positions [in from the tip], one number or shape (position,).
+        Distances of the impact positions from the tip [in], one number or shape (position,).
     support_name
         Support of a bat given by name: free, pivoted, clamped or held. It is ignored for a model,
         which contains its support.
@@ -239,10 +239,11 @@ def energy_loss(collisions: Collisions) -> Array:
 
 
 def recoil(bat: str, z: ArrayLike, support_name: str = "free") -> Array:
-    """Return the recoil factor r of a bat at positions `z` [in from the tip], in the shape of `z`.
+    """Return the recoil factor r of a bat at one or more positions, in the shape of `z`.
 
-    The ball is ``game-2003``. `support_name` is free, pivoted (6 in from the knob) or clamped (r is
-    0). Raises `InputError` for an unknown bat, and for another support.
+    `z` are distances from the tip [in]. The ball is ``game-2003``. `support_name` is free, pivoted
+    (6 in from the knob) or clamped. For a clamped bat r is 0. Raises `InputError` for an unknown
+    bat, and for another support.
     """
     bat_beam, place, mass = beam(bat), np.asarray(z, dtype=float) * INCH, paper_ball().mass
     if support_name == "clamped":
@@ -264,11 +265,12 @@ def restitution(
     speed: float = 160.0,
     with_ball: str = GAME_BALL,
 ) -> Array:
-    """Return the bat-ball restitution e by Eq. (6) at positions `z` [in from the tip], (position,).
+    """Return the bat-ball restitution e by Eq. (6) at one or more positions, (position,).
 
-    `support_name` is free, pivoted or clamped. `speed` is the relative speed of ball and bat [mph],
-    and `with_ball` is the ball's name in the catalog. Raises `InputError` for an unknown bat or
-    ball, and for a position beyond the bat, and `KeyError` for an unknown support.
+    `z` are distances from the tip [in]. `support_name` is free, pivoted or clamped. `speed` is the
+    relative speed of ball and bat [mph]. `with_ball` is the ball's name in the catalog. Raises
+    `InputError` for an unknown bat or ball, and for a position beyond the bat. Raises `KeyError`
+    for an unknown support.
     """
     efficiency = collide_at(
         bat, z, support_name=support_name, speed=speed, with_ball=with_ball
@@ -277,9 +279,9 @@ def restitution(
 
 
 def centre_of_percussion_in(bat: str) -> float:
-    """Return the center of percussion [in from the tip] of a bat pivoted 6 in from the knob.
+    """Return the distance of the center of percussion from the tip [in].
 
-    Raises `InputError` for an unknown bat.
+    The bat has a pivot 6 in from the knob. Raises `InputError` for an unknown bat.
     """
     bat_beam = beam(bat)
     pivot = bat_beam.length - 6 * INCH
@@ -289,25 +291,38 @@ def centre_of_percussion_in(bat: str) -> float:
 
 
 def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
-    """Return the largest batted-ball speed v_f by Eq. (3) [mph] and its position [in].
+    """Return the largest batted-ball speed v_f by Eq. (3) [mph] and its distance from the tip [in].
 
-    `z` are at least four increasing positions [in from the tip], shape (position,). `e_A`, the
-    collision efficiency, and `bat_speed` are the values at these positions; `bat_speed` may be a
-    single number. The speeds of pitch and bat are in mph. Between positions v_f is interpolated by
-    a spline. The maximum may be at an end. Raises `ValueError` for positions that do not increase,
-    and for values that are not finite.
+    Between positions v_f is interpolated by a spline. The maximum may be at an end.
+
+    Parameters
+    ----------
+    z
+        At least four increasing distances from the tip [in], shape (position,).
+    e_A
+        Collision efficiency at these positions, (position,).
+    pitch
+        Speed of the pitched ball [mph].
+    bat_speed
+        Bat speed at these positions [mph], (position,), or a single number.
+
+    Raises
+    ------
+    ValueError
+        The positions do not increase, or a value is not finite.
     """
     speeds = batted_speed(np.asarray(e_A), pitch, np.asarray(bat_speed))
     return peak(np.asarray(z, dtype=float), np.asarray(speeds))
 
 
 def game_bat_speed(bat: str, z: ArrayLike, swing: float | None = 0.0) -> Array:
-    """Return the bat speed [mph] at positions `z` [in from the tip], in the shape of `z`.
+    """Return the bat speed at one or more positions [mph], in the shape of `z`.
 
-    The bat is swung under standard game conditions. The speed is interpolated from 0.5 to 16 in. A
-    position outside this range gets the speed at the nearer end of the range. `swing` is the
-    exponent n of the swing law, 0 to 0.5 in steps of 0.1; None means the law of constant energy.
-    Raises `KeyError` for another exponent, and `InputError` for an unknown bat.
+    `z` are distances from the tip [in]. The bat is swung under standard game conditions. The speed
+    is interpolated from 0.5 to 16 in. A position outside this range gets the speed at the nearer
+    end of the range. `swing` is the exponent n of the swing law, 0 to 0.5 in steps of 0.1. None
+    means the law of constant energy. Raises `KeyError` for another exponent, and `InputError` for
+    an unknown bat.
     """
     table = profiles_by_swing(bat)[swing].table
     return np.asarray(

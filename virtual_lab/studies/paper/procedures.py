@@ -137,8 +137,8 @@ def exponent_of_mass() -> float:
 def at_limit(place: float) -> float:
     """Return the batted-ball speed [mph] in the NCAA rig for a bat with e_A = 0.228.
 
-    The impact is at `place` [in from the tip]. The pitch speed of the rig is 70 mph. The bat has
-    the length of R161, the wood bat of the paper.
+    `place` is the distance of the impact from the tip [in]. The pitch speed of the rig is 70 mph.
+    The bat has the length of R161, the wood bat of the paper.
     """
     return float(batted_speed(LIMIT, PITCH, ncaa_bat_speed(place, beam(WOOD).length)))
 
@@ -146,8 +146,8 @@ def at_limit(place: float) -> float:
 def besr_at_limit(place: float) -> float:
     """Return the ball exit speed ratio (BESR) at a batted-ball speed of 97 mph in the NCAA rig.
 
-    The impact is at `place` [in from the tip]. The pitch speed of the rig is 70 mph. The bat has
-    the length of R161, the wood bat of the paper.
+    `place` is the distance of the impact from the tip [in]. The pitch speed of the rig is 70 mph.
+    The bat has the length of R161, the wood bat of the paper.
     """
     e_A = collision_efficiency(PITCH, ncaa_bat_speed(place, beam(WOOD).length), 97.0)
     return float(besr(e_A))

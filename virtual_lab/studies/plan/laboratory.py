@@ -158,9 +158,9 @@ def attempts(forecast: Forecast, counts: Counts) -> Array:
     """Return the largest number of shots that each plan allows, in the shape of the counts.
 
     The procedure states a largest number of shots, called attempts. A plan with more hits needs
-    more attempts. Divide the expected number of shots in the plan by the expected number in the
-    procedure. The attempts of the procedure are multiplied by this ratio and rounded up. If the
-    ratio is below 1, the attempts are not changed.
+    more attempts. The ratio is the expected number of shots in the plan divided by the expected
+    number in the procedure. The attempts of the procedure are multiplied by this ratio and rounded
+    up. If the ratio is below 1, the attempts are not changed.
     """
     more = forecast.shots(counts) / forecast.shots(forecast.present)
     return np.asarray(np.ceil(forecast.rules.attempts * np.maximum(more, 1.0)))

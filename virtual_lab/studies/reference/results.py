@@ -209,11 +209,11 @@ def frequency(bat: str | float, mode: int) -> float:
 
 
 def node(bat: str | float, mode: int) -> float:
-    """Return the position [in from the tip] of the barrel node of a bending mode of a free bat.
+    """Return the distance from the tip of the barrel node of a bending mode [in].
 
-    The barrel node is the node nearest to the tip. `bat` is a name in the catalog, or the length
-    [in] to which R161 is shortened. `mode` is 1 or 2. Raises `InputError` for an unknown bat, and
-    for another mode.
+    The bat is free. The barrel node is the node nearest to the tip. `bat` is a name in the catalog,
+    or the length [in] to which R161 is shortened. `mode` is 1 or 2. Raises `InputError` for an
+    unknown bat, and for another mode.
     """
     nodes = barrel_nodes(free_model(_body(bat)).modes)
     if not 1 <= mode <= len(nodes):
@@ -272,10 +272,11 @@ def peak_restitution(bat: str, speed: float) -> float:
 
 
 def restitution_place(bat: str, speed: float) -> float:
-    """Return the position of the peak BBCOR, between 3 and 9 in [in from the tip].
+    """Return the distance of the peak BBCOR from the tip [in].
 
-    BBCOR is the bat-ball coefficient of restitution. The peak is computed by `peak_restitution`.
-    `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    BBCOR is the bat-ball coefficient of restitution. Positions from 3 to 9 in are searched. The
+    peak is computed by `peak_restitution`. `speed` is the relative speed of ball and bat [mph].
+    Raises `InputError` for an unknown bat.
     """
     return _restitution_peak(body(bat), speed).place
 
@@ -401,8 +402,8 @@ def length_trend(speed: float) -> float:
     """Return the change of the peak BBCOR per inch of bat length [1/in].
 
     BBCOR is the bat-ball coefficient of restitution. Its peak is computed for the wood bat R161
-    with lengths of 31, 32, 33 and 34 in. The result is the slope of a straight line through the
-    four peaks. `speed` is the relative speed of ball and bat [mph].
+    with lengths of 31, 32, 33 and 34 in. A straight line is fitted to the four peaks, and its slope
+    is returned. `speed` is the relative speed of ball and bat [mph].
     """
     tops = [_restitution_peak(_shorten(inches), speed).value for inches in LENGTHS]
     return float(np.polyfit(LENGTHS, tops, 1)[0])

@@ -66,7 +66,7 @@ def noticed_faults(
     Parameters
     ----------
     playing
-        Simulated test days of the laboratory.
+        Generator of simulated test days of the laboratory.
     u
         Standard uncertainty of the metric, the main result of the test, as the laboratory states it
         [SI].

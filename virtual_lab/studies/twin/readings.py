@@ -111,14 +111,14 @@ def unlike_readings(
     `days` are simulated.
 
     The simulation ends early if the remaining days could not make any reading significant (Besag
-    and Clifford 1991). The early end therefore does not change the findings.
+    and Clifford 1991). The early end does not change which readings are significant.
 
     Parameters
     ----------
     certification
         The test, with records of every edge and count.
     playing
-        Simulated days of the laboratory, with the uncertainties that it stated.
+        Generator of simulated days of the laboratory, with the uncertainties that it stated.
     days
         Largest number of days to compare, each with records of every edge and count.
     progress
