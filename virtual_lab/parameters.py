@@ -90,10 +90,17 @@ def whole(
 ) -> ParameterRule:
     """Return the rule of a parameter that is a whole number from `least` to `most`, both included.
 
-    Any integer type is allowed, but no boolean. The rule describes the allowed values in words, for
-    example "one whole number from 1" for `least` = 1. If `words` is not empty, it takes the place
-    of the number, for example "one whole number from 1 to 50" for `words` = "1 to 50". `python` is
-    advice for users of Python. It is not printed on the command line.
+    Any integer type is allowed, but no boolean. The rule has a description of the allowed values.
+
+    Parameters
+    ----------
+    least, most
+        Limits of the number.
+    words
+        Limits in words. With “1 to 50” the description is “one whole number from 1 to 50”. If
+        `words` is empty, `least` is used, for example “one whole number from 1”.
+    python
+        Advice for users of Python. It is not printed on the command line.
     """
 
     def read(value: Any) -> int:

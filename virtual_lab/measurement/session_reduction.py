@@ -264,9 +264,10 @@ def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
 
 @constants_known()
 def prepare(block: SessionBlock) -> Preparation:
-    """Return the results of bench and wall for each laboratory: measured bat, balls and constants.
+    """Return what is known before the first shot at the bat: measured bat, balls and constants.
 
-    They are complete before the first shot at the bat.
+    They are computed from the bench measurements and from the hits at the wall, for each
+    laboratory.
 
     Raises
     ------

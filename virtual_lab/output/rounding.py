@@ -21,10 +21,13 @@ def decimals(u: float) -> int:
 
 
 def digits(u: float) -> str:
-    """Return an uncertainty as text with two significant digits.
+    """Return an uncertainty as text, normally with two significant digits.
 
-    An uncertainty of 100 or more is written as a whole number with all its digits. If `u` is at
-    most 1e-9, the text is ``0``. If `u` is not finite, the text is ``nan`` or ``inf``.
+    There are three exceptions:
+
+    * From 100 on, the text is a whole number with all its digits.
+    * If `u` is at most 1e-9 in any unit, the text is ``0``.
+    * If `u` is not finite, the text is ``nan`` or ``inf``.
     """
     return "0" if u <= LEAST else f"{u:.{decimals(u)}f}"
 

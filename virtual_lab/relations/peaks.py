@@ -22,11 +22,15 @@ def peak(places: Array, values: Array) -> Peak:
     `value` is the largest value of the spline, in the unit of `values`. `place` is its position, in
     the unit of `places`. The maximum can be at an end of the curve.
 
+    The error depends on the distance h between positions. It is of order h⁴ in `value`, and of
+    order h³ in `place`.
+
     Parameters
     ----------
-    places, values
-        Positions in increasing order, and the values of the curve there, shape (n,) with n ≥ 4. For
-        a step h between positions, the error is of order h⁴ in the value and h³ in the position.
+    places
+        Positions in increasing order, (n,) with n ≥ 4.
+    values
+        Values of the curve at these positions, (n,).
 
     Raises
     ------

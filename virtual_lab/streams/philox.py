@@ -39,10 +39,11 @@ def fill(
     normal: bool,
     out: Floats,
 ) -> bool:
-    """Fill `out` with random numbers. Return True if all slots fit into 32 bits.
+    """Fill `out` with random numbers, and return whether all slots are from 0 to 2³² - 1.
 
-    A slot is the number of a shot, or of a reading, in its laboratory. Each slot has `each` random
-    numbers. If a slot does not fit, the result is False and `out` is not complete.
+    A slot is the number of a shot in its laboratory, or the number of a reading. Each slot has
+    `each` random numbers. If a slot is outside the range, the result is False and `out` is not
+    complete.
 
     The random number with the index i in a slot comes from the Philox counter (i // 2, slot,
     laboratory, third word of the key). It is the first of the two output words if i is even, and
@@ -56,7 +57,7 @@ def fill(
         Laboratory of each slot, (slot,), or one laboratory for all slots, (1,): whole numbers of 32
         bits.
     slots
-        Slots, (slot,): whole numbers of 32 bits.
+        Slots, (slot,), whole numbers.
     each
         Number of random numbers per slot.
     normal

@@ -195,13 +195,27 @@ def next_hits_of_block(
     number: NDArray[np.int64],
     out: Array,
 ) -> None:
-    """Fill `number` and `out` with the number and positions of each laboratory's next shots [m].
+    """Write the number and the positions of the next shots of each laboratory.
 
-    `number` is (laboratory,). The number of a laboratory is 0 if its scan is complete, if the
-    laboratory has no attempts left, or if at every position most balls did not rebound. `out` is
-    (laboratory, attempts). Elements beyond the number are not overwritten. Laboratory i has the
-    shots from `starts[i]` up to, but not including, `starts[i + 1]` in `place`, `valid` and
-    `objective`.
+    Parameters
+    ----------
+    starts
+        Index of the first shot of each laboratory, and at the end the total number of shots,
+        (laboratory + 1,).
+    place
+        Impact position of each shot so far [m], (shot,).
+    valid
+        Whether each shot is a valid hit, (shot,).
+    objective
+        Value of the quantity that the scan maximizes, (shot,).
+    rules
+        Rules of the scan.
+    number
+        Result: number of next shots, (laboratory,). It is 0 in three cases: the scan is complete,
+        no attempts are left, or at every position most balls did not rebound.
+    out
+        Result: positions of the next shots [m], (laboratory, attempts). The elements beyond
+        `number` are not overwritten.
     """
     positions = np.empty(max_scan_shots(rules))
     for laboratory in range(number.size):
@@ -233,15 +247,20 @@ def scans_of_block(
     scans: Scanned,
     used: Mask,
 ) -> None:
-    """Fill `scans` with the results of the scans of a block, and `used` with a mask of their hits.
+    """Fill `scans` with the results of the scans of a block, and `used` with a mask of hits.
 
-    A block is a group of laboratories. The mask, (shot,), selects the hits from which the result of
-    a laboratory is computed. Some procedures require final hits: further hits at the best position
-    after the scan. The mask then selects the last `rules.final_hits` of these hits. Otherwise, the
-    mask selects the hits of the scan within `rules.fit_half_width` of the best position. If a
-    laboratory has no complete position, its best position is NaN and its mask is False. In `place`,
-    `valid` and `objective`, laboratory i has the shots from `starts[i]` up to, but not including,
-    `starts[i + 1]`.
+    A block is a group of laboratories. A position is complete if it has as many valid hits as the
+    rules require. If a laboratory has no complete position, its best position is NaN and its mask
+    is False.
+
+    The mask, (shot,), is True for the hits from which the result of a laboratory is computed:
+
+    * Some procedures require final hits: further hits at the best position after the scan. In this
+      case, they are the last `rules.final_hits` of these hits.
+    * Otherwise, they are the hits of the scan within `rules.fit_half_width` of the best position.
+
+    In `place`, `valid` and `objective`, laboratory i has the shots from `starts[i]` up to, but not
+    including, `starts[i + 1]`.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])

@@ -24,17 +24,17 @@ def fit_speeds(
     drag: Array,
     out: Array,
 ) -> None:
-    """Fill `out` with the speeds at the target [m/s], (direction, row, shot).
+    """Fill `out` with the speeds of the balls at the target [m/s], (direction, row, shot).
 
-    A row is one set of constants: distances, clock rate and drag rate. Direction 0 is in, direction
-    1 is out. Speeds are positive in both directions. A speed is NaN if fewer than two gates
-    detected the ball in its direction.
+    Direction 0 is toward the target, direction 1 is away from it. Speeds are positive in both
+    directions. A row is one set of constants: distances, clock rate and drag rate. A speed is NaN
+    if fewer than two gates detected the ball in its direction.
 
     Parameters
     ----------
     times
-        Times at which the balls passed the gates, (batch, direction, gate, shot) [s], NaN if not
-        detected. A batch is a group of rows with the same times.
+        Times at which the balls passed the gates [s], (batch, direction, gate, shot). A time is NaN
+        if the gate did not detect the ball. A batch is a group of rows with the same times.
     batch
         Index of the batch of each row, (row,).
     distances
@@ -43,6 +43,8 @@ def fit_speeds(
         Rate of the gates' clock: recorded time divided by true time, (row,).
     drag
         Drag rate κ, (row, shot) [1/m].
+    out
+        Result.
     """
     gates, shots = times.shape[2:]
     unit_times, moments = np.empty((gates, shots)), np.empty((4, shots))

@@ -228,21 +228,28 @@ def gate_count(x: Mapping[str, object], stage: str) -> int:
 
 
 def flights(x: Constants, stage: str, passages: Passages, drag: Array) -> Flights:
-    """Return the flights of the balls in a stage: speeds [m/s], height [m], slopes at the target.
+    """Return the flights of the balls in a stage, extrapolated to the target, (..., shot).
 
-    The arrays are (..., shot). The results of a direction are NaN if fewer than two gates detected
-    the ball in this direction. The height is measured on the incoming ball. Height and slopes are
-    NaN for all shots if the gates do not measure heights.
+    A flight has these values at the target:
+
+    * Speeds of the incoming and of the rebounding ball [m/s]. A speed is NaN if fewer than two
+      gates detected the ball in its direction.
+    * Slopes of the paths of the incoming and of the rebounding ball. A slope is the change of
+      height per meter. It is NaN in the same case.
+    * Height of the incoming ball [m].
+
+    Height and slopes are NaN for all shots if the gates do not measure heights.
 
     Parameters
     ----------
     x
-        Constants keyed by name, numbers or columns (..., 1): distances of the gates and rate of
-        their clock; for boards also their heights and the acceleration of gravity.
+        Calibration constants keyed by name, numbers or columns (..., 1): distances of the gates and
+        rate of their clock. Light boards also need their heights and the acceleration of gravity.
     stage
-        First part of the constants' names, "balls" or "impact".
+        First part of the constants' names: "balls" for hits at the wall, "impact" for shots at the
+        bat.
     passages
-        Passages, (..., shot, direction, gate).
+        Passages of the balls through the gates, (..., shot, direction, gate).
     drag
         Drag rate κ of each ball, (..., shot) [1/m].
     """

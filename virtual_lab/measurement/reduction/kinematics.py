@@ -182,12 +182,23 @@ def batted_speed_gain(v_rel: Floats, gain_e: Floats, r: Floats) -> Floats:
 def rebound_speed_from_recoil(
     I_p: Floats, omega: Floats, m: Floats, b: Floats, v_ball: Floats
 ) -> Floats:
-    """Return the rebound speed of a ball [m/s], from the recoil of a pivoted bat.
+    """Return the rebound speed v_f of a ball [m/s], from the recoil of a pivoted bat.
 
-    The bat was at rest. The angular momentum about the pivot is conserved:
-    ``I_p omega = m b (v_ball + v_f)``. `I_p` is the bat's moment of inertia about the pivot [kg m²]
-    and `omega` its angular rate after contact [rad/s]. `m` is the mass of the ball [kg] and
-    `v_ball` its incoming speed [m/s]. `b` is the distance of the impact from the pivot [m].
+    The bat was at rest before the hit. The angular momentum about the pivot is conserved: ``I_p
+    omega = m b (v_ball + v_f)``.
+
+    Parameters
+    ----------
+    I_p
+        Moment of inertia of the bat about the pivot [kg m²].
+    omega
+        Angular rate of the bat after contact [rad/s].
+    m
+        Mass of the ball [kg].
+    b
+        Distance of the impact from the pivot [m].
+    v_ball
+        Speed of the incoming ball [m/s].
     """
     return I_p * omega / (m * b) - v_ball
 
@@ -213,9 +224,17 @@ def impact_position(aimed: Floats, aim: Floats, along: Floats) -> Floats:
 def square_rebound(v_in: Floats, v_out: Floats, cosine: Floats) -> Floats:
     """Return the component of a ball's rebound velocity at right angles to the bat [m/s].
 
-    `cosine` is the cosine of the angle by which the bat is tilted. It is 1 if the bat is square to
-    the line of fire. The ball is taken as smooth: it keeps its velocity component along the bat.
-    `v_in` and `v_out` are the speeds along the line of fire, in and back [m/s].
+    The ball is taken as smooth: it keeps its velocity component along the bat.
+
+    Parameters
+    ----------
+    v_in
+        Speed of the incoming ball along the line of fire [m/s].
+    v_out
+        Speed of the rebounding ball along the line of fire [m/s].
+    cosine
+        Cosine of the angle by which the bat is tilted. It is 1 if the bat is square to the line of
+        fire.
     """
     return (v_out + v_in * (1 - cosine**2)) / cosine
 
@@ -248,10 +267,10 @@ def efficiency_at_aim(e_A: Floats, off: Floats, slope: Floats, error: Floats) ->
 
 
 def restitution_at_speed(e0: Floats, slope: Floats, faster: Floats) -> Floats:
-    """Return e0 of a ball at another speed.
+    """Return the ball-wall restitution at another speed than the speed at which `e0` applies.
 
-    `faster` is this speed minus the speed of `e0` [m/s]. `slope` is the slope of e0 over speed
-    [s/m].
+    `faster` is the other speed minus the speed at which `e0` applies [m/s]. `slope` is the slope of
+    e0 over speed [s/m].
     """
     return e0 + slope * faster
 
@@ -296,24 +315,40 @@ def reduce_shot(
     Parameters
     ----------
     settings
-        Three bools: whether e_A is corrected to the aimed position, whether it is computed from the
-        recoil, and whether r is computed for a free bat. Three numbers: the distance of the axis
-        from the knob that the procedure requires [m], the nominal speed of the ball [m/s], and the
-        speed for which the procedure states its window of e0 [m/s].
+        Three bools, then three numbers:
+
+        * whether e_A is corrected to the aimed position;
+        * whether e_A is computed from the recoil;
+        * whether r is computed for a free bat;
+        * distance of the axis from the knob that the procedure requires [m];
+        * nominal speed of the ball [m/s];
+        * speed for which the procedure states its window of e0 [m/s].
     constants
-        The values named in `CONSTANTS`, in this order: mass [kg], length [m], balance [m] and
-        inertia [kg m²] of the bat; its nominal angular rate [rad/s]; the distance of the rig's axis
-        from the knob [m]; the offset of the line of fire from its nominal line [m]; the product of
-        the encoder's angle per count [rad] and the clock's rate relative to true time; mass [kg]
-        and e0 of the lot's mean ball; the speed at which e0 is measured [m/s]; the slope of e0 over
-        speed [s/m]; the slope of e_A along the barrel [1/m]; and the error of e_A that this slope
-        causes.
+        Values named in `CONSTANTS`, in this order:
+
+        * mass [kg], length [m], balance [m] and inertia [kg m²] of the bat;
+        * nominal angular rate of the bat [rad/s];
+        * distance of the rig's axis from the knob [m];
+        * offset of the line of fire from its nominal line [m];
+        * the product of the encoder's angle per count [rad] and the clock's rate relative to true
+          time;
+        * mass [kg] and e0 of the lot's mean ball;
+        * speed at which e0 is measured [m/s];
+        * slope of e0 over speed [s/m];
+        * slope of e_A over the distance from the tip [1/m];
+        * error of the correction of e_A to the aimed position, see `efficiency_at_aim`.
     ball
         Mass [kg] and e0 of the ball.
     shot
-        Speeds of the ball before and after [m/s], sin² of the contact angle, aimed position [m],
-        known offset of the line of fire along the bat [m], cosine of the bat's angle, angular rate
-        of the swing [rad/s], rate of the recoil [counts/s].
+        Values of the shot, in this order:
+
+        * speeds of the ball before and after [m/s];
+        * sin² of the contact angle;
+        * aimed position [m];
+        * known offset of the line of fire along the bat [m];
+        * cosine of the bat's angle;
+        * angular rate of the swing [rad/s];
+        * rate of the recoil [counts/s].
     """
     at_aim, by_recoil, free, pivot_from_knob, ball_speed, window_speed = settings
     M, length, z_cm, I_cm, turn_rate, rig_pivot, aim, encoder = constants[:8]

@@ -32,10 +32,15 @@ def makers() -> Mapping[type[Record], Maker]:
     """Return functions that make flight readings from a record, keyed by the type of the record.
 
     A function takes the record, the calibration constants keyed by name, and the stage of the test
-    (``balls`` or ``impact``). Another package can add its own type of record by an entry point in
-    the group ``virtual_lab.records``. It adds the function for this type by an entry point of the
-    same name in the group ``virtual_lab.flights``. `KeyError` is raised if an entry point in the
-    second group has no counterpart in the first. The functions of this package cannot be replaced.
+    (``balls`` or ``impact``).
+
+    Another package can add its own type of record. It needs two entry points with the same name:
+
+    * one in the group ``virtual_lab.records`` for the type of record;
+    * one in the group ``virtual_lab.flights`` for the function.
+
+    `KeyError` is raised if an entry point in the second group has no counterpart in the first. The
+    functions of this package cannot be replaced.
     """
     others = entry_points(group="virtual_lab.flights")
     return {**{record_types()[point.name]: point.load() for point in others}, **OURS}

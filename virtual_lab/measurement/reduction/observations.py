@@ -259,15 +259,19 @@ def along_of(session: Session) -> float:
 
 
 def ball_constants(readings: BallReadings) -> dict[str, Estimates]:
-    """Return the random errors of the measured e0 of a lot as constants, keyed by name.
+    """Return constants for the random errors of the measured e0 of a lot, keyed by name.
 
-    One constant per ball is the error of the mean e0 of this ball. One more constant is the error
-    of the slope of e0 over speed [s/m]. Each constant has the shape (laboratory,). Its value is 0,
-    because the error is unknown, and its u is of type A. The constants are added to the measured
-    values so that u is propagated to the results. u is computed from the scatter within each ball
-    and speed, pooled over all wall hits of a laboratory. Differences between balls do not
-    contribute, because the whole lot is measured. The constant for the slope exists only if the
-    wall was hit at two or more speeds.
+    Each constant has the value 0 and a standard uncertainty u of type A. The constants are added to
+    the measured values so that u is propagated to the results. Each constant has the shape
+    (laboratory,):
+
+    * One constant per ball is the error of the mean e0 of this ball.
+    * One more constant is the error of the slope of e0 over speed [s/m]. It exists only if the wall
+      was hit at two or more speeds.
+
+    u is computed from the scatter of the hits of each ball around its mean, without the effect of
+    the speed. The scatter is pooled over all wall hits of a laboratory. Differences between balls
+    do not contribute, because the whole lot is measured.
     """
     raw, share = readings.flights.raw, readings.share
     share = share.reshape(-1, *share.shape[-2:])  # (laboratory, hit, ball)

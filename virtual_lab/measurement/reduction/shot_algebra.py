@@ -287,7 +287,7 @@ def shot_results(
     flown: FlightModel | None = None,
     used: Mask | None = None,
 ) -> R:
-    """Return the results of the shots by `kinematics.reduce_shot`, (..., shot) [SI].
+    """Return the results of the shots, computed by `kinematics.reduce_shot`, (..., shot) [SI].
 
     Parameters
     ----------
@@ -295,14 +295,15 @@ def shot_results(
         Type of the results: `ShotResults` for all results, or `SetResults` for a part of them.
         `SetResults` saves time and memory if `x` holds many sets of constants.
     x, bat, balls
-        Constants, and the bat and the balls measured with them.
+        Calibration constants, and the properties of bat and balls measured with these constants.
     readings, settings
         Readings of the shots, and the settings of the procedure.
     flown
         Function that returns the flights measured by another instrument. By default the flights of
         `readings` are used.
     used
-        Mask of the balls that define the mean of the lot, (..., ball). By default all balls do.
+        Mask of the balls whose mean is the mean ball of the lot, (..., ball). By default all balls
+        are used.
     """
     if flown:
         flights = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))

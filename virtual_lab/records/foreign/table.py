@@ -57,9 +57,10 @@ class _Meaning:
 def column_names(column: RecordColumn) -> dict[str, tuple[str, str]]:
     """Return the allowed names of a column, each with the unit of its values and its dimension.
 
-    For ``mass_kg`` the result is ``{"mass_kg": ("kg", "mass"), "mass_oz": ("oz", "mass"), …}``. If
-    the column does not end in an SI unit, such as a count or an index, it is a number. A share is
-    also allowed in percent, such as ``humidity_percent``.
+    For ``mass_kg`` the result is ``{"mass_kg": ("kg", "mass"), "mass_oz": ("oz", "mass"), …}``.
+
+    The name of a count or an index does not end in an SI unit. Its unit is ``1``, and its dimension
+    is ``number``. A share (0 to 1) is also allowed in percent, such as ``humidity_percent``.
     """
     fitting = [
         (dimension, ending)

@@ -465,12 +465,13 @@ def collide_lanes(
     out
         Results, from `prepare_results`:
 
-        * state at the last release [SI], (n, 2 N + 2): displacements p and velocities p' of all
+        * states at the last release [SI], (n, 2 N + 2): displacements p and velocities p' of all
           modes, then displacement s and velocity s' of the rigid motion;
-        * time from first touch to last release [s], energy lost in the ball [J], and error of the
-          energy balance, as a share of the initial energy, (n, 3);
-        * number of contacts, number of reloads before release, 1 for a doubtful scene (otherwise
-          0), and number of steps, (n, 4).
+        * sums, (n, 3): time from first touch to last release [s], energy lost in the ball [J], and
+          error of the energy balance as a share of the initial energy;
+        * counts, (n, 4): number of contacts; number of reloads (times at which the compression of
+          the ball grows again before the release); 1 for a doubtful scene, otherwise 0; and number
+          of steps.
     """
     wide()
     kicks, drifts = scheme

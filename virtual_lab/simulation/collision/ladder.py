@@ -106,18 +106,19 @@ def choose(
     """Return the collision model for a bat, an upper estimate of its error, and the reason.
 
     The estimate is the largest error of the collision efficiency e_A in the scenes `probe`, times a
-    safety factor. The scenes should be similar to the shots of the test. Two arguments select the
-    model:
+    safety factor. The scenes should be similar to the shots of the test. There are three cases:
 
-    * `rung` names one of `COLLISION_RUNGS`. This model is used even if its error is large, and
-      `standard_uncertainty` is ignored. The rung ``modal`` has the default number of modes.
-    * `standard_uncertainty` is the standard uncertainty u of the e_A that will be measured. The
-      fastest model with an error of at most `SHARE` times this u is used. If there is none, the
-      reference model is used.
-    * If both are None, the modal rung is used.
+    * `rung` is given. It names one of `COLLISION_RUNGS`. This model is used even if its error is
+      large, and `standard_uncertainty` is ignored. The rung ``modal`` has the default number of
+      modes.
+    * Only `standard_uncertainty` is given. It is the standard uncertainty u of the e_A that will be
+      measured. The fastest model with an error of at most `SHARE` times this u is used. If there is
+      no such model, the reference model is used.
+    * Both are None. The rung ``modal`` is used.
 
-    Raises `InputError` for an unknown rung, for an uncertainty that is not positive, for a support
-    or a probe position beyond the bat, and for a probe scene that gives no result.
+    Raises `InputError` for an unknown rung, and for an uncertainty that is not positive. It is also
+    raised for a support or a probe position beyond the bat, and for a probe scene that gives no
+    result.
     """
     _check(rung, standard_uncertainty)
     if rung == "reference":

@@ -306,9 +306,10 @@ def collide(
       then displacement s and velocity s' of the rigid motion;
     * sums, (n, 3): time from first touch to last release [s], energy lost in the ball [J], and
       error of the energy balance as a share of the initial energy;
-    * counts, (n, 3): number of contacts, number of reloads, and a `Failure`.
+    * counts, (n, 3): number of contacts; number of reloads (times at which the compression of the
+      ball grows again before the release); and a `Failure`.
 
-    The states and sums of a failed scene are not valid.
+    A scene has failed if its `Failure` is not 0. Its states and sums are then not valid.
 
     Parameters
     ----------
@@ -319,7 +320,8 @@ def collide(
     g
         Squared mode shapes at the impact positions, (n, N) [1/kg].
     c
-        Inverse mass of all rigid motion of ball and bat, (n,) [1/kg].
+        Sum of two inverse masses, (n,) [1/kg]: of the ball, and of the rigid bat at the impact
+        position.
     ball
         Columns (n, 5): stiffness k [N/m^a], loading exponent a, unloading exponent b, compliance of
         the stiff modes [m/N], and relative speed [m/s].

@@ -175,16 +175,20 @@ def every_second_missed(record: Any, written: FaultContext) -> Arrays:
 def cleared_twice(record: Any, written: FaultContext) -> Arrays:
     """Return gate times with a late end of some passages at the gate nearest the bat.
 
-    In about 60 % of the shots, this gate reports the incoming ball a second time. The recorded time
-    at which the ball left the beam is then 0.4 ms late. The result is a mapping with the key
-    ``times`` [s], an array of the shape of the times in the record.
+    In about 60 % of the shots, the gate reports twice that the incoming ball left the beam. Only
+    the second report is recorded. It is 0.4 ms late.
 
     Parameters
     ----------
     record
-        The gates' record without the fault.
+        Record of the gates without the fault.
     written
         Context of the record: station, plan and random numbers.
+
+    Returns
+    -------
+    Arrays
+        A mapping with the key ``times`` [s]. Its array has the shape of the times in the record.
     """
     times = record.times.copy()
     times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
@@ -285,7 +289,8 @@ def still_swinging(record: Any, written: FaultContext) -> Arrays:
 def counts_per_turn(written: FaultContext) -> float:
     """Return the counts per turn of the encoder according to the calibration of the laboratory.
 
-    Raises `KeyError` for a station without an encoder.
+    `written` is the context of the fault. It contains the station, which is a rig with its
+    instruments. Raises `KeyError` if the station has no encoder.
     """
     return written.station.calibration["encoder.counts_per_turn"].value
 

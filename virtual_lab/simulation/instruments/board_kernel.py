@@ -115,7 +115,8 @@ def sum_up(
     edge
         Standard uncertainty of the time at which a beam is broken or cleared [s].
     trip
-        Standard deviation, over the beams, of the threshold at which a beam trips [m].
+        Standard deviation of the depth of the ball in a beam at which the beam trips, over all
+        beams [m].
     """
     sign = 1.0 if out else -1.0
     passage, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))
@@ -144,11 +145,12 @@ def sum_up(
 
 @njit(cache=True)
 def gain_memory(radius: float) -> Array:
-    """Return a table of zeros in which `fill_gains` stores results, (row, 4).
+    """Return a table of zeros in which `fill_gains` stores computed gains, (row, 4).
 
-    `radius` is the largest radius of the balls [beam pitches]. There is one row for each
-    combination of the number of missing beams and the rounded position of the ball between two
-    beams. A row of zeros holds no result yet.
+    A gain is the u of a time or height divided by the u of its cause, see `fill_gains`. There is
+    one row for each combination of two numbers: the number of missing beams, and the rounded
+    position of the ball between two beams. A row of zeros holds no gains yet. `radius` is the
+    largest radius of the balls [beam pitches].
     """
     return np.zeros(((int(2 * radius) + 2) * (CENTRE_PHASES + 1), 4))
 

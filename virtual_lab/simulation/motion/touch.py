@@ -53,10 +53,21 @@ class Nearness(NamedTuple):
 
 
 def move(scene: ShotScene, state: ShotState, time: Array, shots: Shots) -> ShotState:
-    """Return the states of the `shots` of a scene after a `time` of free motion, each (n,) [SI].
+    """Return the states of selected shots after a time of free motion, (n,) [SI].
 
-    `state`, `time` [s] and the indices `shots` are (n,). Drag slows the ball in the horizontal
-    plane, and gravity changes its height. The bat keeps its angular rate. Contacts are ignored.
+    Drag slows the ball in the horizontal plane, and gravity changes its height. The bat keeps its
+    angular rate. Contacts are ignored.
+
+    Parameters
+    ----------
+    scene
+        All shots.
+    state
+        States of the selected shots before the motion, (n,).
+    time
+        Duration of the motion, (n,) [s].
+    shots
+        Indices of the selected shots in the scene, (n,).
     """
     speed = np.hypot(state.vx, state.vz)
     drag = scene.ball_drag[shots]
@@ -144,8 +155,12 @@ def obstacles(scene: ShotScene, near: Nearness, after: ShotState) -> NDArray[np.
 def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
     """Return the time from `state` until the bat reaches its stop [s], (n,).
 
-    The time is inf for a bat at rest, for a bat that turns away from the stop, and for a scene
-    without a stop. It is 0 for a bat that turns at or beyond the stop.
+    The time is 0 if the bat has already reached the stop and still rotates in the same direction.
+    The time is inf in three cases:
+
+    * the bat is at rest;
+    * the bat rotates away from the stop;
+    * the scene has no stop.
     """
     if scene.stop is None:
         return np.full(state.rate.shape, np.inf)

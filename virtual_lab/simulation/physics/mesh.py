@@ -120,9 +120,14 @@ def mesh_through(
     """Return a mesh with element boundaries at `places` and `keep` [m].
 
     The positions in `keep` (ends, supports) become boundaries exactly. A position in `places` is
-    omitted if it is within 10 µm of a position in `keep` or of the next lower position in `places`,
-    even if that position is omitted too. Further boundaries are added so that no element is longer
-    than `size` [m]. `order` is the polynomial degree of the elements.
+    omitted in two cases:
+
+    * It is within 10 µm of a position in `keep`.
+    * It is within 10 µm of the next lower position in `places`. This position may itself be
+      omitted, so that only the lowest position of a close series can remain.
+
+    Further boundaries are added so that no element is longer than `size` [m]. `order` is the
+    polynomial degree of the elements.
     """
     merged = 1e-5  # distance below which two places share one boundary [m]
     fixed = np.unique(np.array(keep))

@@ -60,10 +60,10 @@ def shell_mode(body: BatBody, cap: Cap = "rigid") -> ShellMode:
     Parameters
     ----------
     body
-        The bat, with a wall. Its lumps and its `hoop` are ignored.
+        The hollow bat. Its `lumps` (added masses) and its `hoop` (stated hoop mode) are ignored.
     cap
-        End cap at the tip: ``rigid`` keeps the section round but lets it warp, ``open`` leaves it
-        free.
+        End cap at the tip. With ``rigid`` the section at the tip stays round, but can warp out of
+        its plane. With ``open`` it is free.
 
     Raises
     ------

@@ -302,22 +302,24 @@ def draw_balls(
     lot: Draws | None = None,
     store: Array | None = None,
 ) -> TrueBalls:
-    """Return `number` balls of a production lot, drawn at random, with mass and e0, each (ball,).
+    """Return balls of a lot, drawn at random, with arrays of mass [kg] and restitution, (ball,).
 
-    The mass is in kg. The ball-wall restitution e0 refers to the reference speed of the data sheet.
-    For a block of laboratories the arrays are (laboratory, ball).
+    The restitution is the ball-wall restitution e0 at the reference speed of the data sheet. For a
+    block of laboratories the arrays are (laboratory, ball).
 
     Parameters
     ----------
     spec
         Data sheet of the ball.
+    number
+        Number of balls per laboratory.
     draws
-        Source of the random numbers.
+        Random numbers of the balls.
     lot
-        Source of the random numbers for the mean properties of the lot; None: `draws`.
+        Random numbers of the properties that all balls of the lot share. If None, `draws` is used.
     store
-        Relative humidity in which the lot is kept, 0 to 1, (laboratory,); None: the humidity of the
-        data sheet.
+        Relative humidity in which the lot is kept, 0 to 1, (laboratory,). If None, it is the
+        humidity of the data sheet.
     """
     mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
     lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread

@@ -130,10 +130,20 @@ def scene_of(
 ) -> ShotScene:
     """Return the scene of the shots for a model of the motion.
 
-    A scene starts when the ball is 1 m ahead of the contact. `after` is the time from the contact,
-    computed in closed form, to the end of the scene [s]. It is a number or (shot,). All contacts of
-    a shot have the same collision efficiency e_A, from `bat`. `around` are the objects around the
-    bat.
+    A scene starts when the ball is 1 m ahead of the contact. All contacts of a shot have the same
+    collision efficiency e_A.
+
+    Parameters
+    ----------
+    passage
+        Flights of the balls.
+    bat
+        Bat at rest, with the e_A of each shot.
+    around
+        Objects around the bat.
+    after
+        Time from the contact to the end of the scene [s], a number or (shot,). The time of the
+        contact is computed in closed form.
     """
     pivoted = PivotedBat(bat.profile, bat.axis, bat.inertia)
     touching = -np.sqrt((pivoted.radius(bat.place) + passage.radius) ** 2 - bat.across**2)

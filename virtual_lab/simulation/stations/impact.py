@@ -79,16 +79,25 @@ def blows_of(
 ) -> Blows:
     """Return the collisions of the balls with a bat on a pivot, one per scene, (shot,).
 
-    `detail` states whether the instruments record every reading or only summary values. For every
-    reading, the whole collision is computed. The pivot is then at its true distance `at` from the
-    knob [m].
+    There are two cases:
 
-    For summary values, only the collision efficiency e_A is computed. The contact time is a typical
-    value, and there is no vibration. The pivot is taken to be at its surveyed distance `surveyed`
-    from the knob [m]. The two distances differ by a fraction of a millimeter, which does not change
-    e_A.
+    * `detail` requests only summary values (not every gate edge). Only the collision efficiency e_A
+      is computed. The contact time is a typical value, and there is no vibration. The pivot is at
+      the surveyed position. A shift of the pivot by a fraction of a millimeter does not change e_A.
+    * Otherwise, the contact time and the vibration are computed too. The pivot is at its true
+      position.
 
-    Raises `InputError` for a position beyond the bat, or a scene that gives no result.
+    Parameters
+    ----------
+    at
+        True distance of the pivot from the knob [m].
+    surveyed
+        Surveyed distance of the pivot from the knob [m].
+
+    Raises
+    ------
+    InputError
+        A position is beyond the bat, or a scene gives no result.
     """
     body = specimen.bat.body
     if detail is RecordDetail.SUMMED:
@@ -142,10 +151,14 @@ def error_free(
     of the plan plus the speed of a swinging bat. In the collision that gives e_A, the bat is held
     by `support`.
 
-    e and r are computed from the impulse of this collision as if the bat were rigid. The result has
-    them for two supports of the rigid bat: without support (field `free`), and on a pivot at
-    `pivot_from_knob` [m from the knob] (field `pivoted`). Both fields are filled for every
-    `support`. No equation of the reduction is used.
+    e and r are computed from the impulse of this collision as if the bat were rigid. They are
+    computed twice, for any `support`:
+
+    * The field `free` is for a rigid bat without a support.
+    * The field `pivoted` is for a rigid bat on a pivot. The distance of the pivot from the knob is
+      `pivot_from_knob` [m].
+
+    No equation of the reduction is used.
     """
     mean, bat = specimen.balls.mean_ball(), specimen.bat.of_shots(plan.owner)
     axis = bat.body.length - pivot_from_knob

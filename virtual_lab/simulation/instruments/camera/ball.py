@@ -121,7 +121,7 @@ def render_balls(
         (region, 2, 5), for outlines that are not circles. `radius` then only sets the density of
         sampling.
     view
-        Rotation matrices, (region, 3, 3), for a ball beside the optical axis. A matrix turns the
+        Rotation matrices, (region, 3, 3), for a ball off the optical axis. A matrix turns the
         vector (0, 0, -1) into the direction from the ball to the camera. By default the ball is on
         the optical axis.
 

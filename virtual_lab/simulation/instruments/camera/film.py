@@ -30,12 +30,23 @@ def whole_frames(
     bat: FilmedBat | None = None,
     count: int | None = None,
 ) -> Iterator[tuple[float, Frame]]:
-    """Yield the time stamp [s] and the gray values (row, column) of each frame of the first shot.
+    """Yield the time stamp [s] and the gray values, (row, column), of each frame of the first shot.
 
-    All frames that the camera records are yielded, also those without the ball. If `count` is
-    stated, only `count` frames at equal steps are yielded. The time stamps are readings of the
-    camera's clock. The bat is drawn only if `bat` is given. `name` is the name of the camera, and
-    `slots` are the numbers of the shots. Together they select the random numbers of the camera.
+    Frames without the ball are yielded too. The time stamps are readings of the camera's clock.
+
+    Parameters
+    ----------
+    camera, course
+        The camera, and the flights of the ball.
+    draws
+        Random numbers.
+    name, slots
+        Name of the camera, and the number of each shot in its laboratory. They select the random
+        numbers.
+    bat
+        Bat in the frames. If None, no bat is drawn.
+    count
+        Number of frames to yield, at equal steps. If None, all recorded frames are yielded.
     """
     spec = camera.spec
     frames = camera.frames(course, draws, name, slots, whole=True)

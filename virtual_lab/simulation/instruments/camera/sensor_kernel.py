@@ -102,11 +102,12 @@ def read_out(
     offset
         Dark signal of each pixel of the whole sensor, (row, column) [e].
     normal
-        Standard normal numbers, in the shape of `out`. They are used for the readout noise, and for
-        the noise of bright pixels.
+        Standard normal numbers, in the shape of `out`. A pixel below 25 expected electrons uses its
+        number for the readout noise. Any other pixel uses it for the sum of readout noise and
+        Poisson noise.
     uniform
-        Uniform numbers from -0.5 to 0.5, in the shape of `out`. They are used only for pixels below
-        25 electrons. If the number is exactly 0, the expected electrons are used without Poisson
+        Uniform numbers from -0.5 to 0.5, in the shape of `out`. A pixel below 25 expected electrons
+        uses its number for the Poisson noise. If the number is exactly 0, there is no Poisson
         noise.
     wired
         Constants of the electronics.
