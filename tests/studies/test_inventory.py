@@ -29,6 +29,10 @@ def test_the_fall_of_a_ball_agrees_with_a_hand_calculation(
     assert slowest == pytest.approx(efficiency * v_in_mph * MPH, rel=0.03)  # half of 11 mm
 
 
+def test_a_source_that_only_a_note_names_is_listed() -> None:
+    assert {"nathan2003", "verypages", "axebat"} <= show("astm-f1881").document["sources"].keys()
+
+
 def balls(speeds: np.ndarray) -> Passage:
     return Passage(
         speed_in=np.full(speeds.shape, 60.0),

@@ -250,7 +250,7 @@ cli = Sections(
                         example="campaign summary campaign",
                     ),
                 ],
-                help="Certify bats in very many laboratories, and store the tests in a folder.",
+                help="Test bats in very many laboratories; store one row per test, no certificate.",
             ),
             FunctionCommand("paper", output=DRAWN, example="paper --csv claims.csv"),
             FunctionCommand("reference", output=DRAWN, example="reference --csv reference.csv"),

@@ -456,7 +456,8 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
         "results of an error-free laboratory, with the rank among the bats in parentheses\n"
         f"{table_text(list(tables.values()))}\n{fired}\n\n"
         "differences, first minus second bat, with the probability that a laboratory finds the "
-        "opposite of the order in the field,\nand the number of simulated laboratories that do\n"
+        "opposite of the order in the field,\nand the number of simulated laboratories that do, of "
+        "those with a result for both bats\n"
         f"{table_text(list(lines.values()))}"
     )
 

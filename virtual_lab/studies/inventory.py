@@ -212,7 +212,10 @@ def _sheet(kind: str, name: str) -> ShownSheet:
     document, data = catalog.sheet(kind, name)
     sources = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
     words = {key: value for key, value in document.items() if isinstance(value, str)}
-    cited = sorted({datum.source for datum in data})
+    notes = " ".join(datum.note for datum in data)
+    cited = sorted(
+        {datum.source for datum in data} | {key for key in sources if f"({key})" in notes}
+    )
     return ShownSheet(
         kind=kind,
         name=words.pop("name", name),

@@ -185,8 +185,9 @@ def guard_band(
         guarded rejection.
     target
         Largest allowed consumer's risk, between 0 and 1, instead of `r`. With a `prior` it is the
-        joint risk of all items. Without a `prior` it is the specific risk of an item at the
-        acceptance limit.
+        joint risk of all items. Without a `prior` it is the specific risk of an item whose measured
+        value is at the acceptance limit. With one limit this equals the probability that an item
+        whose true value is at the tolerance limit is accepted.
     prior
         As for `risk`.
 
