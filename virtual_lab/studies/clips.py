@@ -108,8 +108,8 @@ def clip_coverage(
     seed
         Seed of the first laboratory; the others follow.
     summed
-        Let the camera write positions of the ball, with the least possible scatter, instead of
-        pictures.
+        Whether the camera writes summary values instead of pictures. These are positions of the
+        ball with the least possible scatter.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

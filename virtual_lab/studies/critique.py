@@ -265,15 +265,15 @@ def critique(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message that names the procedure, the number of bats done,
-        and the total. If it is not given, the functions of `virtual_lab` and the commands
-        show the progress on stderr.
+        Function that is called with three arguments: a message with the name of the procedure, the
+        number of bats done, and the total number of bats. If it is not given, the functions of
+        `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------
     InputError
-        There are fewer than 2 laboratories, two procedures have the same name, or a name, number
-        or file cannot be used.
+        There are fewer than 2 laboratories, two procedures have the same name, or a name, number or
+        file cannot be used.
     """
     bats, procedures = entry_names(bats) + entry_names(more), entry_names(procedures)
     swings = values_of(swings)

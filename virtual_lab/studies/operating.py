@@ -108,8 +108,11 @@ def operating(
     """Show the probability that a bat passes, as a function of its true metric.
 
     Each laboratory makes three tests of a bat. The table has the probability that one test passes,
-    and the probability that at least one of three tests passes. The instruments record summary
-    values instead of every gate edge and encoder count, and all laboratories test the nominal bat.
+    and the probability that at least one of three tests passes.
+
+    Only the nominal bat is simulated. The errors of its tests are added to each true metric, so
+    that bats with other true metrics need no simulation. To save time, the instruments record only
+    summary values, not every gate edge and encoder count.
 
     Parameters
     ----------

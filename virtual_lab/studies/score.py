@@ -60,18 +60,21 @@ def score(
 ) -> dict[str, QuantityScore]:
     """Return each certified quantity compared with its true value, keyed by name, in SI units.
 
-    A scan has two true values of the metric: the result of the procedure on the exact curve, and
-    the maximum of this curve. The metric is compared with both. The metric before a correction for
-    the balls ("as found") is compared if the certificate states it. The width of the curve [m] is
-    the last entry if the certificate states it.
+    The metric of a scan is compared with two true values: the result of the procedure on the exact
+    curve, and the maximum of this curve.
+
+    Two quantities are compared only if the certificate states them:
+
+    * the metric before a correction for the balls ("as found");
+    * the width of the curve [m].
 
     Parameters
     ----------
     certificate
         Content of ``certificate.json``.
     measurand
-        True values keyed by name. For a test without a result it is empty, and so is the return
-        value.
+        True values keyed by name. If the test has no result, there are no true values, and the
+        returned dictionary is empty.
 
     Raises
     ------

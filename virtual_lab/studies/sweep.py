@@ -107,13 +107,16 @@ def changed_numbers(
 ) -> tuple[dict[str, dict[str, float]], dict[str, str]]:
     """Return the numbers that the user changed in one or more data sheets, and their units.
 
-    A number that is changed in one sheet is returned for all sheets, as a column of a table. The
-    first result has the numbers of each sheet, keyed by the sheet's name and then by column. The
-    second result has the unit of each column.
+    There are two results:
 
-    The name of a column is the key of the number, followed by the unit unless the unit is 1. The
-    unit is that of the first sheet that has the key. The number is NaN for a sheet that lacks the
-    key. Lists of numbers are ignored.
+    * the numbers of each sheet, keyed by the name of the sheet and then by column;
+    * the unit of each column.
+
+    Each changed number has one column for all sheets, also for those in which it is unchanged. It
+    is NaN for a sheet that lacks its key. Lists of numbers are ignored.
+
+    The name of a column is the key of the number. If the unit is not 1, the unit follows. It is the
+    unit in the first sheet that has the key.
 
     Parameters
     ----------

@@ -60,8 +60,8 @@ def template(procedure: AnyProcedure, folder: Folder) -> Path:
 
         In Python, a sheet such as ``vl.procedure("bbcor")`` is also allowed.
     folder
-        New folder: ``laboratory.toml`` for the constants, and one CSV table per record. For
-        ``laboratory`` and ``prices`` the new file.
+        Path of the new folder. The folder gets a file ``laboratory.toml`` for the constants, and
+        one CSV table per record. For ``laboratory`` and ``prices`` it is the path of the new file.
 
     Raises
     ------

@@ -19,11 +19,11 @@ Whole = NDArray[np.int64]
 
 @njit(**KERNEL, error_model="numpy")
 def weigh(hits: Array, weights: Array, out: Array) -> None:
-    """Fill `out`, (laboratory, k), with the weighted sum of the hits for each set of constants.
+    """Fill `out`, (laboratory, set), with the weighted sum of the hits for each set of constants.
 
-    `hits` holds the values of the hits, (laboratory, k, hit), where k is the index of a set of
-    calibration constants and readings. `weights` is (laboratory, hit). A hit of weight 0 is left
-    out even if it is NaN.
+    Each set has a value of every calibration constant and reading. `hits` has the values of the
+    hits, (laboratory, set, hit). `weights` is (laboratory, hit). A hit of weight 0 is left out even
+    if it is NaN.
     """
     for laboratory in range(len(hits)):
         for k in range(hits.shape[1]):

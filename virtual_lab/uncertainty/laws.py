@@ -110,11 +110,14 @@ LAWS = {
 
 
 def inexactness(dof: float) -> float:
-    """Return the relative inexactness of the limits of a distribution, 1/√(2 dof), dimensionless.
+    """Return the relative inexactness of the two limits of a distribution, dimensionless.
 
-    `dof` are the degrees of freedom of the distribution's standard uncertainty. Each of the two
-    limits is itself known only within a range (GUM G.4.2). The result is half the width of this
-    range, divided by half the distance between the limits. It is 0 for infinite `dof`. A result
-    above 1, for `dof` below 0.5, is impossible for limits; the caller must reject it.
+    The distribution is, for example, a rectangular one. Each of its limits is itself known only
+    within a range (GUM G.4.2). The result is half the width of this range, divided by half the
+    distance between the two limits. It is computed as 1/√(2 dof).
+
+    `dof` is the number of degrees of freedom of the distribution's standard uncertainty. The result
+    is 0 for infinite `dof`. For `dof` below 0.5 the result is above 1, which is impossible for
+    limits. The caller must reject it.
     """
     return 0.0 if dof == inf else 1 / sqrt(2 * dof)

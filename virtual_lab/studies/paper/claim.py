@@ -102,11 +102,18 @@ class Row:
 def read_claims(path: Path, finders: Mapping[str, Callable[..., float]]) -> Iterator[Claim]:
     """Yield the claims of a CSV table, in the order of its rows.
 
-    The column `find` holds the name of one of the `finders`, followed by its arguments. A finder
-    computes our result for the claim. It is called only by the method `Claim.row`. A printed number
-    has the symmetric tolerance `within`. Other claims have the limits `low` and `high`; an empty
-    limit is infinite. The column `lost` holds the reason of a known disagreement. Raises `KeyError`
-    for an unknown finder or a missing column, and `ValueError` for a number that cannot be read.
+    These columns need an explanation:
+
+    * `find`: the name of one of the `finders`, followed by its arguments. A finder is a function
+      that computes our result for the claim. Only the method `Claim.row` calls it.
+    * `paper`: the number printed in the paper. It is empty if the claim has no printed number.
+    * `within`: tolerance. Our result may differ by this much from the printed number, upward or
+      downward.
+    * `low`, `high`: limits of our result if there is no printed number. An empty limit is infinite.
+    * `lost`: the reason of a known disagreement.
+
+    Raises `KeyError` for an unknown finder or a missing column. Raises `ValueError` for a number
+    that cannot be read.
     """
     with path.open(encoding="utf-8", newline="") as table:
         for row in csv.DictReader(table):

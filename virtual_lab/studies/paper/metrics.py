@@ -74,11 +74,11 @@ def round_trip() -> float:
 
 
 def symmetrical() -> float:
-    """Return the largest absolute difference of the batted-ball speed from BESR and from e_A [mph].
+    """Return the largest absolute difference of the batted-ball speed by two computations [mph].
 
-    BESR is the ball exit speed ratio. The collision efficiency e_A is -0.2 to 0.6. The pitch speed
-    is 90 mph, and the bat speed is 70 mph. In theory both give the same speed, so the result is
-    only a rounding error.
+    The first computation uses BESR, the ball exit speed ratio. The second uses e_A, the collision
+    efficiency, from -0.2 to 0.6. The pitch speed is 90 mph, and the bat speed is 70 mph. In theory
+    both speeds are equal, so the result is only a rounding error.
     """
     e_A = np.linspace(-0.2, 0.6, 9)
     factor = np.asarray(besr(e_A))
@@ -89,9 +89,10 @@ def symmetrical() -> float:
 def speed_slope(bat: str) -> float:
     """Return the absolute slope of the peak e_A of a free bat against relative speed [1/mph].
 
-    e_A is the collision efficiency. The slope is the difference of the peak e_A between 140 and 160
-    mph, divided by 20 mph. The ball-wall restitution decreases with speed. Raises `InputError` for
-    an unknown bat.
+    The peak is the largest value of e_A, the collision efficiency, along the barrel. The slope is
+    the peak at 160 mph minus the peak at 140 mph, divided by 20 mph. The ball-wall restitution of
+    the ball decreases with speed. `bat` is the name of the bat. Raises `InputError` for an unknown
+    bat.
     """
     return abs(_peak_at(bat, 160) - _peak_at(bat, 140)) / 20
 
@@ -190,11 +191,13 @@ def lost_in_cm_frame() -> float:
 
 
 def fractions(name: str) -> float:
-    """Return the largest absolute difference of an energy share between the model and Eqs. (10).
+    """Return the largest absolute difference of an energy share: collision model minus Eqs. (10).
 
-    `name` is ``ball``, ``bat`` or ``dissipated``. The paper's wood bat R161 and aluminum bat EA70,
-    both without support, are hit 2 to 10 in from the tip at 160 mph. The largest difference of the
-    two bats is returned. Raises `KeyError` for another name.
+    Eqs. (10) are equations of the paper of Nathan (2003). They give three shares of the collision
+    energy. `name` selects one of them: ``ball``, ``bat`` or ``dissipated``. Two bats without
+    support are compared: R161 (the wood bat of the paper) and EA70 (its aluminum bat). Each is hit
+    2 to 10 in from the tip at 160 mph. The result is the largest value over both bats and all
+    positions. Raises `KeyError` for another name.
     """
     z = np.linspace(2, 10, 9)
     gaps = []
@@ -327,9 +330,10 @@ def speed_gain(v_rel: float) -> float:
 
 
 def gain_by_equations() -> float:
-    """Return the largest error of `speed_gain` [mph], compared with Eqs. (3) and (6) of the paper.
+    """Return the largest absolute error of the function `speed_gain` [mph].
 
-    The error is absolute. The relative speeds are 80 and 160 mph. The result is a rounding error.
+    The correct value is computed by Eqs. (3) and (6) of the paper of Nathan (2003). The relative
+    speeds are 80 and 160 mph. The result is only a rounding error.
     """
 
     def deviation(v_rel: float) -> float:
@@ -342,13 +346,14 @@ def gain_by_equations() -> float:
 
 
 def energy_with_vibration(support_name: str) -> float:
-    """Return the largest absolute change of the energy of a hit by a support, over 21 positions.
+    """Return the largest absolute change of the collision energy caused by a support of the bat.
 
     The energy is the sum of three parts: the bat's rigid motion, its bending and hoop vibration,
     and the loss in the ball. The energy of the rebounding ball is not included. The sum is divided
-    by the ball's initial energy. The change is relative to a free bat. R161, the wood bat of the
-    paper, is hit at impact positions 3 to 8 in from the tip, at 160 mph. `support_name` is pivoted,
-    clamped or held (by a hand). Raises `KeyError` for another support.
+    by the ball's initial energy. The change is relative to a bat without support.
+
+    R161, the wood bat of the paper, is hit at 160 mph at 21 positions, 3 to 8 in from the tip.
+    `support_name` is pivoted, clamped or held (by a hand). Raises `KeyError` for another support.
     """
 
     def total(name: str) -> Array:
@@ -359,12 +364,13 @@ def energy_with_vibration(support_name: str) -> float:
 
 
 def least_energy_gap(support_name: str) -> float:
-    """Return the smallest absolute change of rigid-motion energy by a support, over 8 positions.
+    """Return the smallest absolute change of rigid-motion energy caused by a support of the bat.
 
     The energy is the energy of the bat's rigid motion, divided by the ball's initial energy. The
-    change is relative to a free bat. R161, the wood bat of the paper, is hit at impact positions 3
-    to 4.75 in from the tip, at 160 mph. `support_name` is pivoted, clamped or held (by a hand).
-    Raises `KeyError` for another support.
+    change is relative to a bat without support.
+
+    R161, the wood bat of the paper, is hit at 160 mph at 8 positions, 3 to 4.75 in from the tip.
+    `support_name` is pivoted, clamped or held (by a hand). Raises `KeyError` for another support.
     """
     gap = (
         collide_at(WOOD, Z, support_name=support_name).energy.rigid
@@ -387,8 +393,8 @@ def at_percussion(bat: str) -> float:
 def recoils_at_percussion() -> float:
     """Return the largest absolute relative change of the recoil factor r caused by a pivot.
 
-    The pivot is 6 in from the knob, and r is computed at the center of percussion for this pivot.
-    The change is computed for the paper's four bats. A result of 0.01 means 1 %.
+    The pivot is 6 in from the knob. r is computed at the center of percussion for this pivot. The
+    result is the largest change among the four bats of the paper. A result of 0.01 means 1 %.
     """
     return max(
         _worst(

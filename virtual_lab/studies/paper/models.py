@@ -65,9 +65,10 @@ def modes_left_out(count: int) -> float:
 
 
 def bending_frequency(count: int) -> float:
-    """Return the frequency [kHz] of bending mode number `count` of the free bat R161.
+    """Return the frequency [kHz] of a bending mode of the free bat R161, the wood bat of the paper.
 
-    Mode 1 is the lowest. Raises `InputError` for a mode that the model does not have.
+    `count` is the number of the mode, 1 for the lowest. Raises `InputError` for a mode that the
+    model does not have.
     """
     return model(WOOD).modes.bending_frequency(count) / 1e3
 

@@ -54,12 +54,18 @@ def cheapest_single_change(u: Array, cost: Array, target: float) -> Index | None
 
 
 def irreducible(reaches: Mask) -> Mask:
-    """Return a mask of the plans that reach a target and that cannot be reduced.
+    """Return a mask of the plans that reach a target and cannot be reduced.
 
-    A plan exchanges a set of instruments and has four counts: hits, final hits, balls and wall
-    hits. A plan can be reduced if it would still reach the target with one exchange fewer, or with
-    the next smaller value of one count. `reaches` is the mask of all plans that reach the target.
-    Both masks have the shape of `u` in `cheapest`.
+    A plan consists of these choices:
+
+    * the instruments that are exchanged;
+    * four counts: hits, final hits, balls and wall hits.
+
+    A plan can be reduced if a smaller plan would still reach the target. A smaller plan has one
+    exchanged instrument fewer, or the next smaller value of one count.
+
+    `reaches` is the mask of all plans that reach the target. Both masks have the shape of `u` in
+    `cheapest`.
     """
     needed = reaches.copy()
     for axis in range(1, reaches.ndim):

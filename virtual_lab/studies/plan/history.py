@@ -59,13 +59,21 @@ class DailyScatter:
 
 
 def read_history(folders: Sequence[Path], setup: TestSetup) -> DailyScatter:
-    """Return the variance of a hit, and its degrees of freedom, on each day of a history.
+    """Return the variance of the hits on each day of a history, with its degrees of freedom.
 
-    The history is several result folders, or one folder of daily checks. Result folders give the
-    variance of the metric, and daily checks the variance of e0 at the wall. `setup` is the test
-    that is planned. Raises `InputError` for a folder without a result, fewer than three tests, the
-    same test twice, tests of another bat, procedure, rig or metric, or a table of daily checks that
-    lacks a column.
+    The history is one of the following:
+
+    * Several result folders. The variance is the variance of the metric.
+    * One folder of daily checks. The variance is the variance of e0 (ball-wall restitution) of the
+      hits at the wall.
+
+    `setup` is the test that is planned.
+
+    Raises
+    ------
+    InputError
+        A folder has no result. There are fewer than three tests, or a test occurs twice. The tests
+        are of another bat, procedure, rig or metric. The table of daily checks lacks a column.
     """
     if len(folders) == 1 and (folders[0] / DAYS).exists():
         return _of_daily_checks(folders[0] / DAYS)

@@ -169,8 +169,11 @@ def attempts(forecast: Forecast, counts: Counts) -> Array:
 def feasible(forecast: Forecast, counts: Counts) -> Array:
     """Return a mask of the plans with possible counts, in the shape of the counts.
 
-    A plan is possible if none of its counts is above 1000, and if the number of shots by `attempts`
-    is at most 1000.
+    A plan is possible if two conditions are met:
+
+    * None of its counts is above 1000.
+    * The largest number of shots that it allows is at most 1000. The function `attempts` computes
+      this number.
     """
     numbers = [attempts(forecast, counts), *counts.values]
     return np.asarray(np.max(np.broadcast_arrays(*numbers), axis=0) <= MOST_COUNTED)

@@ -93,19 +93,21 @@ def improvements(
     """Return at most three rows: the changes of a laboratory that reduce the u of the metric most.
 
     A change halves the u of one instrument, or doubles the number of hits, balls or wall hits. A
-    row has the u predicted from the budget [SI]. It also has the standard deviation of the
-    simulated errors after the change, and the 95 % interval of this standard deviation.
+    row has these values:
+
+    * the u predicted from the budget [SI];
+    * the standard deviation of the errors on simulated days with the change;
+    * the 95 % interval of this standard deviation.
 
     Parameters
     ----------
     certification
-        The test; it must have a metric.
+        The test. It must have a metric.
     playing
-        Simulated days of the twin, a simulation of the laboratory of the test.
+        Simulated days of the laboratory, without the change.
     simulate
-        Function that simulates the days of a twin with a change. It takes the days. It returns the
-        standard deviation of the errors of the metric [SI], and the two limits of its 95 %
-        interval.
+        Function that simulates days with a change. It takes the days. It returns the standard
+        deviation of the errors of the metric [SI], and the two limits of its 95 % interval.
     """
     assert certification.metric is not None
     rows, u = [], certification.metric.u

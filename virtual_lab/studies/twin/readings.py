@@ -175,15 +175,22 @@ def holm(tails: Array) -> Array:
 def readings_of(certified: Certifications) -> dict[str, float]:
     """Return the readings `TWIN_READINGS` of a test, keyed by name, all dimensionless.
 
-    `certified` is a block that contains one test. "hits" and "wall hits" are the largest deviation
-    of a hit from the mean of its group, in units of the scatter (`largest_deviation`); NaN if there
-    is no scatter. Hits in a group have the same impact position. Wall hits in a group have the same
-    ball and nominal speed. Three readings are missing if the records do not contain their values.
-    "fit" is the largest misfit of the record of an encoder or a light board, divided by the median
-    misfit of the shots. "chords" is the diameter of the ball by the gates at the bat, divided by
-    the diameter by the gates at the wall. "rebound and recoil" is the absolute difference of two
-    values of the mean e_A, from the recoil of the bat and from the rebound of the ball, divided by
-    the standard uncertainty of the difference.
+    `certified` is a block that contains one test. There are five readings:
+
+    * "hits" is the largest deviation of a hit from the mean of its group, in units of the scatter.
+      Hits in a group have the same impact position.
+    * "wall hits" is the same for hits at the wall. Wall hits in a group have the same ball and
+      nominal speed.
+    * "fit" is the largest misfit of the record of an encoder or a light board, divided by the
+      median misfit of the shots.
+    * "chords" is the diameter of the ball by the gates at the bat, divided by the diameter by the
+      gates at the wall.
+    * "rebound and recoil" compares the mean e_A from the recoil of the bat with the mean e_A from
+      the rebound of the ball. It is their absolute difference, divided by the standard uncertainty
+      of the difference.
+
+    The readings "hits" and "wall hits" are NaN if there is no scatter (see `largest_deviation`).
+    The other three are missing if the records do not contain their values.
     """
     reduced, readings, block = certified.reduced, certified.readings, certified.block
     valid, balls = reduced.valid, reduced.preparation.balls

@@ -195,9 +195,9 @@ def twin(
         with fewer days. The simulation ends earlier if the remaining days cannot make a reading
         significant. No such days are simulated for records of summary values.
     faults
-        Folder for simulated days with each fault of the catalog that the rigs can have, in four
-        sizes. Days that are already in the folder are not simulated again. This takes a few
-        minutes. By default no faults are simulated.
+        Folder for simulated days with faults. By default no faults are simulated. If the folder is
+        given, each fault of the catalog that the rigs can have is simulated in four sizes. This
+        takes a few minutes. Days that are already in the folder are not simulated again.
     seed
         Seed of the days.
     progress

@@ -95,11 +95,17 @@ def open_clip(file: Path | Frame, calibration: ClipCalibration) -> Clip:
     Raises
     ------
     InputError
-        The file is not a clip, is truncated or has no frames. A frame is smaller than 8 x 8 or
-        larger than 50 million pixels, or does not have 8 or 16 bits. The frames differ in size or
-        depth, or their size is not that of the calibrated camera. Neither the clip nor the
-        calibration states a frame rate, and the calibration has no time stamps. The time stamps of
-        the calibration cannot be read, do not increase, or are not one per frame.
+        One of these conditions is met:
+
+        * The file is not a clip, is truncated or has no frames.
+        * A frame is smaller than 8 x 8 pixels or larger than 50 million pixels.
+        * A frame does not have 8 or 16 bits.
+        * The frames differ in size or depth.
+        * The size of the frames is not the size of the calibrated camera's frames.
+        * Neither the clip nor the calibration states a frame rate, and the calibration has no time
+          stamps.
+        * The time stamps of the calibration cannot be read, do not increase, or are not one per
+          frame.
     """
     source = open_source(file)
     first, _ = next(source.pictures())

@@ -129,8 +129,9 @@ def _rising(stamps: Array) -> Array | None:
 def usual_step(times: Array) -> float:
     """Return the usual time from one frame to the next [s].
 
-    It is the mean of the steps between the frame `times`, (frame,) [s], or their median if they are
-    `uneven`. For a single frame it is 1 s.
+    `times`, (frame,), are the time stamps of the frames [s]. The result is the mean of the steps
+    between them. If the function `uneven` returns True for `times`, it is the median of the steps.
+    For a single frame it is 1 s.
     """
     steps = np.diff(times)
     if not len(steps):
@@ -151,11 +152,14 @@ def frame_steps(times: Array) -> Array:
 
 
 def uneven(times: Array) -> bool:
-    """Return whether the deviations of time stamps from equal steps span more than 0.3 of a step.
+    """Return whether time stamps deviate from equal steps by a range of more than 0.3 of a step.
 
-    `times`, (frame,), are in s. The result is True if a frame was lost, or if a phone films more
-    slowly in the dark. It is False for time stamps of a constant rate up to 240 frames per second
-    that are rounded to 1 ms, and for fewer than three time stamps.
+    `times`, (frame,), are the time stamps [s]. The range is the largest deviation minus the
+    smallest. The result is True if a frame was lost, or if a phone films more slowly in the dark.
+    It is False in two cases:
+
+    * The rate is constant, at most 240 frames per second, and the time stamps are rounded to 1 ms.
+    * There are fewer than three time stamps.
     """
     if len(times) < 3:
         return False

@@ -200,10 +200,16 @@ def upper_median(values: NDArray[Any]) -> NDArray[Any]:
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
     """Return the matrix (2, 3) that maps positions in the still frame to positions in a picture.
 
-    In the still frame, all pictures are shifted so that the background does not move. Its positions
-    are the positions in the first picture of the clip. `drift`, (4,), is the shift of the picture
-    in x and y [pixels], and the relative growth (0: unchanged) and turn [rad] of the picture about
-    its middle. `size` is the number of columns and rows of the picture.
+    In the still frame, all pictures are shifted so that the background does not move. A position in
+    the still frame is a position in the first picture of the clip.
+
+    Parameters
+    ----------
+    drift
+        Drift of the picture, (4,): shift in x and in y [pixels], relative growth (0 for none), and
+        turn about the middle of the picture [rad].
+    size
+        Number of columns and rows of the picture.
     """
     grown, turn, middle = 1 + drift[2], drift[3], (np.array(size) - 1) / 2
     linear = np.array([[grown, -turn], [turn, grown]])

@@ -293,18 +293,20 @@ def eight_bits(frame: Frame, depth: int) -> Image:
 def warp_back(
     picture: Image, drift: Array, corner: Sequence[int], behind: Image, every: int = 1
 ) -> Image:
-    """Return a picture shifted and turned back by its drift, in the shape of `behind`.
+    """Return a picture without its drift, in the shape of `behind`.
 
-    Each pixel then shows the same point of the scene as in `behind`. Pixels that the picture does
-    not show are copied from `behind`.
+    The picture is shifted, scaled and turned. Each pixel then shows the same point of the scene as
+    in `behind`. Pixels that the picture does not show are copied from `behind`.
 
     Parameters
     ----------
+    picture
+        The picture with its drift.
     drift
         Drift of the picture from the first picture of the clip, (4,): shift to the right and down
         [pixels], growth, and turn [rad].
     corner
-        x and y of the first pixel of `behind` in the first picture [pixels].
+        Position of the first pixel of `behind` in the first picture, x and y [pixels].
     behind
         The background: the clip without moving objects, aligned with the first picture.
     every

@@ -59,12 +59,18 @@ def contacts_of(
 ) -> tuple[list[Contact], list[Note]]:
     """Return the contacts between consecutive flights, and notes on doubtful contacts.
 
-    Two flights have no contact if they pass each other at a distance. They also have no contact if
-    their paths meet before the first flight ends or after the second flight begins. There is a note
-    if the paths meet less than one frame too early or too late.
+    A contact is between the end of one flight and the beginning of the next flight. Two flights
+    have no contact in two cases:
 
-    The restitution of a contact is None if one of the flights is too short, if the struck surface
-    is neither level nor upright and g was not stated, or for another reason that a note states.
+    * Their paths pass each other at a distance.
+    * Their fitted paths, extended in time, meet before the first flight ends, or after the second
+      flight begins. There is a note if the difference is less than one frame.
+
+    The restitution of a contact is None in these cases:
+
+    * One of the flights is too short.
+    * The struck surface is neither level nor upright, and g was not stated.
+    * There is another reason. A note then states it.
 
     Parameters
     ----------
@@ -79,9 +85,9 @@ def contacts_of(
     scale
         Scale of the positions in meters.
     sharp
-        The ball located by its outlines; None if only positions of blobs are known. If it is given,
-        and there is no contact and no other note, a note states that the first two flights do not
-        meet.
+        The ball located by its outlines; None if only positions of blobs are known. If outlines are
+        known and there is no contact and no other note, a note states that the first two flights do
+        not meet.
     """
     notes: list[Note] = []
     contacts = []

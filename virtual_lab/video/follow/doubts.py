@@ -151,19 +151,24 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
 def against_flights(
     scene: FlightScene, watched: Watched, pieces: Sequence[Piece], ways: Sequence[Piece]
 ) -> list[Note]:
-    """Return notes on doubts about the flights.
+    """Return notes on doubts about the flights. The list is empty if `ways` is empty.
 
-    The notes are about a second ball, motion outside the flights, jumps of the background, an
-    interlaced clip, and missing frames. The list is empty if `ways` is empty.
+    There is a note for each of these findings:
+
+    * a second ball;
+    * motion outside the flights;
+    * jumps of the background;
+    * an interlaced clip (each frame combines two fields recorded at different times);
+    * missing frames.
 
     Parameters
     ----------
     scene
-        Blobs, frame times, and properties of the camera.
+        Bright regions (blobs), frame times, and properties of the camera.
     watched
         Moving blobs and the drift of the picture.
     pieces
-        All pieces of smooth motion.
+        All parts of the clip in which a blob moves smoothly.
     ways
         Flights of the ball.
     """
@@ -211,9 +216,9 @@ def against_flights(
 
 
 def without_flight(pieces: Sequence[Piece]) -> str:
-    """Return a sentence that states the reason why a clip has no flight, and gives advice.
+    """Return a text for a clip without a flight: the reason, and advice for the user.
 
-    `pieces` are the pieces of smooth motion; there is no flight among them.
+    `pieces` are the pieces of smooth motion in the clip. None of them is a flight.
     """
     if not pieces:
         return (

@@ -282,14 +282,16 @@ def _nearest(
 
 
 def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
-    """Return the contacts between consecutive flights, as pairs of flight index and time [frames].
+    """Return the contacts between consecutive flights.
 
-    The index is that of the flight before the contact. `fit` is the joint fit of the flights. There
-    is no contact in these cases:
+    Each contact is a pair: the index of the flight before the contact, and the time of the contact
+    [frames]. `fit` is the joint fit of the flights. Two flights have no contact in these cases:
 
-    * The flights pass each other at a distance.
-    * The positions of the first flight are not sharp, and more than `FLIGHTS.contact_frames` frames
-      are between the flights. Positions are not sharp if they come from blobs (bright regions).
+    * They pass each other at a distance.
+    * They are closest more than one frame before the first flight ends, or more than one frame
+      after the second flight begins.
+    * The positions of the first flight come from blobs (bright regions), and more than
+      `FLIGHTS.contact_frames` frames are between the flights.
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
@@ -364,10 +366,19 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
 
 
 def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> list[Piece]:
-    """Return the pieces that are flights of a second ball; empty if there is none.
+    """Return the pieces that are flights of a second ball. The list is empty if there is none.
 
-    `flights` are the flights of the first ball, and `pieces` all pieces of smooth motion. A flight
-    of a second ball has frames in common with `flights`, but other positions in these frames.
+    A flight of a second ball has frames in common with the first ball, but other positions in these
+    frames.
+
+    Parameters
+    ----------
+    scene
+        Bright regions (blobs), frame times, and properties of the camera.
+    flights
+        Flights of the first ball.
+    pieces
+        All pieces of smooth motion.
     """
     blobs = np.concatenate([each.blobs for each in flights])
     # A shadow on a wall moves like its ball.

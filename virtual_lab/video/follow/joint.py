@@ -172,8 +172,11 @@ def fit_flights(
 ) -> Fit:
     """Return the joint fit of flights: common g and drag, and the motion of each flight.
 
-    Each flight needs at least four positions, or three if g is known. This is not checked. Sharp
-    positions are positions from a fit of the ball's outline, with a standard uncertainty for each.
+    Each flight needs at least four positions, or three if g is known. This is not checked.
+
+    The positions of a flight are sharp if they come from a fit of the ball's outline. Each sharp
+    position has a standard uncertainty (`Piece.u`). The positions of other flights come from bright
+    regions.
 
     Parameters
     ----------

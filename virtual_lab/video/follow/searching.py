@@ -151,10 +151,12 @@ def _support(scene: FlightScene, ways: list[Piece], fit: Fit) -> float:
 def step_of(knowledge: ClipKnowledge, scene: FlightScene, ways: Sequence[Piece]) -> float:
     """Return the duration of one time step of `scene.time` [s].
 
-    If every stored frame takes one step in `scene.time`, the step is the frame interval, 1 / rate.
-    If frames that repeat the picture before them take no step, the same time is covered by fewer
-    steps, and a step is longer. The frames are counted during the flights `ways`, or in the whole
-    clip without flights. With fewer than two frames the result is 1 / rate.
+    A frame that only repeats the previous picture takes no step in `scene.time`. Without such
+    frames, a step is the frame interval, 1 / rate. With such frames, fewer steps cover the same
+    time, and a step is longer.
+
+    The steps are counted during the flights `ways`. If there are no flights, they are counted in
+    the whole clip. With fewer than two frames the result is 1 / rate.
     """
     counted = np.flatnonzero(np.isfinite(scene.time))
     if ways:

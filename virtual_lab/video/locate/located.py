@@ -94,7 +94,10 @@ Parts = TypeVar("Parts", Located, Regions)
 
 
 def part_of(whole: Parts, which: NDArray[np.intp] | slice) -> Parts:
-    """Return the rows of all arrays of `whole` with the indices `which`, (region,)."""
+    """Return the same arrays as `whole`, but only for the regions with the indices `which`.
+
+    The arrays have one row per region. `which` is (region,) or a slice.
+    """
     return replace(whole, **{each.name: getattr(whole, each.name)[which] for each in fields(whole)})
 
 

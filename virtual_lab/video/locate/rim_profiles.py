@@ -68,11 +68,11 @@ def blurred_profiles(radius: float, width: float, inside: float, blur: float) ->
     width
         Standard deviation of the blur by lens and pixel together [pixels].
     inside
-        Depth inside the outline up to which pixels are used for a ball without motion blur
-        [pixels].
+        Width of the band inside the outline in which pixels are used [pixels]. It applies to a ball
+        without motion blur.
     blur
-        Distance that the ball moves during the exposure [pixels]. The depth for the moving ball is
-        `inside` plus `blur`, and at most the radius.
+        Distance that the ball moves during the exposure [pixels]. For the moving ball, the width of
+        the band is `inside` plus `blur`, but at most the radius.
     """
     depth = min(inside + blur, radius)
     deepest = min(float(_facing(np.array(depth), radius)), TABLE.deepest_knot)

@@ -53,9 +53,9 @@ def track_clip(
     *,
     progress: Callable[[str], None] = lambda _: None,
 ) -> FollowedClip:
-    """Track the ball through a clip, and return its flights, contacts, scale and doubts.
+    """Track the ball through a clip, and return its flights, contacts, scale and notes (warnings).
 
-    A clip without a ball gives a result without flights, with a warning.
+    If no flight is found, the result has no flights and a note.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ def track_clip(
     Raises
     ------
     InputError
-        A file cannot be read, a statement is not allowed or does not fit the clip, the scale is
-        unknown, or the frame rate implies an impossible value of g. Or the user asked to compute
-        the scale from gravity, but no flight is curved enough.
+        A file cannot be read. A statement is not allowed or does not fit the clip. The scale is
+        unknown. The frame rate implies an impossible value of g. The user asked to compute the
+        scale from gravity, but no flight is curved enough.
     """
     # The file is opened first, because a file that is not a clip needs no scale.
     source = open_source(file)
