@@ -413,8 +413,8 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
     Raises
     ------
     InputError
-        The stage is unknown, no key follows the stage, or the sheet of the rig or instrument does
-        not exist or is not a TOML file.
+        The stage is unknown, or no key follows it. The sheet of the rig or instrument does not
+        exist or is not a TOML file.
     """
     stage, _, key_in_rig = key.partition(".")
     if stage not in rigs or not key_in_rig:

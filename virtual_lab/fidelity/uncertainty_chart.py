@@ -52,9 +52,9 @@ def uncertainty_chart(_progress: Progress = quiet) -> SpeedChart:
 def draw_uncertainty(rows: list[Row], title: str) -> PageFigure:
     """Return a figure of the errors of uncertainties against the run time [ms].
 
-    The three panels show the errors of the standard uncertainty u, and of the lower end and the
-    upper end of the coverage interval. The errors are divided by u. The run time is for one
-    processor core. `rows` are the rows of `uncertainty_chart`.
+    The three panels show the errors of the standard uncertainty u, the lower end of the coverage
+    interval, and its upper end. The errors are divided by u. The run time is for one processor
+    core. `rows` are the rows of `uncertainty_chart`.
     """
     from virtual_lab.output.page_figure import PageFigure
 

@@ -124,9 +124,9 @@ def require_ball(procedure: Procedure, ball: BallSpec) -> None:
 def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
     """Return the number of unverified values in the data sheets of rigs and of their instruments.
 
-    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``, which means that 4 of the 5 values
-    on this data sheet are unverified. Data sheets without unverified values are left out. Rigs that
-    are installed from other packages are also left out.
+    The result has the form ``{"rigs/astm-pivot": "4 of 5", …}``. Here 4 of the 5 values on the data
+    sheet are unverified. Data sheets without unverified values are left out. Rigs that are
+    installed from other packages are also left out.
     """
     counts: dict[str, str] = {}
     for rig in rigs:

@@ -229,9 +229,9 @@ def constant_of(key: str) -> Constant | None:
 def require_plausible(key: str, constant: Estimate, where: str) -> None:
     """Raise `InputError` if a constant is outside its plausible range, or if its u is too large.
 
-    u must not be larger than the width of the range. The reason is that an uncertainty budget
-    shifts the constant by u, and that the model is meaningless far outside the range. A constant of
-    an unknown kind may have any value between -1e18 and 1e18.
+    u must not be larger than the width of the range. An uncertainty budget shifts the constant by
+    u, and a larger u would shift it far outside the range. The model is meaningless there. A
+    constant of an unknown kind may have any value between -1e18 and 1e18.
 
     `key` is the name of the constant. `where` is the name of the file, for the message.
     """

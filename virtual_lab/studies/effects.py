@@ -112,8 +112,8 @@ def effects(
 
     The table has one row per component, sorted by the size of the stated effect. The columns
     `stated_effect` and `real_effect` hold the stated and the real change of the metric, in its
-    unit, for a change of the component by one standard uncertainty u. `difference_in_se` is the
-    real effect minus the stated effect, in standard errors.
+    unit. The change is caused by one standard uncertainty u of the component. `difference_in_se` is
+    the real effect minus the stated effect, in standard errors.
 
     For two components, the real effect can differ from the stated effect for a known reason, see
     Notes.

@@ -131,8 +131,8 @@ def read_inputs(entries: Mapping[InputName, Any], correlations: Correlations) ->
     entries
         Inputs, keyed by name. An entry is an `Input`, an `Estimate`, a number without uncertainty,
         or an array of readings (n,). The mean of the readings is used. Its standard uncertainty is
-        computed from their scatter (type A). For inputs that were read together, the key is a tuple
-        of m names, and the entry is an array of readings (n, m).
+        computed from their scatter (type A). Several inputs may have been read together. In this
+        case the key is a tuple of m names, and the entry is an array of readings (n, m).
     correlations
         Correlation coefficients of pairs of inputs, keyed by the two names. All other coefficients
         are 0.

@@ -23,9 +23,9 @@ SIZE = 0.02  # relative tolerance of the diameter; the rules allow ±0.014 (9 to
 def chords(evidence: Evidence) -> Iterator[Raised]:
     """Yield the flags about implausible ball diameters that the gates measured.
 
-    A diameter is computed from the time for which the ball breaks a beam, minus the time that the
-    ball takes to cross the thickness of the beam. A beam that misses the center of the ball shows
-    less than the diameter, but no beam can show more.
+    A diameter is computed from the time for which the ball breaks a beam. The time that the ball
+    takes to cross the thickness of the beam is subtracted. A beam that misses the center of the
+    ball shows less than the diameter, but no beam can show more.
 
     Two flags are yielded for the gates at the wall, and two for the gates at the bat:
 

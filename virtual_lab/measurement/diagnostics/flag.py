@@ -161,8 +161,8 @@ def pairs(
         Additional standard uncertainty of `value`, in the same unit. It is added in quadrature, so
         the u of the difference is at least `least`.
     moves
-        Largest possible shift of the test result if `value` changes by 1, divided by the standard
-        uncertainty of the test result. By default it is infinite.
+        Largest possible shift of the test result if `value` changes by 1. The shift is in units of
+        the standard uncertainty of the test result. By default it is infinite.
     among
         Number of similar differences that were compared. It is above 1 if `value` is the least
         likely of several differences.

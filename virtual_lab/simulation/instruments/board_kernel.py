@@ -163,9 +163,9 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
     written to `gains`, (3, n), one column per ball. Each row is a ratio of standard uncertainties
     u:
 
-    * u of the time of the passage divided by u of the time at which a beam is broken or cleared;
-    * u of the height divided by u of the ball's position when a beam is broken or cleared;
-    * u of the height divided by u of the threshold of a beam.
+    * u of the time of the passage divided by u of the time at which a beam is broken or cleared
+    * u of the height divided by u of the ball's position when a beam is broken or cleared
+    * u of the height divided by u of the threshold of a beam
 
     The ratios are NaN if fewer than four beams were broken. The position of the ball's center
     between two beams is rounded to `CENTRE_PHASES` steps.

@@ -211,8 +211,9 @@ def fit(
     Raises
     ------
     InputError
-        No bat of the template fits each measurement within 3 u, or within 0.1 % (0.05 in for a
-        node) if that is more. The message lists the misfits of the best fit.
+        No bat of the template fits each measurement within its tolerance. The tolerance is 3 u or
+        0.1 % (0.05 in for a node), whichever is more. The message lists the misfits of the best
+        fit.
     """
     template = TEMPLATES[measured.template]
     usual, spread = template.usual, template.spread

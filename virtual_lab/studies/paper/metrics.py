@@ -302,8 +302,8 @@ def overestimate(speed: float) -> float:
 
     e is the bat-ball restitution. It depends on the relative speed of ball and bat, which is 160
     mph in the hit. v_f is computed twice, with the e for the wrong speed `speed` [mph], and with
-    the e for 160 mph. The result is the first value minus the second. The numbers are an example: e
-    decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph, and the recoil factor is 0.25.
+    the e for 160 mph. The result is the first value minus the second. The numbers are an example. e
+    decreases linearly from 0.55 at 60 mph to 0.45 at 160 mph. The recoil factor is 0.25.
     """
     e = 0.55 - 0.001 * (speed - SLOW)
     return FAST * (efficiency(e, 0.25) - efficiency(0.45, 0.25))

@@ -119,8 +119,8 @@ def plan(
     instruments. The new instruments follow the data sheets named in `prices`. By default they have
     half of each standard uncertainty and half of each scatter, such as the scatter of a cannon's
     aim. Instruments that hardly lower u are not considered. An exchange does not change the
-    minutes. A plan is left out if it would still reach the target with one exchanged instrument
-    fewer, or with the next smaller number of hits, balls or wall hits.
+    minutes. A plan is left out if a smaller plan reaches the target too. A smaller plan has one
+    exchanged instrument fewer, or the next smaller number of hits, balls or wall hits.
 
     To choose the plans, u is predicted to first order from the budget of the present laboratory.
     Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u

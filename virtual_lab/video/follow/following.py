@@ -171,18 +171,20 @@ def measure(
 ) -> FollowedClip:
     """Return the flights, contacts and scale of a clip in SI units, with notes on doubtful points.
 
-    The result has no flights if `search` has none, or if no scale is known. If the user stated no
-    frame rate, and the rate in the file contradicts g, a rate that agrees with g is used.
+    The result has no flights if `search` has none, or if no scale is known. The frame rate comes
+    from the file if the user stated none. If this rate contradicts g, a rate that agrees with g is
+    used instead.
 
     Parameters
     ----------
     search
-        Scene and flights. Their positions come from the outlines of the ball if `sharp` is given,
-        and otherwise from the blobs, the regions that differ from the background.
+        Scene and flights. If `sharp` is given, their positions come from the outlines of the ball.
+        Otherwise they come from the blobs, the regions that differ from the background.
     sharp
         The ball located by its outlines. None if only positions of blobs are known.
     fault
-        Reason why a calibrated camera gave no sharp positions; empty otherwise.
+        Reason why a calibrated camera gave no sharp positions. It is empty if there is no such
+        reason.
 
     Raises
     ------

@@ -133,9 +133,8 @@ def estimate_of(
     u is `unit` times the root sum of squares of these parts:
 
     * For each principal axis of the fit's covariance, the parameters are moved along the axis by
-      one standard uncertainty, first in one direction and then in the other. The part is the larger
-      of the two changes of the quantity. The changes differ if the quantity is not linear in the
-      parameters.
+      one standard uncertainty. This is done in both directions. The part is the larger of the two
+      changes of the quantity. The changes differ if the quantity is not linear in the parameters.
     * For each pair (other fit, share) in `others`, the part is the share times the difference of
       the quantity between the two fits.
     * The last part is `relative_u` times the quantity.

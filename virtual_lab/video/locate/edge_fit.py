@@ -108,8 +108,7 @@ def fit_edge(
         (1 + c cos 2a + s sin 2a), where R is the mean radius.
 
         A ball beside the camera's axis has such an outline. The outline is longer in the direction
-        away from the axis, by the factor 1 / cos b, where b is the angle between the ball and the
-        axis.
+        away from the axis, by the factor 1 / cos b. b is the angle between the ball and the axis.
     oval_u
         Standard uncertainty of c and s. If it is above 0, c and s are fitted together with the
         position and the radius. If it is 0, c and s keep the values of `oval`. State 0 only if the

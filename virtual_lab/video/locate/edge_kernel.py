@@ -133,7 +133,7 @@ def sector_sums(
         Brightness of the pattern at the beginning of each sector of the rim, (sector, knot).
     first
         Whether this is the first evaluation, with an inaccurate model. The noise is then computed
-        from the gray values of the pixels instead of the model, and only some of the rows are used.
+        from the gray values of the pixels instead of the model. Only some of the rows are used.
     sums
         Overwritten with one set of equations per sector, (sector + 1, n, n). The last set is for
         pixels off the rim.
