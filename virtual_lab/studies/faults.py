@@ -188,9 +188,9 @@ def faults(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message that names the procedure and the fault, the number of
-        laboratories done, and the total. If it is not given, the functions of `virtual_lab` and the
-        commands show the progress on stderr.
+        Function that is called with three arguments: a message with the names of the procedure and
+        the fault, the number of laboratories done, and the total number of laboratories. If it is
+        not given, the functions of `virtual_lab` and the commands show the progress on stderr.
 
     Returns
     -------

@@ -184,8 +184,9 @@ def rebound_speed_from_recoil(
 ) -> Floats:
     """Return the rebound speed v_f of a ball [m/s], from the recoil of a pivoted bat.
 
-    The bat was at rest before the hit. The angular momentum about the pivot is conserved: ``I_p
-    omega = m b (v_ball + v_f)``.
+    The bat was at rest before the hit. The angular momentum about the pivot is conserved:
+
+    ``I_p omega = m b (v_ball + v_f)``
 
     Parameters
     ----------

@@ -312,7 +312,7 @@ def draw_balls(
     spec
         Data sheet of the ball.
     number
-        Number of balls per laboratory.
+        Number of balls in the lot of a laboratory.
     draws
         Random numbers of the balls.
     lot
