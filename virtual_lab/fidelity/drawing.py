@@ -78,11 +78,11 @@ def _short(value: float | str) -> str:
 def maps_text(rows: Sequence[Row], down: str) -> str:
     """Return the maps as text: one table per map, with one letter per cell for its state.
 
-    The text begins with the meaning of the letters. Each element of `rows` is a cell with the keys
-    `map`, `value` (column of the table), `step` (row of the table), `state` and `refused`. `state`
-    is a value of `State`, such as ``good`` or ``unstable``. `refused` is true if the program
-    rejects the settings of the cell; the letter is then in parentheses. `down` is the quantity that
-    varies from row to row of a table.
+    The first line states `down` and the meaning of the letters. Each element of `rows` is a cell
+    with the keys `map`, `value` (column of the table), `step` (row of the table), `state` and
+    `refused`. `state` is a value of `State`, such as ``good`` or ``unstable``. `refused` is true if
+    the program rejects the settings of the cell; the letter is then in parentheses. `down` is the
+    quantity that varies from row to row of a table.
     """
     key = ", ".join(f"{state.mark} {state}" for state in _used_states(State, rows))
     parts = [f"rows: {down}; {key}; in parentheses: refused, with its state"]

@@ -81,7 +81,8 @@ def record(row: Any) -> Mapping[str, Any]:
     A mapping is returned unchanged. If a field of a dataclass holds a dataclass or a mapping, each
     of the inner values becomes a column. The key of this column is the field's name and the inner
     key, joined by ``_``, such as ``recoil_rms``. If the field has the mark `INLINE` in its
-    metadata, the key is the inner key alone.
+    metadata, the key is the inner key alone. Dataclasses within the inner dataclass are treated in
+    the same way. The inner values of a mapping are kept as they are.
     """
     if isinstance(row, Mapping):
         return row

@@ -63,7 +63,8 @@ def sobol_indices(
     ------
     InputError
         Inputs are correlated, fewer than two inputs are uncertain, the number of points is too
-        large or not a power of 2, or no output varies. The errors of `propagate` are also raised.
+        large or not a power of 2, or an output does not vary. The errors of
+        `propagate` are also raised.
     """
     import pandas as pd
     from scipy.stats import sobol_indices as by_scipy

@@ -165,7 +165,8 @@ class Propagated:
 def beyond_rounding(u: float, value: float) -> float:
     """Return `u`, or 0 if `u` is NaN or only a rounding error of `value`.
 
-    A rounding error is at most 2^-44 of the absolute value. `u` and `value` have the same unit.
+    A rounding error is at most 2^-44 of the absolute value. `u` and `value` have the same unit. The
+    result is also 0 if `value` is NaN or infinite.
     """
     return u if u > LAST_BITS * abs(value) else 0.0
 

@@ -45,8 +45,8 @@ def sketch_of(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
     such as "bat" or "stop", and is empty if the ball hit nothing. If the ball hit the bat, there
     are four more keys. `way` is "back" if the ball flies back and "on" if it flies on. `side` is
     "straight", "up" or "down". `way` and `side` show the true direction of the ball after the hit.
-    `rebound` (the collision efficiency e_A) and `turn` (angular rate of the bat [rad/s]) are
-    blurred.
+    `rebound` (the collision efficiency e_A) and `turn` (change of the bat's angular rate [rad/s])
+    are blurred.
     """
     if shot not in firing.sketches:
         firing.sketches[shot] = _draw_sketch(firing, shot)
@@ -70,7 +70,9 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 
 
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
-    """Return inaccurate values of e_A and of the angular rate of the bat after the hit [rad/s].
+    """Return inaccurate values of e_A and of the change of the bat's angular rate [rad/s].
+
+    The hit causes this change. For a bat at rest, it is the angular rate after the hit.
 
     A trainee sees these values in the sketch of a shot. Both have a random error. e_A is then
     rounded to 0.01, and the rate to 0.1 rad/s. Each call for the same shot gives the same values.
@@ -198,8 +200,8 @@ def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
 def true_film(firing: Firing, day: Day, shot: int) -> bytes:
     """Return the six true camera frames of a shot as one PNG. `shot` is counted from 1.
 
-    The result is empty if the rig has no camera. Raises `IndexError` if the shot has not been
-    fired.
+    The result is empty if the rig has no camera. Raises `IndexError` if `shot` is larger than the
+    number of fired shots.
     """
     laboratory, requested = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]
@@ -212,7 +214,7 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
 def before_shot(day: Day, shot: int) -> Day:
     """Return the day as it was immediately before a shot. `shot` is counted from 1.
 
-    Raises `IndexError` if the shot has not been fired.
+    Raises `IndexError` if `shot` is larger than the number of fired shots.
     """
     fired = [event.number for event in day.events if event.action == "fire"]
     return day.until(fired[shot - 1] - 1)

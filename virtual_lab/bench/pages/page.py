@@ -169,8 +169,8 @@ def day_page(
 def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
     """Return the HTML page that shows a day as it was after entry `number`; 0 is the start.
 
-    `briefing` is the part of the scenario that a trainee may know. Raises `IndexError` if there is
-    no such entry.
+    `briefing` is the part of the scenario that a trainee may know. Raises `IndexError` if
+    `number` is larger than the number of entries. It must not be negative.
     """
     desk, entries = Desk(day.until(number)), _entries(day, briefing)
     return page_template(PACKAGE, "replay.html").render(

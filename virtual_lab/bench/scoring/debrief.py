@@ -194,7 +194,8 @@ def debrief(
     expert
         The day of the simulated expert. If None, this day is simulated.
     scores_only
-        Whether to leave out the effects of faults and decisions. They take most of the time.
+        Whether to leave out the effects of faults and decisions, and the run chart. They take
+        most of the time.
 
     Raises
     ------

@@ -138,7 +138,8 @@ def is_named(fault: str, named: Mapping[str, float], rates: Mapping[str, float])
     """Return whether the trainee gave a fault a probability above its rate.
 
     `named` holds the trainee's probabilities and `rates` the rates of the faults, both 0 to 1 and
-    keyed by fault. The result is False for a fault that the trainee did not name.
+    keyed by fault. The result is False for a fault that the trainee did not name. A fault that is
+    missing in `rates` has the rate 0.
     """
     return named.get(fault, 0.0) > rates.get(fault, 0.0)
 

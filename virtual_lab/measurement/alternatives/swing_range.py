@@ -36,9 +36,11 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     result states the exponent n, the budget of the metric, and the impact position with the largest
     metric [m from the barrel tip]. The results have the order of `exponents` in the procedure's
     game. The tuple is empty if the procedure lists no exponents, or if the hits give no result for
-    at least one of them. All results use the same hits. The hits were aimed at the position with
-    the largest metric for the procedure's main exponent. For another exponent this position is a
-    few tenths of an inch away.
+    at least one of them.
+
+    Final hits are used for all results. They were aimed at the position with the largest metric for
+    the procedure's main exponent. For another exponent this position is a few tenths of an inch
+    away. In a scan without final hits, each result uses the hits near its own impact position.
     """
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:

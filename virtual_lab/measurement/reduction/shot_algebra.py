@@ -175,7 +175,8 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
     The result has the masses [kg] and the e0 (field `restitution`) of the balls, (..., ball). An e0
     is the mean of the ball's hits at the wall, converted to the mean nominal speed of all hits. The
-    fields `speed` and `slope`, (..., 1), are this speed [m/s] and the slope of e0 over speed [s/m].
+    fields `speed` and `slope` are this speed [m/s] and the slope of e0 over speed [s/m]. They have
+    the shape (..., 1), or are single numbers if the constants are single numbers.
     `x` holds the readings of the bench and the calibration constants, keyed by name.
     """
     from virtual_lab.measurement.reduction.wall_kernel import balls_of_sets

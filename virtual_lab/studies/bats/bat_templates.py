@@ -196,7 +196,8 @@ def fit(
     """Return a bat that fits the measurements, with parameters close to `target`.
 
     The bat is built from a template, a family of bats with a few free parameters. The result holds
-    the bat, its parameters, and the misfit of each measurement.
+    the bat, its parameters, and the misfit of each measurement. A misfit is the computed value
+    minus the measured value. It is relative to the measured value, or in meters for a node.
 
     Parameters
     ----------

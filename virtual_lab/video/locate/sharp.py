@@ -76,8 +76,8 @@ def place(
     """Return position and radius of the ball in regions, from fits of its outline.
 
     Positions are in pixels of the full frame. A ball that cannot be fitted has the flag
-    `NOT_FOUND`, and its position is NaN. The fit is repeated if it moves the ball by more than 0.3
-    pixels.
+    `NOT_FOUND`, and all its values are NaN, except for the blur. A fit that changes the position or
+    the radius by more than 0.3 pixels is repeated, at most three times.
 
     Parameters
     ----------
