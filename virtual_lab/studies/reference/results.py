@@ -487,7 +487,7 @@ def cage_speed(exponent: float) -> float:
         float(bat_speed(law.angular_speed(bat.inertia), bat.length, 6 * INCH))
         for bat in bats.values()
     )
-    return published_value("bat cage wood: bat speed in the cage") * metal / wood
+    return published_value("batting cage, wood bat: bat speed in the cage") * metal / wood
 
 
 class _CageBat(NamedTuple):
@@ -498,7 +498,7 @@ class _CageBat(NamedTuple):
 def _cage_bat(name: str) -> _CageBat:
     """Return a bat of the cage study from its published length, weight, balance and inertia."""
     inches, ounces, balance, moment = (
-        published_value(f"bat cage {name}: {quantity}")
+        published_value(f"batting cage, {name} bat: {quantity}")
         for quantity in ("length", "weight", "balance point from knob", "MOI about 6 in from knob")
     )
     near, far = balance - AXIS / INCH, balance - KNOB_OFFSET / INCH

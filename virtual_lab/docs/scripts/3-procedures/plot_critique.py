@@ -4,7 +4,7 @@ Does a procedure rank bats as play does?
 
 Probability (%) that a laboratory ranks two bats opposite to their order in play (50: by chance),
 where swing speed is proportional to (moment of inertia)⁻⁰·³. Loaded: EA70 with a thinner wall and
-2.3 oz in barrel or knob. Only the procedure proposed by Nathan (2003) ranks all pairs right.
+2.3 oz in barrel or knob. NCAA MODIFIED swings all bats at 66 mph. Only PROPOSED ranks all right.
 """
 
 import matplotlib.pyplot as plt
@@ -17,7 +17,7 @@ table = table.replace({"ea70": "EA70", "r161": "R161 (wood)"})
 order = ["barrel-loaded", "knob-loaded", "EA70", "R161 (wood)"]  # from fast to slow in play
 table["pair"] = ["\n> ".join(sorted(x, key=order.index)) for x in table.to_numpy()[:, :2]]
 grid = 100 * table.pivot(index="pair", columns="procedure")["opposite_probability"]
-figure, axes = plt.subplots(subplot_kw={"ylabel": "faster bat > slower bat"})
+figure, axes = plt.subplots(figsize=(4.8, 4), subplot_kw={"ylabel": "batted-ball speed in play"})
 axes.imshow(grid, cmap="cividis_r", vmin=0, vmax=100, aspect="auto", zorder=2)
 for at, value in enumerate(grid.to_numpy().ravel()):
     axes.text(at % 5, at // 5, f"{value:.0f}", ha="center", color="k" if value < 50 else "w")
