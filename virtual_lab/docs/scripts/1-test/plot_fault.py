@@ -3,8 +3,8 @@ A fault and how it shows
 ========================
 
 Misfit of the encoder record of each shot (usual: of a good record). Without a fault, six hits are
-enough. With a coupling that slips, no hit is valid. The seven shots in which it slips are above 12.
-The other five are near 2, because all records are fitted together.
+enough. With a coupling that slips, none of the 12 allowed shots is valid. The seven shots in which
+it slips are above 12. The other five are near 2, because all records are fitted together.
 """
 
 import matplotlib.pyplot as plt

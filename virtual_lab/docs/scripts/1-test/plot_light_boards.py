@@ -2,9 +2,9 @@
 A ball passes three light boards
 ================================
 
-A ball flies through three light boards on its way to the bat. Each board has 34 horizontal light
-beams, 8 mm apart. Each bar is the time for which the ball blocks one beam. The middle of the bars
-is the height of the ball. Its speed follows from the delays between the boards (not shown).
+A ball flies through three light boards to the bat. Each board has 34 horizontal light beams, 8 mm
+apart. Each bar is the time for which the ball blocks one beam. The vertical middle of the bars is
+the height of the ball. Its speed follows from the delays between the boards (not shown).
 """
 
 import matplotlib.pyplot as plt

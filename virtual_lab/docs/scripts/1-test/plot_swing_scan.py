@@ -2,9 +2,9 @@
 A scan along the barrel
 =======================
 
-A machine swings aluminum bat EA70 at 66 mph (6 in from the tip) at balls that arrive at 70 mph, at
-one impact position after another. A cubic is fitted to the hits within an inch of the best
-position. The top of the curve is the result.
+NCAA MODIFIED: a machine swings aluminum bat EA70 at 66 mph (6 in from the tip) at balls that arrive
+at 70 mph, at one impact position after another. A cubic is fitted to the hits within an inch of the
+best position. The top of the curve is the result.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ Uncertainty budgets
 ===================
 
 Six largest components of the variance u² of a result of aluminum bat EA70 (u: standard
-uncertainty). Both results are means of six hits at one position, and the scatter of these hits
-dominates. BBCOR must also find the position.
+uncertainty). Both results (bat performance factor, restitution) are means of six hits, whose
+scatter dominates. BBCOR must also find the position.
 """
 
 import matplotlib.pyplot as plt
@@ -13,7 +13,7 @@ import virtual_lab as vl
 
 words = {"hits": "scatter of the hits", "choice of the place": "choice of the position"}
 words |= {"bat.balance": "balance point, reading", "impact.pivot.from_knob": "pivot position"}
-words |= {"bench.stand.offset": "balance stand, zero", "impact.cannon.along": "aim of the cannon"}
+words |= {"bench.stand.offset": "zero of balance stand", "impact.cannon.along": "aim of the cannon"}
 words |= {"balls.repeatability": "restitution of the balls"}
 words |= {"balls.slope_repeatability": "ball restitution:\nslope with speed"}
 figure, panels = plt.subplots(2, figsize=(4.8, 4.8), sharex=True)

@@ -20,6 +20,6 @@ for kind, label, marker in kinds:
     row = rows.query("procedure == 'astm-f1881' and quantity == 'metric'").iloc[0]
     shares = 100 * row.filter(like="coverage_by_u_").astype(float)
     axes.plot(range(1, 11), shares, marker=marker, label=label)
-axes.axhline(95, color="black", linewidth=1)
+axes.axhline(95, color="black", linewidth=1, label="95 %")
 axes.set(xlabel="group, from small to large u", ylabel="intervals with the true value, %")
 axes.legend()

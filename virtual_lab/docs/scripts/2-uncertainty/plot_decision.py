@@ -17,7 +17,7 @@ figure, axes = plt.subplots()
 for u in (0.0015, 0.003, 0.006):
     chance = [100 * vl.conformity(value, u, upper=0.5) for value in measured]
     axes.plot(measured, chance, label=f"u = {u}")
-axes.axvline(0.5, color="black", linewidth=1, label="limit")
+axes.axvline(0.5, color="black", linewidth=1, label="limit of BBCOR")
 axes.axhline(95, color="0.5", linewidth=1, label="95 %")
 axes.set(xlabel="measured restitution e", ylabel="probability that the bat conforms, %")
 axes.legend()

@@ -2,9 +2,9 @@
 Monte Carlo compared with first order
 =====================================
 
-Both ends of the 95 % interval of the speed (60 m/s) / cos(angle), if the angle is 1.7° ± u. The
-speed is at least 60 m/s, where the interval by Monte Carlo begins. First order uses only the slope
-at 1.7°, and both its ends are too low.
+Both ends of the 95 % interval of the speed (60 m/s) / cos(angle), if the angle is 1.7° with
+standard uncertainty u (normal distribution). The speed is at least 60 m/s, where the interval by
+Monte Carlo begins. First order uses only the slope at 1.7°, and both its ends are too low.
 """
 
 import matplotlib.pyplot as plt

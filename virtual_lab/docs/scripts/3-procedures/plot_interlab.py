@@ -15,7 +15,7 @@ from virtual_lab.catalog.reading import DATA
 
 table = pd.read_csv(next(DATA.parent.glob("tests/studies/interlab-2*.csv")))
 table = table.query("bat == 'ea70' & procedure == 'bbcor'")
-causes = {"lot": "ball lot", "stiffness": "ball stiffness", "store": "ball humidity"}
+causes = {"lot": "ball lot\n(restitution)", "stiffness": "ball stiffness", "store": "ball humidity"}
 causes |= {"s_r": "repeatability", "calibration": "calibration", "wall": "wall"}
 figure, panels = plt.subplots(1, 2, sharey=True)
 for axes, result in zip(panels, ["as found", "normalized"], strict=True):

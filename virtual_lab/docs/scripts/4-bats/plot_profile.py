@@ -3,8 +3,8 @@ Bats along the barrel
 =====================
 
 Speed of the batted ball under standard game conditions: pitch of 90 mph, and bats swung at 69 mph
-(wood) and 72 mph (aluminum), 6 in from the tip. The aluminum bat is faster from 4.5 in on (and
-below 2.8 in). Its best position is 6.3 in from the tip, that of the wood bat 5.5 in.
+(wood) and 72 mph (aluminum), 6 in from the tip. The aluminum bat hits the ball faster from 4.5 in
+on (and below 2.8 in). Its best position is 6.3 in from the tip, that of the wood bat 5.5 in.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ The slope of the collision efficiency
 =====================================
 
 The collision efficiency is the rebound speed of a ball / its impact speed on a bat at rest. Where
-its slope along the barrel is large, an error of the impact position changes the measured value. At
-the best position the slope is zero.
+its slope along the barrel is large, an error of the impact position changes the measured value. The
+slope is zero where the collision efficiency is largest.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 A ball in a phone's clip
 ========================
 
-A simulated clip is tracked like a clip from a phone. Each dot is the ball in one frame. Curves
-fitted to the flights before and after the bounce (not drawn) give both speeds at the floor. Their
-ratio is the restitution.
+A simulated clip is tracked like a clip from a phone. Each dot is the ball in one frame (none at
+0.150 s, the bounce). Curves fitted to the flights before and after the bounce (not drawn) give both
+speeds at the floor. Their ratio is the restitution.
 """
 
 import matplotlib.pyplot as plt

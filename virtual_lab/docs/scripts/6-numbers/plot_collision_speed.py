@@ -2,8 +2,8 @@
 Collision models: error and run time
 ====================================
 
-Largest error of :math:`e_A` in 400 collisions (diamond: 6), compared with a model of 120 modes.
-Tests use the modal model with 20 modes. Studies interpolate a table of its results (surrogate).
+Largest error of the collision efficiency :math:`e_A` in 400 collisions (diamond: 6), compared with
+120 modes. Tests use 20 modes. Studies interpolate a table of such results (surrogate).
 """
 
 import matplotlib.pyplot as plt

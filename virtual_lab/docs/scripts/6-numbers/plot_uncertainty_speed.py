@@ -2,10 +2,10 @@
 Methods of propagation: error and run time
 ==========================================
 
-Error of an end of the 95 % interval / standard uncertainty u, for four examples (lines). First
-order is fast, and good to 10 % of u for the bat and the end gauge, not for the others. Monte Carlo
-has 65 536 trials at its first triangle and eight times as many at each next one. The reference is
-Monte Carlo with 134 million trials.
+Error of the worse end of the 95 % interval / standard uncertainty u, for four examples (lines).
+First order is fast, and good to 10 % of u for the bat and the end gauge, not for the others. Monte
+Carlo has 65 536 trials at its first triangle and eight times as many at each next one. The
+reference is Monte Carlo with 134 million trials.
 """
 
 import matplotlib.pyplot as plt
