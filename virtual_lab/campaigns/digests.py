@@ -28,7 +28,7 @@ class ChangedPartError(Exception):
 
 
 def with_digests(file: bytes) -> bytes:
-    """Return a Parquet file that contains the digests of its data and of its footer.
+    """Return a Parquet file with the digests of its data and of its footer filled in.
 
     The footer of `file` must have zeros as placeholders. The digests replace them. Raises
     `ChangedPartError` if `file` is not a Parquet file or its footer has no placeholders.

@@ -156,10 +156,11 @@ def trends(folder: Folder) -> StudyResult:
 
 
 def branch(day: Folder, entry: int, folder: Folder) -> Answer:
-    """Copy the entries of a handed-in DAY up to number ENTRY into FOLDER, to practice from there.
+    """Start a new day in FOLDER with the first entries of DAY, for practice.
 
-    The entry ENTRY is included. Entries are numbered from 1. With 0, no entry is copied. If another
-    laboratory supplied the first entries, ENTRY must be at least the number of these entries.
+    DAY is a day that was handed in. The entries of its log are copied up to number ENTRY, counted
+    from 1 and included. With 0, no entry is copied. If another laboratory supplied the first
+    entries, ENTRY must be at least the number of these entries.
     """
     from virtual_lab.bench.machines.stored_day import StoredDay
 

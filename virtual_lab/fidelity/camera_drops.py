@@ -26,13 +26,15 @@ def dropped_frames(
 ) -> list[dict[str, Any]]:
     """Return one row per combination of a number of dropped frames and a position error.
 
-    The error of a located position is random. Its standard deviations are `ERRORS` [px]. A row has
-    the same keys as in `camera_stability.picture_cells`, with these differences:
+    The located positions have random errors. Their standard deviations are `ERRORS` [px]. The keys
+    of a row are those of `camera_stability.picture_cells`:
 
     * ``rms_unflagged`` is the relative rms error of the measured incoming speed, over all balls
       without a flag.
-    * ``pictures``, ``unsaid``, ``flagged`` and ``lost`` count balls instead of pictures.
-    * ``state`` is computed from the rms error of all incoming speeds.
+    * ``pictures`` is the number of balls. ``unsaid`` is the number of balls with a wrong speed and
+    no
+      flag, and ``flagged`` is the number of balls with a flag. ``lost`` is 0.
+    * ``state`` is a value of `State`. It follows from the rms error of all incoming speeds.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ def wall_plan(
     """Return the plan to fire every ball at the wall at each speed of the procedure.
 
     Each ball is fired `rules.wall_hits` times at each speed [m/s]. The arrays of the plan are
-    (shot,). The shots are sorted by laboratory and ball. All positions are 0.
+    (shot,). The shots are sorted by laboratory and ball. All impact positions of the plan are 0.
 
     Parameters
     ----------

@@ -213,9 +213,10 @@ def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest
 
 
 def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
-    """Return the test day before the first shot, with bat and balls measured and reduced.
+    """Return the test day before the first shot at the bat.
 
-    `laboratory` is not changed. `progress` is called with a sentence before each stage.
+    Bat and balls are already measured, and these records are reduced. `laboratory` is not changed.
+    `progress` is called with a sentence before each stage.
     """
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")

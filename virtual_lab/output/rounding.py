@@ -45,7 +45,7 @@ def with_uncertainty(value: float, u: float, word: str = "u") -> str:
 def beyond(text: str, value: float, low: float, high: float, places: int) -> str:
     """Return a message about a value outside its limits.
 
-    The message has so many decimals that the printed value is also outside the printed limits.
+    The message has enough decimals that the printed value is also outside the printed limits.
 
     Parameters
     ----------

@@ -116,9 +116,8 @@ def table_text(
         Columns to print, in this order, keyed by column key. By default the printed columns of the
         dataclass, or one column per key of a mapping.
     across
-        By default each element of `rows` is a line of the table. If `across` is stated, the table
-        is transposed, so that each element is a column. `across` is then the key of the value that
-        is printed as the head of this column.
+        Key of the value that is printed as the head of a column. The table is then transposed: each
+        element of `rows` is a column. By default each element is a line.
     """
     if not rows:
         return "nothing"

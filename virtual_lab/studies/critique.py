@@ -237,7 +237,7 @@ def critique(
 
         In Python, sheets such as ``vl.bat("r161")`` are also allowed.
     more
-        Further bats, instead of a list.
+        Further bats, as separate arguments instead of a list in `bats`.
     procedures
         Test procedure: a name in the catalog or a .toml file. By default all procedures for the
         sport of the ball in play. A test uses the ball of its procedure.

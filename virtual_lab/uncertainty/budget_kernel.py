@@ -39,18 +39,17 @@ def weigh(hits: Array, weights: Array, out: Array) -> None:
 def scatter_u(hits: Array, weights: Array, places: Array, effects: Array, out: Array) -> None:
     """Fill `out`, (6, laboratory), with the scatter of weighted sums of hits.
 
+    The variance of a hit is computed within each impact position, and then averaged over the
+    positions with weights. A part of it is explained by the uncertainties of the calibration
+    constants. A hit of weight 0 is left out. For a laboratory without hits, the variances are NaN.
     The six rows are:
 
     * u of the sum, caused by the scatter of the hits;
     * degrees of freedom of this u;
     * sum of the squared weights;
-    * variance of a hit, as a weighted mean over the impact positions;
-    * variance of a hit minus the variance that the uncertainties of the constants explain; this
-      difference can be negative;
+    * variance of a hit;
+    * variance of a hit minus the explained part, which can be negative;
     * degrees of freedom of the variance of a hit.
-
-    A variance is computed within each impact position. A hit of weight 0 is left out. For a
-    laboratory without hits, the variances are NaN.
 
     Parameters
     ----------

@@ -128,10 +128,10 @@ def indices_with_errors(f_A: Array, f_B: Array, f_AB: Array) -> tuple[Array, Arr
     Parameters
     ----------
     f_A, f_B
-        Outputs minus their mean at two independent samples, (output, point).
+        Outputs of the model for two independent samples A and B of the inputs, (output, point). The
+        mean of each output is subtracted.
     f_AB
-        Outputs minus their mean at the first sample with one input taken from the second, (input,
-        output, point).
+        The same for sample A with one input replaced by that of sample B, (input, output, point).
     """
     squares = (f_A**2 + f_B**2) / 2
     variance = squares.mean(axis=-1)

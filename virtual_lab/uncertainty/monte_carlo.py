@@ -192,9 +192,10 @@ def stein(batches: Batches, infinite: bool) -> Array:
 def standard_rule(batches: Batches, infinite: bool) -> Array:
     """Make draws by the rule of JCGM 101, 7.9.4, and return the tolerances, (output, 4).
 
-    The second axis is mean, u and the two ends of the interval, in the unit of the output. The
-    draws end when twice the standard error of each number is at most its tolerance, or at
-    `MOST_DRAWS` draws. If u is infinite (`infinite`), the tolerances of mean and u are inf.
+    The second axis is mean, u and the two ends of the interval, in the unit of the output.
+    `batches` makes the draws. They end when twice the standard error of each of these four results
+    is at most its tolerance, or at `MOST_DRAWS` draws. If u is infinite (`infinite`), the
+    tolerances of mean and u are inf.
     """
     batches.draw_to(2)
     while len(batches) * BATCH < MOST_DRAWS:

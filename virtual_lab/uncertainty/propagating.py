@@ -169,7 +169,8 @@ def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propaga
     """Return value, u and interval of each output of a model, computed to second order.
 
     `linear` is the first-order result. Its degrees of freedom are kept. The correlation of the
-    outputs is None. Raises `InputError` if the series does not converge.
+    outputs is None. Raises `InputError` if the Taylor series of the
+    model does not converge.
     """
     points = SecondOrder.of(model.inputs)
     answers = model(points.columns)

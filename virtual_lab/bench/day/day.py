@@ -149,9 +149,9 @@ def decide(day: Day, action: Action) -> float:
 def is_offered(day: Day, action: str) -> bool:
     """Return whether the page of a day offers an action.
 
-    Before the day is handed in, the page offers the actions that this rig and this day allow.
-    Afterward, it offers only the dispute of a score. In an exam, it then offers no action. Raises
-    `KeyError` for an unknown action.
+    Before the day is handed in, the page offers the actions that this rig and this day allow. After
+    that, it offers only the dispute of a score, or nothing in an exam. Raises `KeyError` for an
+    unknown action.
     """
     if day.handed_in or action == DISPUTE:
         return day.handed_in and action == DISPUTE and not day.exam

@@ -72,7 +72,8 @@ def _draw_sketch(firing: Firing, shot: ShotConditions) -> dict[str, Any]:
 def blur_rebound(firing: Firing, shot: ShotConditions, efficiency: float) -> tuple[float, float]:
     """Return inaccurate values of e_A and of the change of the bat's angular rate [rad/s].
 
-    The hit causes this change. For a bat at rest, it is the angular rate after the hit.
+    The change is the one caused by the hit. For a bat at rest, it is the angular rate after the
+    hit.
 
     A trainee sees these values in the sketch of a shot. Both have a random error. e_A is then
     rounded to 0.01, and the rate to 0.1 rad/s. Each call for the same shot gives the same values.

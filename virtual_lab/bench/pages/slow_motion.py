@@ -76,8 +76,9 @@ class SlowMotion:
 def motion_of_sketch(event: DayEvent, rules: Procedure, place: float) -> Motion:
     """Return an approximate motion of ball and bat that agrees with the sketch of a shot.
 
-    The sketch is the top view of a shot that a trainee may see. The sketch has the true contacts,
-    but its numbers have random errors. Times are in s, lengths in m and angles in rad. If no ball
+    A trainee may see the sketch, a top view of the shot. The log entry `event` contains it. Whether
+    ball and bat touch in the sketch is true, but the numbers of the sketch have random errors.
+    Times are in s, lengths in m and angles in rad. If no ball
     reached the bat, the x of the ball is NaN.
 
     Parameters

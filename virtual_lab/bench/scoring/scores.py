@@ -163,7 +163,7 @@ def protocol_score(day: Day, judged: list[Deviation]) -> tuple[float, str]:
 
 
 def justified_rejections(day: Day, judged: list[Deviation]) -> set[int]:
-    """Return the shots that the trainee rejected with good reason, counted from 0.
+    """Return the indices, from 0, of the shots that the trainee rejected with good reason.
 
     A rejection has a good reason if the records of the shot show an anomaly. A shot is left out if
     the trainee accepted it later. `judged` are the deviations of the day with their judgments.

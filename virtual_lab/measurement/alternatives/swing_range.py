@@ -34,13 +34,14 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
 
     By the swing law, bat speed is proportional to the mass or inertia of the bat to the power -n. A
     result states the exponent n, the budget of the metric, and the impact position with the largest
-    metric [m from the barrel tip]. The results have the order of `exponents` in the procedure's
-    game. The tuple is empty if the procedure lists no exponents, or if the hits give no result for
-    at least one of them.
+    metric [m from the barrel tip]. The results have the order in which the procedure
+    lists the exponents. The tuple is empty if it lists none, or if one of the results cannot be
+    computed.
 
-    Final hits are used for all results. They were aimed at the position with the largest metric for
-    the procedure's main exponent. For another exponent this position is a few tenths of an inch
-    away. In a scan without final hits, each result uses the hits near its own impact position.
+    A scan has hits at several positions along the barrel. Some procedures add final hits at the
+    position with the largest metric for the procedure's main exponent. These final hits are then
+    used for all results, although the position for another exponent is a few tenths of an inch
+    away. If there are no final hits, each result uses the hits of the scan near its own position.
     """
     rules = reduced.procedure
     if rules.game is None or not rules.game.exponents:

@@ -139,9 +139,9 @@ def pairs(
     """Return a comparison of two measurements in each laboratory. Their difference should be 0.
 
     The arrays of the result are (laboratory,). `sigmas` is the absolute difference in units of its
-    standard uncertainty, and `likely` is its two-sided p-value. `harmful` is a second p-value,
-    which allows for harmless differences. A difference is harmless if it shifts the test result by
-    less than `HARMLESS` times the u of the test result.
+    standard uncertainty. `likely` is the two-sided p-value of the hypothesis that the difference is
+    0. `harmful` is computed in the same way, but with a larger standard uncertainty. This is at
+    least the difference that shifts the test result by `HARMLESS` times the u of the test result.
 
     Parameters
     ----------
@@ -164,8 +164,8 @@ def pairs(
         Largest possible shift of the test result if `value` changes by 1. The shift is in units of
         the standard uncertainty of the test result. By default it is infinite.
     among
-        Number of similar differences that were compared. It is above 1 if `value` is the least
-        likely of several differences.
+        Number of differences from which `value` was chosen as the least likely. The p-values are
+        corrected for this choice. 1 if nothing was chosen.
     compared
         Mask of the laboratories with both measurements, (laboratory,). By default all have both.
     """

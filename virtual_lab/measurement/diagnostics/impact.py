@@ -117,7 +117,7 @@ def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
 
 
 def encoder_fit(evidence: Evidence) -> Iterator[Raised]:
-    """Yield one flag per encoder, raised if the fitted rotation does not agree with the record.
+    """Yield one flag per encoder. It shows that the fitted rotation disagrees with the record.
 
     The misfit of a shot is a ratio. The numerator is the rms deviation of the record from the
     fitted rotation. The denominator is the rms noise, to which the resolution and the noise of the

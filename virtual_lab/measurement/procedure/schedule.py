@@ -90,11 +90,10 @@ def next_shots(
 def in_turn_of(
     owner: NDArray[np.intp], laboratories: int
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-    """Return the indices that sort shots by laboratory, and the start of each laboratory.
+    """Return the indices that sort shots by laboratory, and where each laboratory begins.
 
-    The indices are (shot,), and the shots of one laboratory keep their order. The starts are
-    (laboratory + 1,). Laboratory i has the sorted shots from start i up to, but not including,
-    start i + 1.
+    The indices are (shot,), and the shots of one laboratory keep their order. The second array,
+    `starts`, is (laboratory + 1,). Laboratory i has the sorted shots ``starts[i]:starts[i + 1]``.
     """
     fired = np.bincount(owner, minlength=laboratories)
     return np.argsort(owner, kind="stable"), np.append(0, np.cumsum(fired))

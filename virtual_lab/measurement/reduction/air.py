@@ -67,7 +67,8 @@ def measured_density(block: SessionBlock) -> Estimates | None:
     """Return the mean density of the air during each test [kg/m³], with u, (laboratory,).
 
     Return None if there are no climate readings. u includes the u of the instruments and of the
-    formula. The range of the densities during the test adds a uniform distribution (GUM 4.3.7).
+    formula. The range of the densities during the test adds a component to u, with a uniform
+    distribution (GUM 4.3.7).
     Raises the errors of `climate_readings` and `climate`.
     """
     record = climate_readings(block)

@@ -404,18 +404,18 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     settings
         Settings of `reduce_shot`.
     sets
-        Constants in the order of `reduce_shot`, each (block, set, 1). A block is one laboratory,
-        and a set is one combination of values of the constants.
+        Constants in the order of `reduce_shot`, each (laboratory, set, 1). A set is one
+        combination of values of the constants.
     balls
-        Masses [kg] and e0 of the balls, each (block, set, ball).
+        Masses [kg] and e0 of the balls, each (laboratory, set, ball).
     ball
-        Index of the ball of each shot, (block, set, shot).
+        Index of the ball of each shot, (laboratory, set, shot).
     shots
-        Readings of the shots in the order of `reduce_shot`, each (block, set, shot).
+        Readings of the shots in the order of `reduce_shot`, each (laboratory, set, shot).
     results
-        Two arrays to fill, each (quantity, block, set, shot). The first is for the quantities named
-        in `RESULTS`, the second for those named in `DETAILS`. If the second array is empty, it is
-        not filled.
+        Two arrays to fill, each (quantity, laboratory, set, shot). The first is for the quantities
+        named in `RESULTS`, the second for those named in `DETAILS`. If the second array is empty,
+        it is not filled.
     """
     (masses, restitutions), (results, details) = balls, results
     for n in range(ball.shape[0]):

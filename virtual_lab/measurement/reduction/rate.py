@@ -54,14 +54,13 @@ def unwrap(record: EncoderRecord, counts_per_turn: float, contact: Array) -> Enc
     """Return an encoder record without the overflows of its counter.
 
     A counter has a range. At the end of the range, the counter continues at the other end. The
-    record shows which range the counter has. The smallest of these ranges that fits the steps of
-    the count is used:
-
+    possible ranges are:
 
     * one turn, `counts_per_turn`
     * 2^n counts for a counter of n bits, where n is 8 to 32
 
-    A step of more than half the range is an overflow. After all overflows are removed, the counts
+    The smallest possible range that agrees with the record is used. A step of more than half the
+    range is an overflow. After all overflows are removed, the counts
     of each shot are shifted by whole ranges. The count at the time `contact`, (shot,) [s], is then
     within half a range of 0. A record without overflows is returned unchanged.
     """

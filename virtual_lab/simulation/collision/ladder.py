@@ -364,7 +364,8 @@ def probing_scenes(
     speed
         Relative speed of ball and bat [m/s].
     places
-        Lowest and highest distance from the tip that the positions must also cover [m].
+        Lowest and highest distance from the tip [m]. The positions cover this range in addition to
+        `PROBING.places`.
 
     Raises
     ------

@@ -115,8 +115,8 @@ def sum_up(
     edge
         Standard uncertainty of the time at which a beam is broken or cleared [s].
     trip
-        Standard deviation of the depth of the ball in a beam at which the beam trips, over all
-        beams [m].
+        Spread of the trip depth [m]: each beam trips when the ball is at a certain depth in it, and
+        this is the standard deviation of the depths of all beams.
     """
     sign = 1.0 if out else -1.0
     passage, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))

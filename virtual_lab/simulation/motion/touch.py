@@ -172,12 +172,13 @@ def time_to_stop(scene: ShotScene, state: ShotState) -> Array:
 def first_touch(
     scene: ShotScene, state: ShotState, until: Array, shots: Shots, *, parting: bool = False
 ) -> Array:
-    """Return the time of the first touch of ball and bat before `until` [s], (n,); inf if none.
+    """Return the time of the first touch of ball and bat, (n,) [s].
 
-    Times are counted from `state`, and `shots` are the indices of its shots in the scene. The
-    method is conservative advancement: ball and bat cannot meet before a time equal to their gap
-    divided by the largest possible closing speed. Therefore even a very short touch is found. With
-    `parting`, a contact at the start is ignored if the ball is moving away from the bat.
+    The time is inf if they do not touch before `until`. Times are counted from `state`, and `shots`
+    are the indices of its shots in the scene. The method is conservative advancement: ball and bat
+    cannot meet before a time equal to their gap divided by the largest possible closing speed.
+    Therefore even a very short touch is found. With `parting`, a contact at the start is ignored if
+    the ball is moving away from the bat.
     """
     bat, start = scene.bat, np.zeros(len(until))
     drop = state.vy - scene.gravity * until

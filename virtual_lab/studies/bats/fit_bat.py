@@ -277,10 +277,9 @@ def _quantities(body: BatBody, measured: BatMeasurements) -> tuple[list[str], di
 def remark_on(quantity: str, *values: float) -> str:
     """Return a remark if the peak position of e_A is at an end of the searched range.
 
-    e_A is the collision efficiency. The searched range is 2 to 10 in from the tip. `quantity` is
-    the name of a quantity, and `values` are its values for several bats. If it is not the peak
-    position of e_A [in from the tip], the result is an empty string. The result is also empty if
-    all values are inside the range.
+    e_A is the collision efficiency, and the searched range is 2 to 10 in from the tip. `quantity`
+    is the name of a quantity, and `values` are its values for several bats. The result is an empty
+    string for any other quantity, or if all values are inside the range.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):

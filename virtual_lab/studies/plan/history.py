@@ -109,11 +109,11 @@ def _of_daily_checks(path: Path) -> DailyScatter:
 
 
 def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict[Key, str]:
-    """Return a data sheet of balls that give simulated hits the variance of earlier tests.
+    """Return the procedure's ball with its scatter adapted to the hits of earlier tests.
 
-    The result is a dictionary with one entry, from (kind, name) of the sheet to its text. The sheet
-    is a copy of the sheet of the procedure's ball. Only the scatter of e0 from hit to hit is
-    changed.
+    With this ball, simulated hits have the same variance as the hits of the earlier tests. The
+    result is a dictionary with one entry. Its key is (kind, name) of the ball's data sheet, and its
+    value is the text of the sheet. Only the scatter of e0 from hit to hit is changed.
 
     The variance of a hit is linear in the square of this scatter. Two samples of simulated tests
     are therefore enough to find the scatter. Instruments and aim alone may cause more variance than

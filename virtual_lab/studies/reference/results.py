@@ -315,9 +315,10 @@ def procedure_result(bat: str, procedure: str) -> float:
 def hit_scatter(bat: str, speed: float) -> float:
     """Return the standard deviation of BBCOR caused by the scatter of the ball's e0, dimensionless.
 
-    Each hit uses a new ball. The ball-wall restitution e0 therefore scatters from ball to ball and
-    from hit to hit. BBCOR is the largest bat-ball restitution along the barrel. `speed` is the
-    relative speed of ball and bat [mph]. Raises `InputError` for an unknown bat.
+    Each hit uses a new ball. The ball-wall restitution e0 differs between balls, and between hits
+    of one ball; both kinds of scatter are included. BBCOR is the largest bat-ball restitution along
+    the barrel. `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an
+    unknown bat.
     """
     ball = paper_ball(BALL)
     step = 0.005  # change of e0 for the slope, small beside the curvature of e(e0)

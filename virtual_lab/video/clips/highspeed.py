@@ -40,7 +40,7 @@ def cine(path: Path) -> Source:
     ------
     InputError
         The extra `highspeed` is not installed, or the header cannot be read. If the data of a
-        picture are damaged, the error is raised later, when the result reads this picture.
+        picture are damaged, the error is raised later, when this picture is read.
     """
     reader = of_extra("cinereader", "highspeed", f"{path}: .cine")
     with _library_errors(path, ".cine"):

@@ -58,8 +58,8 @@ def frame_times(
     if nominal:
         if source.rate and abs(source.rate / nominal - 1) >= 0.01:
             warnings.append(
-                f"the file states {source.rate:.6g} frames per second, the calibration "
-                f"{nominal:.6g}; the rate of the calibration is used"
+                f"the file states {source.rate:.6g} frames per second; the stated "
+                f"rate of {nominal:.6g} is used"
             )
         steps = np.diff(stamps)
         if len(steps) > 1 and np.isfinite(steps).all():

@@ -200,8 +200,8 @@ def upper_median(values: NDArray[Any]) -> NDArray[Any]:
 def matrix_of(drift: Array, size: tuple[int, ...]) -> Array:
     """Return the matrix (2, 3) that maps positions in the still frame to positions in a picture.
 
-    In the still frame, all pictures are shifted so that the background does not move. A position in
-    the still frame is a position in the first picture of the clip.
+    The still frame is the system of coordinates in which the background does not move. A position
+    in it is the position in the first picture of the clip.
 
     Parameters
     ----------

@@ -183,7 +183,7 @@ def repeats(watched: Watched) -> Mask:
 
 
 def lulls(change: Array) -> Mask:
-    """Return a mask of the frames that change much less than the frames beside them, (frame,).
+    """Return a mask of the frames that change much less than their neighbors, (frame,).
 
     `change`, (frame,), is the largest change from the previous frame [DN]. A frame is False if it
     is the first or the last, or if its change is NaN.

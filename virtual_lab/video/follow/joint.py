@@ -323,10 +323,11 @@ def _solve(
 
 
 def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
-    """Return the covariance of position and velocity along one axis, caused by the ball's pattern.
+    """Return the covariance of a flight's position and velocity that a print on the ball causes.
 
-    The covariance, (2, 2), is in pixels and frames. It is the same for both axes. The pattern
-    shifts the positions in neighboring frames by similar amounts.
+    A print or a seam shifts the measured positions in neighboring frames by similar amounts. The
+    covariance, (2, 2), is for position and velocity along one axis, in pixels and frames. It is the
+    same for both axes.
 
     Parameters
     ----------

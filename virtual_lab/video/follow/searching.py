@@ -66,18 +66,18 @@ def clip_scene(
     """Return the scene of a clip: blobs, frame times, and properties of camera and scale.
 
     Positions are in pixels and times in frames. The scene holds the acceleration of gravity
-    (`fall`) and the air drag (`drag`). Their unit of length depends on the scale of the picture. If
-    the scale is known, it is the pixel. Otherwise it is the radius of the ball, and `in_radii` is
-    True. `fall` and `drag` are None if neither scale nor diameter is known. `fall` is also None if
-    most frames are stored twice.
+    (`fall`) and the air drag (`drag`). Their unit of length is the pixel if the scale of the
+    picture is known. Otherwise it is the radius of the ball, and `in_radii` is True. `fall` and
+    `drag` are None if neither scale nor diameter is known. `fall` is also None if most frames are
+    stored twice.
 
     Parameters
     ----------
     same
         Mask of the repeated frames, (frame,). The time of a repeated frame is NaN.
     squeezed
-        Whether a repeated frame takes no time. Later frames then move one frame earlier. Otherwise
-        later frames keep their times.
+        True if a repeated frame was added by the file and no time passed. The times of all later
+        frames are then one frame earlier. If False, they are kept.
     """
     stamped = frame_steps(clip.times)
     doubled = float(same.mean()) > TIME.every_other

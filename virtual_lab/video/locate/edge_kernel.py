@@ -121,9 +121,9 @@ def _weigh(
 def sector_sums(
     view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
 ) -> Array:
-    """Fill `sums` with the normal equations of a region, and return sums over its pixels.
+    """Fill `sums` with the normal equations of a region, and return counts of its pixels.
 
-    The returned array has counts and other sums over the pixels, in the order of `TALLY`.
+    The returned array has the counts and a few sums over the pixels, in the order of `TALLY`.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def sector_sums(
         Brightness of the pattern at the beginning of each sector of the rim, (sector, knot).
     first
         Whether this is the first evaluation, with an inaccurate model. The noise is then computed
-        from the gray values of the pixels instead of the model. Only some of the rows are used.
+        from the gray values of the pixels instead of the model, and only every
+        `SUM.coarse_rows`-th row of pixels is used.
     sums
         Overwritten with one set of equations per sector, (sector + 1, n, n). The last set is for
         pixels off the rim.
