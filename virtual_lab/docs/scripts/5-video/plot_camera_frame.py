@@ -16,7 +16,7 @@ batch = pictures(Case(radius=20, stitched=True, light="soft", phases=1, repeats=
 given = batch.inputs
 ball = fit_edge(given.regions, given.start, noise=given.noise, lens=given.lens)
 (left, top), (x, y) = given.regions.corners[0], ball.places[0] - given.regions.corners[0]
-figure, (axes, zoom) = plt.subplots(1, 2, subplot_kw={"xlabel": "column, px"}, figsize=(5.4, 3.2))
+figure, (axes, zoom) = plt.subplots(1, 2, subplot_kw={"xlabel": "column, px"}, figsize=(5.4, 2.7))
 axes.imshow(given.regions.pixels[0], cmap="gray", zorder=2)
 axes.add_patch(plt.Circle((x, y), ball.radius[0], fill=False, ec="C1", lw=3, ls="--", zorder=3))
 axes.set_ylabel("row, px")

@@ -4,7 +4,8 @@ Where the collision scheme is accurate
 
 Each mark is the worst of 24 collisions. Up to twice the default time step, each larger error is
 detected, and the program repeats that collision with finer steps. From three times on, some errors
-stay undetected. Unstable: energy wrong by more than 10 %, or collision efficiency beyond ±2.
+stay undetected. Unstable: energy wrong by more than 10 %, or collision efficiency :math:`e_A`
+beyond ±2.
 """
 
 import matplotlib.pyplot as plt
