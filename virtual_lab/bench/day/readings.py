@@ -109,9 +109,9 @@ def suspected_faults(desk: Desk) -> Iterator[CheckRow]:
     """Yield one row per suspected fault.
 
     Some readings indicate a fault if they are outside their limits. The fault is then suspected.
-    Its row is the row of the first such reading. The list ``unless`` of a fault names other faults
-    that explain the same readings. The fault is left out if one of these other faults is suspected
-    too. Nothing is yielded if all readings are within their limits.
+    The row is the table row of the first of these readings. The list ``unless`` of a fault names
+    other faults that explain the same readings. The fault is left out if one of these other faults
+    is suspected too. Nothing is yielded if all readings are within their limits.
     """
     first_rows: dict[str, CheckRow] = {}
     for row in rows_of(desk):

@@ -140,8 +140,9 @@ def pairs(
 
     The arrays of the result are (laboratory,). `sigmas` is the absolute difference in units of its
     standard uncertainty. `likely` is the two-sided p-value of the hypothesis that the difference is
-    0. `harmful` is computed in the same way, but with a larger standard uncertainty. This is at
-    least the difference that shifts the test result by `HARMLESS` times the u of the test result.
+    0. `harmful` is a p-value too, but a small difference counts as noise: a difference that shifts
+    the test result by `HARMLESS` of its u (see `moves`) is used as an additional standard
+    uncertainty.
 
     Parameters
     ----------

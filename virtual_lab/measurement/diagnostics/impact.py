@@ -268,18 +268,15 @@ def _by_rate(evidence: Evidence, which: str) -> Array:
 
 
 def recoil_and_rebound(evidence: Evidence) -> Iterator[Pairs]:
-    """Yield one comparison of two mean e_A, from the bat's recoil and from the ball's rebound.
+    """Yield one comparison of the mean e_A from the recoil with the mean e_A from the rebound.
 
     e_A is the collision efficiency. The difference is recoil minus rebound. `Pairs.sigmas`,
     (laboratory,), is the absolute difference in units of its standard uncertainty. Each mean is
     over the valid shots that have both values.
 
-    How many such shots a laboratory needs depends on the number of marks on the aim paper:
-
-    * With at least `FEWEST_SHOTS` marks, one shot is enough, because the scatter of the marks gives
-      the uncertainty.
-    * With fewer marks, `FEWEST_SHOTS` shots are needed, because their scatter gives the
-      uncertainty.
+    The ball leaves marks on the aim paper before the impacts. If there are at least `FEWEST_SHOTS`
+    marks, their scatter gives the uncertainty, and one shot is enough. Otherwise the scatter of the
+    shots gives the uncertainty, and `FEWEST_SHOTS` shots are needed.
 
     Nothing is yielded if no laboratory has enough shots.
     """

@@ -279,7 +279,7 @@ def remark_on(quantity: str, *values: float) -> str:
 
     e_A is the collision efficiency, and the searched range is 2 to 10 in from the tip. `quantity`
     is the name of a quantity, and `values` are its values for several bats. The result is an empty
-    string for any other quantity, or if all values are inside the range.
+    string if the quantity is not the peak position of e_A, or if all values are inside the range.
     """
     low, high = PLACES_IN[0], PLACES_IN[-1]
     if quantity == PEAK_PLACE and (min(values) <= low or max(values) >= high):

@@ -272,10 +272,11 @@ def with_speed() -> float:
 
 
 def with_ball() -> float:
-    """Return the increase of the peak bat-ball restitution e of free R161 with a livelier ball.
+    """Return the increase of the peak bat-ball restitution e with a livelier ball.
 
-    The ball-wall restitution e0 rises from 0.525 to 0.555, the limits of the NCAA. The peak is the
-    largest e 3 to 8 in from the tip, at a relative speed of 60 mph.
+    The bat is R161 without a support. The ball-wall restitution e0 rises from 0.525 to 0.555, the
+    limits of the NCAA. The peak is the largest value of e at distances from the tip between 3 in
+    and 8 in. The relative speed is 60 mph.
     """
 
     def peak_e(e0: float) -> float:

@@ -220,7 +220,7 @@ def settle(
         Flights in the order of time, with positions from the blobs, the regions that differ from
         the background.
     ball
-        The located ball, with one position per position of `ways` in the same order.
+        The located ball. It has the positions of all flights in `ways`, in the same order.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
     assert calibration is not None
