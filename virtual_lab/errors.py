@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -82,10 +83,20 @@ def of_extra(module: str, name: str, who: str) -> Any:
 def with_extra(name: str) -> str:
     """Return the part of an error message that states how to install an extra.
 
-    The extra is installed in a clone of the repository, because the package is not on a public
-    index. It is not checked that the extra exists.
+    The message names the packages of the extra. The extra itself is installed in a clone of the
+    repository, because this package is not on a public index. It is not checked that the extra
+    exists. If this package runs without being installed, the message names only the extra.
     """
-    return f"in a clone of the repository: pip install '.[{name}]'"
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        required = requires(DISTRIBUTION) or []
+    except PackageNotFoundError:
+        required = []
+    of_it = (line.split(";")[0] for line in required if line.endswith(f'extra == "{name}"'))
+    packages = [re.split(r"[^\w.-]", line)[0] for line in of_it if DISTRIBUTION not in line]
+    by_name = f"pip install {' '.join(packages)}, or " if packages else ""
+    return f"{by_name}in a clone of the repository: pip install '.[{name}]'"
 
 
 def _short(value: object) -> str:

@@ -235,8 +235,12 @@ def test_an_alteration_after_signing_is_named(
     assert faults() == [("SHA256SUMS.sig", "signature")]
     (result / "SHA256SUMS.sig").write_text("no signature")
     assert faults() == [("SHA256SUMS.sig", "signature")]
+    assert verify(result, key=keys[1]).text.endswith("the signature is not valid for this key")
     (result / "SHA256SUMS.sig").unlink()
     assert faults() == [("SHA256SUMS.sig", "signature")]
+    unsigned = verify(result, key=keys[1])
+    assert unsigned.signature == "missing"
+    assert unsigned.text.endswith("the signature file SHA256SUMS.sig is missing")
     other = Ed25519PrivateKey.generate()
     (tmp_path / "other.pem").write_bytes(
         other.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())

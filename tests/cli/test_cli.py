@@ -611,6 +611,7 @@ def test_a_missing_extra_is_named_with_the_command_to_install_it(
         importlib.util, "find_spec", lambda name: None if name == "uvicorn" else real(name)
     )
     code, _, err = run("rehearse")
-    said = "the page needs the extra 'bench'; in a clone of the repository: pip install '.[bench]'"
+    said = "the page needs the extra 'bench'; pip install starlette uvicorn, "
+    said += "or in a clone of the repository: pip install '.[bench]'"
     assert (code, err.strip()) == (2, f"virtual-lab: {said}")
     assert distribution("virtual-bat-lab").entry_points.select(name="virtual-lab")

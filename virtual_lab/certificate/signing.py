@@ -98,7 +98,7 @@ def signature_fault(folder: Path, key: Path) -> Mismatch | None:
     try:
         public.verify(b64decode(read_text(folder / SIGNATURE)), _text_of_sums(folder))
     except InputError as fault:
-        return Mismatch(file=SIGNATURE, key="signature", stated="", expected=fault.allowed)
+        return Mismatch(file=SIGNATURE, key="signature", stated=fault.allowed, expected="")
     except (InvalidSignature, ValueError):
         wrong = "was made with another key, or for another list"
         return Mismatch(file=SIGNATURE, key="signature", stated=wrong, expected="")

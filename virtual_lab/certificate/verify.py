@@ -74,6 +74,7 @@ SIGNED = "signed by the owner of the key"
 SIGNATURES = {  # last line of the text by state of the signature
     "valid": SIGNED,
     "not valid": "the signature is not valid for this key",
+    "missing": f"the signature file {SIGNATURE} is missing",
     "not checked": "no signature was checked: "
     "anybody with the program can make a folder of invented records",
 }
@@ -178,7 +179,9 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     named = {row.file for row in rows if row.key != "sha256" and row.state == "altered"}
     rows = [row for row in dict.fromkeys(rows) if row.key != "sha256" or row.file not in named]
     unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
-    signature = "not checked" if key is None else "not valid" if fault else "valid"
+    signature = "not checked" if key is None else "valid"
+    if fault:
+        signature = "not valid" if (folder / SIGNATURE).exists() else "missing"
     if (folder / FILM).is_dir() and signature != "valid":
         unchecked.append(f"{FILM}: the film of a shot cannot be compared with any record")
     if (folder / SIGNATURE).exists() and key is None:

@@ -117,7 +117,8 @@ def test_an_unreadable_file_names_its_format_and_extra(
     with pytest.raises(InputError, match="frames that can be read = 6"):
         list(open_source(cut).pictures())
     monkeypatch.setitem(sys.modules, "cinereader", None)
-    with pytest.raises(
-        InputError, match=r"a\.cine: \.cine needs the extra 'highspeed'; in a clone of the"
-    ):
+    said = (
+        r"a\.cine: \.cine needs the extra 'highspeed'; pip install cinereader pymraw, or in a clone"
+    )
+    with pytest.raises(InputError, match=said):
         open_source(tmp_path / "a.cine")
