@@ -114,6 +114,54 @@ def test_the_first_empty_table_of_a_form_is_named(tmp_path: Path) -> None:
         path.write_text(filled)
 
 
+def left_out(folder: Path, channel: str, constants: str = "") -> None:
+    """Delete a channel's block and file, and the constants that begin with a name, as advised."""
+    path = folder / "laboratory.toml"
+    block = rf"^\[channels\.bench\.{channel}\]\nrecord = .*\nfile = .*\n"
+    text, blocks = re.subn(block, "", path.read_text(), flags=re.M)
+    assert blocks == 1
+    if constants:
+        text, lines = re.subn(rf'^"{re.escape(constants)}.*\n', "", text, flags=re.M)
+        assert lines > 0
+    path.write_text(text)
+    (folder / "bench" / f"{channel}.csv").unlink()
+
+
+def test_optional_tables_and_lines_are_left_out_as_the_form_says(tmp_path: Path) -> None:
+    """The logger's constants are needed until neither climate nor store is left."""
+    folder = template("astm-f1881", tmp_path / "form")
+    text = (folder / "laboratory.toml").read_text("utf-8")
+    assert text.count("To leave it out") == 3
+    assert len(re.findall(r"optional: delete this line", text)) == 2
+    assert text.count("place_m has no effect") == 1
+    fill_in(folder, our_session("astm-f1881"))
+    path = folder / "laboratory.toml"
+    path.write_text(re.sub(r"^(customer|date) = .*\n", "", path.read_text(), flags=re.M))
+    left_out(folder, "reference-mass")
+    left_out(folder, "climate")
+    reduce(folder)
+    logged = path.read_text()
+    path.write_text(re.sub(r'^"bench\.climate.*\n', "", logged, flags=re.M))
+    with pytest.raises(InputError, match=r"missing: bench\.climate\.temperature"):
+        reduce(folder)
+    path.write_text(logged)
+    left_out(folder, "store", "bench.climate.")
+    reduce(folder)
+
+
+def test_a_place_of_a_wall_shot_has_no_effect(tmp_path: Path) -> None:
+    session = our_session("astm-f1881")
+    expected = certify_session(session)
+    folder = template("astm-f1881", tmp_path / "form")
+    fill_in(folder, session)
+    log = pd.read_csv(folder / "balls" / "log.csv")
+    log.assign(place_m=0).to_csv(folder / "balls" / "log.csv", index=False)
+    found = reduce(folder).certification
+    assert {name: (each.value, each.u) for name, each in found.quantities.items()} == {
+        name: (each.value, each.u) for name, each in expected.quantities.items()
+    }
+
+
 def test_an_optional_constant_is_read_if_it_is_filled_in(tmp_path: Path) -> None:
     """The beams' thickness is a comment in the form, and a constant without the # sign."""
     session = our_session("astm-f1881")

@@ -15,6 +15,8 @@ from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.records.session import SESSION, Session, load_session
 
+LOGGER_TABLES = ("climate", "store")  # channels of the bench that need the logger's constants
+
 
 def our_session(procedure: str) -> Session:
     """Return the session of a simulated test by a procedure.
@@ -92,8 +94,12 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
     except InputError:
         needed = []  # the rules are for other machines, so the reduction reports missing constants
     if needed:
-        has_climate = "climate" in session.records.get("bench", {})
-        optional = (DENSITY,) if has_climate else (LOGGER,)  # the density follows from the climate
+        channels = session.records.get("bench", {}).keys()
+        left_out = {
+            DENSITY: "climate" in channels,  # the density follows from the climate
+            LOGGER: channels.isdisjoint(LOGGER_TABLES),
+        }
+        optional = tuple(name for name, allowed in left_out.items() if allowed)
         _require_constants(list(session.calibration), needed, optional, str(form))
     try:
         return certify_session(apply_options(session))

@@ -15,16 +15,24 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import check_new_folder, new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.parameters import Folder
-from virtual_lab.records import REFERENCE_MASS, BoardRecord, GateRecord, Record, record_name
+from virtual_lab.records import (
+    REFERENCE_MASS,
+    BoardRecord,
+    GateRecord,
+    Record,
+    ShotLog,
+    record_name,
+)
 from virtual_lab.records.constants import constant_of
 from virtual_lab.records.foreign.laboratory import BLANK, FORM
 from virtual_lab.records.foreign.table import column_names
 from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyProcedure, entry_name
-from virtual_lab.studies.foreign import our_session
+from virtual_lab.studies.foreign import LOGGER_TABLES, our_session
 from virtual_lab.studies.plan.prices import prices_form
 from virtual_lab.units import DIMENSIONS
 
@@ -33,7 +41,7 @@ OWN_RULES = "procedure.toml"
 # forms of one file, by the word in place of a procedure
 FORMS: Mapping[str, Callable[[], Iterable[str]]] = {"laboratory": form, "prices": prices_form}
 MAY_BE_LEFT_OUT = {  # optional channels of the bench: effect of their absence
-    "climate": "hall.air.density is used, and the logger needs no constants",
+    "climate": f"{DENSITY} is used",
     "store": "the conditioning of the balls is not checked",
     REFERENCE_MASS: "the drift of the scale is not checked",
 }
@@ -103,9 +111,9 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     yield '# Tables may have other units, names and shapes, see the page "Forms".'
     yield ""
     yield f'laboratory = "{BLANK}"'
-    yield f'customer = "{BLANK}"  # this line and the next are optional'
-    for key in ("date", "bat"):
-        yield f'{key} = "{BLANK}"'
+    for key in ("customer", "date"):
+        yield f'{key} = "{BLANK}"  # optional: delete this line if it is not used'
+    yield f'bat = "{BLANK}"'
     yield f'ball = "{session.ball}"'
     for key, alternative in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
         yield f'{key} = "{getattr(session, key)}"  # baseball, softball{alternative}, or nothing'
@@ -140,6 +148,13 @@ def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:
         yield f"# {line}"
     if channel in MAY_BE_LEFT_OUT:
         yield f"# This table is optional: without it {MAY_BE_LEFT_OUT[channel]}."
+        block = f"[channels.{stage}.{channel}]"
+        yield f"# To leave it out, delete the lines from {block} to file, and the CSV file."
+        if channel in LOGGER_TABLES:
+            tables = " and ".join(LOGGER_TABLES)
+            yield f"# If {tables} are both left out, also delete the constants {LOGGER}…"
+    if stage == "balls" and isinstance(record, ShotLog):
+        yield "# place_m has no effect for a shot at the wall: enter 0."
     if channel in MEASURED:
         yield f"# {MEASURED[channel]}"
     sizes = record.sizes()
@@ -162,6 +177,9 @@ def _constant(key: str, sign: str = "") -> Iterator[str]:
     units = list(DIMENSIONS[constant.dimension]) if constant else [BLANK]
     meaning = f"{constant.meaning}; " if constant else ""
     yield f"# {meaning}{' or '.join(units)}"
+    if key == DENSITY:
+        yield "# Needed only without climate readings. With them, delete this line; if you keep it,"
+        yield "# a check compares the value with the readings."
     ending = f'unit = "{units[0]}", u = "{BLANK}", source = ""'
     yield f'{sign}"{key}" = {{ value = "{BLANK}", {ending} }}'
 
