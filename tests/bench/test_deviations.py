@@ -120,4 +120,4 @@ def test_a_check_after_a_sign_of_its_fault_costs_nothing() -> None:
         closing = debrief_of(day, *faults, scores_only=True)
         assert [each.entry for each in closing.deviations] == ([2] if faults else [])
         words = {each.name: each.because for each in closing.scores}["economy"]
-        assert ("without 3 min of checks that a reading called for" in words) == bool(faults)
+        assert ("not counting 3 min of checks justified by a reading" in words) == bool(faults)

@@ -31,6 +31,8 @@ from virtual_lab.bench.day.operators import by_script, operator_of
 from virtual_lab.bench.day.readings import suspected_faults
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.day.table import detectable
+from virtual_lab.bench.entrance import operated_day
+from virtual_lab.bench.entrance.operated_day import RehearsedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import laboratory_of, play_actions, run_operator
 from virtual_lab.bench.scoring.debrief import Debrief, TimeLine, debrief
@@ -283,6 +285,25 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
     again = vl.reduce(out / "records")
     assert again.document["metric"]["value"] == pytest.approx(document["value"], rel=1e-9)
     assert json.loads((out / "debrief.json").read_text("utf-8"))["verdict"] == "PASS"
+
+
+def test_the_text_names_each_fault_and_only_written_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The book does not look for a moved gate. Without --out no file is written or named."""
+    found = debrief_by("book", "gate-moved")
+    (review,) = found.fault_reviews
+    assert review.moved is not None
+    files = {"day.sqlite": b"", "sealed.json": b""}
+    day = RehearsedDay(debrief=found, files=files, desk=Desk(day_by("book", "gate-moved")))
+    monkeypatch.setattr(operated_day, "rehearse", lambda *_, **__: day)
+    given, out = ["rehearse", "--operator", "book"], tmp_path / "day"
+    printed = CliRunner().invoke(cli, given, catch_exceptions=False).stdout
+    title = fault_titles()["gate-moved"]
+    assert f"  fault, not named: {title}; effect on the result: {review.moved:+.4f}\n" in printed
+    assert "day.sqlite" not in printed
+    printed = CliRunner().invoke(cli, [*given, "--out", str(out)], catch_exceptions=False).stdout
+    assert printed.endswith(f"{out / 'debrief.html'}\n")
 
 
 def test_an_operator_sees_no_truth() -> None:

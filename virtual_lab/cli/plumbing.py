@@ -85,7 +85,8 @@ class Output:
         function that returns the folder's path from the parameters. ``--out`` overrides it. Without
         a default folder, results are written only with ``--out``.
     page
-        File in the folder. Its path is printed at the end, instead of the path of the folder.
+        File in the folder. If it is written, its path is printed at the end, instead of the path
+        of the folder.
     keeps
         Whether the command has the option ``--out``. With a default folder it always has it.
     table, picture
@@ -242,7 +243,10 @@ def _print(
     """
     written = [*([folder] if folder else []), *files]
     if not as_json:
-        written = [*(getattr(result, "files", ()) or ([folder / page] if folder else ())), *files]
+        named = result.files if isinstance(result, Answer) else ()
+        if folder and not named:
+            named = [folder / page if (folder / page).exists() else folder]
+        written = [*named, *files]
         parts = [result.text, "\n".join(map(str, written))]
         click.echo("\n\n".join(part for part in parts if part))
         return

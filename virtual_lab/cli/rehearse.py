@@ -39,7 +39,7 @@ def day(
 
     You do this on a page in the browser (needs the extra 'bench'). A simulated operator or a script
     can do it for you. The option --out of the command then saves the log, the sealed truth and the
-    debrief.
+    debrief (debrief.html).
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def _command(name: str, example: str, output: Output = STUDY) -> click.Command:
 DAY = FunctionCommand(
     "rehearse",
     (__name__, "day"),
-    output=Output(keeps=True),
+    output=Output(keeps=True, page="debrief.html"),
     example="rehearse --operator expert --seed 3 --out day",
 )
 

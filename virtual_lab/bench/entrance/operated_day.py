@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from virtual_lab.bench.day.desk import Desk
+from virtual_lab.bench.day.doubts import fault_titles
 from virtual_lab.bench.day.log import LOG
 from virtual_lab.bench.day.operators import Operator, by_script, operator_of
 from virtual_lab.bench.day.scenario import load_scenario
@@ -18,6 +19,7 @@ from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.files import new_folder, read_json
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import preformatted
 from virtual_lab.parameters import File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
@@ -40,15 +42,23 @@ class RehearsedDay:
 
     @property
     def text(self) -> str:
-        """Verdict, scores and most costly decisions, as lines of text."""
-        debrief = self.debrief
+        """Verdict, scores, faults and most costly decisions, as lines of text."""
+        debrief, metric, titles = self.debrief, METRICS[self.debrief.metric], fault_titles()
+
+        def change(value: float) -> str:
+            return f"{value / metric.unit_si:+.4f} {metric.unit}".rstrip()
+
         because = f": {debrief.right_because}" if debrief.right_because else ""
         lines = [
             f"{debrief.title}: verdict {debrief.verdict}, correct {debrief.right_verdict}{because}"
         ]
         lines += [f"  {each.name:<10} {each.value:.2f}  {each.because}" for each in debrief.scores]
+        for fault in debrief.fault_reviews:
+            named = "named" if fault.name in debrief.found else "not named"
+            effect = "unknown" if fault.moved is None else change(fault.moved)
+            lines.append(f"  fault, {named}: {titles[fault.name]}; effect on the result: {effect}")
         for each in debrief.costly:
-            cost = "" if each.cost is None else f" {each.cost:+.4f}"
+            cost = "" if each.cost is None else f" {change(each.cost)}"
             lines.append(f"  {each.word}{cost}: {each.what}")
         return "\n".join(lines)
 

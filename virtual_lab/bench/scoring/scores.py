@@ -220,7 +220,7 @@ def economy_score(day: Day, expert: Day, needless: float, result: float) -> tupl
     share = min(1.0, theirs / minutes) * min(1.0, fired / shots)
     words = f"you took {minutes:.0f} min"
     if needless:
-        words += f" (without {needless / 60:.0f} min of checks that a reading called for)"
+        words += f" (not counting {needless / 60:.0f} min of checks justified by a reading)"
     words += (
         f" and {len(day.fired)} shots, the expert {theirs:.0f} min and {len(expert.fired)} shots"
     )
