@@ -2,9 +2,9 @@
 Does a procedure rank bats as play does?
 ========================================
 
-Probability (%) that a laboratory ranks two bats opposite to their order in play (50: by chance),
-where swing speed is proportional to (moment of inertia)⁻⁰·³. Loaded: EA70 with a thinner wall and
-2.3 oz in barrel or knob. NCAA MODIFIED swings all bats at 66 mph. Only PROPOSED ranks all right.
+Probability (%) that a laboratory ranks two bats opposite to their order in play (50: by chance).
+Swing speed in play falls with (moment of inertia)⁻⁰·³. PROPOSED uses this law, so all its ranks are
+right; NCAA MODIFIED swings all bats at 66 mph. Loaded: EA70, wall thinner for 2.3 oz in an end.
 """
 
 import matplotlib.pyplot as plt
