@@ -8,6 +8,7 @@ fields that write them.
 import json
 import posixpath
 import re
+import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -279,7 +280,10 @@ def type_name(described: dict[str, Any]) -> str:
 
 
 def _write(_app: Sphinx) -> None:
-    """Write the pages that changed, and delete those of an earlier state of the code."""
+    """Write the pages that changed, and delete those of an earlier state of the code.
+
+    The records of the example laboratory are written as an archive, for the download.
+    """
     made = [
         each
         for make in (pages, functions, commands, shelves, dictionary, schema)
@@ -293,6 +297,9 @@ def _write(_app: Sphinx) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists() or path.read_text("utf-8") != text:
             path.write_text(text, "utf-8")
+    shutil.make_archive(
+        str(MADE / "records"), "zip", ROOT / "tests" / "foreign_laboratory", "records"
+    )
 
 
 def _relink(_app: Sphinx, page: str, source: list[str]) -> None:
