@@ -43,7 +43,7 @@ def corners_seen(
     for view in range(views):
         turned = rotation((view > 0) * 2 * lean * turns[view]) @ DOWN
         place = [*lens.place[:2], 0.0] + (view > 0) * np.array([0.25, 0.25, 0.35]) * off[view]
-        drawn = lens.drawn(lens.to_camera(board.corners() @ turned.T + place))
+        drawn = lens.to_pixels(lens.to_camera(board.corners() @ turned.T + place))
         ids = np.flatnonzero(((drawn > 5) & (drawn < np.array(SIZE) - 6)).all(axis=1))
         places = drawn[ids] + noise * draws.normal(f"noise {view}", (len(ids), 2))
         corners.append(BoardView(ids=ids, places=places))

@@ -64,7 +64,7 @@ def test_corners_are_located_well_below_a_pixel(name: str) -> None:
     view = find_board(picture, board)
     assert view is not None
     assert len(view.ids) == 104
-    true = camera.lens.drawn(camera.lens.to_camera(corners))
+    true = camera.lens.to_pixels(camera.lens.to_camera(corners))
     # nearest corners, because a bare chessboard does not show which of its ends is the first
     order = np.linalg.norm(true[None] - view.places[:, None], axis=2).argmin(axis=1)
     assert not board.marker or np.array_equal(order, view.ids)
@@ -139,7 +139,7 @@ def test_track_reads_what_calibrate_writes(monkeypatch: pytest.MonkeyPatch, tmp_
     assert calibration.lens_blur_px == pytest.approx(result.lens_blur, rel=0.01)
     ends = np.array([[-0.2, 0.0, 0.03], [0.2, 0.1, 0.03]])
     ends[:, :2] += lens.place[:2]
-    x, y = lens.drawn(lens.to_camera(ends)).T
+    x, y = lens.to_pixels(lens.to_camera(ends)).T
     plane = plane_of(located(x, y), calibration, "clip")
     off = plane.places * [1, -1] - (ends - lens.place)[:, :2]  # sign of Y: down in the file
     np.testing.assert_allclose(off, 0, atol=2e-6)
