@@ -208,7 +208,7 @@ def test_a_certificate_loads_only_what_it_uses(tmp_path: Path) -> None:
     shown = {"tqdm"} if done.stderr else set()
     used = {"numba", "pydantic", "scipy"} | shown
     assert loaded & (HEAVY - used | slow | locator) == set()
-    # what reads records of another laboratory has no simulation beside it
+    # Commands that read the records of another laboratory do not load the simulation.
     commands = [["reduce", str(out / "records"), "--out", str(tmp_path / "alone")], commands[2]]
     code = f"for words in {commands}: cli(words, standalone_mode=False)"
     done = python("-c", f"import sys\nfrom virtual_lab.cli import cli\n{code}\nprint(*sys.modules)")
