@@ -31,7 +31,7 @@ SOUND_TOO = ("encoder-slip", "bat-cracked", "bearing-friction", "pendulum-wide",
 
 
 @pytest.mark.parametrize("fault", [*SOUND_TOO, "clamp-forgotten", "gate-clock", "wrong-lot"])
-def test_the_same_checks_name_nothing_on_a_sound_day(fault: str) -> None:
+def test_a_check_suspects_no_fault_on_a_day_without_a_fault(fault: str) -> None:
     assert list(suspected_faults(Desk(run_operator(apparatus(), detector(fault))))) == []
 
 

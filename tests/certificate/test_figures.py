@@ -123,7 +123,7 @@ def test_the_contact_sheet_shows_every_shot_to_one_scale(document: CertificateDo
     assert np.std(ring - own.angle_deg) < 0.1 * np.std(ring)
 
 
-def test_every_figure_has_words_and_no_colour(
+def test_every_figure_has_words_and_no_color(
     document: CertificateDocument, scan: CertificateDocument
 ) -> None:
     """Every stroke and fill is gray."""

@@ -106,7 +106,7 @@ def numbers_passed(first: int, many: int, folder: Path) -> set[str]:
     return digests
 
 
-def test_some_honest_results_are_whole(tmp_path: Path) -> None:
+def test_results_copied_without_changes_pass_verification(tmp_path: Path) -> None:
     """Results are whole after the first three ways of copying."""
     assert len(numbers_passed(0, 3, tmp_path)) == 3
 

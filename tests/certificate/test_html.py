@@ -200,7 +200,7 @@ def test_a_bat_that_fails_by_weight_is_not_marginal() -> None:
     assert not found.marginal
 
 
-def test_verdicts_differ_in_shape_and_not_in_colour() -> None:
+def test_verdicts_differ_in_shape_and_not_only_in_color() -> None:
     shapes = {
         re.search(r'<p class="verdict">(.*?)</svg>', page(name), re.DOTALL)[1]
         for name in ("pass", "fail", "no valid hit")

@@ -221,7 +221,7 @@ def test_an_altered_or_removed_file_is_named(name: str, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new"), [('"metric.value": "', '"metric.value": "0'), ('": ', ": "), ("{", "")]
 )
-def test_an_edited_seal_is_named(old: str, new: str, folder: Path) -> None:
+def test_an_edited_seal_is_reported(old: str, new: str, folder: Path) -> None:
     """An altered digest, or invalid JSON, is named; white space does not matter."""
     path = folder / "truth" / "seal.json"
     text = path.read_text()

@@ -80,7 +80,9 @@ def test_the_error_of_plain_pymunk_is_proportional_to_its_step(rows: list[Row]) 
 
 
 @pytest.mark.parametrize(("speed", "step"), [(40.0, 4e-3), (80.0, 1e-3), (100.0, 5e-3)])
-def test_the_share_of_missed_balls_is_that_of_jumped_bats(speed: float, step: float) -> None:
+def test_the_share_of_missed_balls_follows_from_the_length_of_a_step(
+    speed: float, step: float
+) -> None:
     """1 - (R + r) / (v dt), to one of a hundred evenly spaced shots."""
     share = missed_share(rod(), speed, step, 100)
     assert share == pytest.approx(max(0.0, 1 - rod().contact_distance / (speed * step)), abs=0.0101)

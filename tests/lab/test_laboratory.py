@@ -298,7 +298,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
     ]
 
 
-def test_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
+def test_a_laboratory_fires_until_enough_hits_are_valid(tmp_path: Path) -> None:
     """A window of 0.4 mph with a scatter of 0.4 mph rejects about a third of the hits."""
     rules = _rules(tmp_path, "speed_tolerance = { value = 1.0", "speed_tolerance = { value = 0.4")
     result = certify("r161", procedure=rules, seed=4).certification

@@ -268,7 +268,9 @@ def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatc
         assert np.mean(np.abs(scores)) > 2
 
 
-def test_besr_of_another_place_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reduction_that_takes_the_largest_besr_is_detected(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A reduction that takes the greatest BESR is detected."""
     laboratory = opened("r161", procedure="ncaa-besr", seed=1, reality=Reality.IDEAL)
     rules = laboratory.rules

@@ -111,7 +111,7 @@ def test_an_invalid_statement_is_refused_in_one_line(
     assert "\n" not in str(refused.value)
 
 
-def test_joiners_that_a_script_needs_are_printed() -> None:
+def test_zero_width_characters_in_a_name_are_kept() -> None:
     """A Persian company with U+200C, a family of emoji with U+200D."""
     for name in ("شرکت نمونه\u200cسازی", "👩\u200d👧 Bats"):
         assert particulars_of({"customer": {"name": name}}, "lab").customer.name == name

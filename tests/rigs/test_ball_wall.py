@@ -45,7 +45,7 @@ def play(
     return station.play(plan, specimen, draws)
 
 
-def test_hits_of_a_ball_count_in_their_order() -> None:
+def test_each_earlier_hit_of_a_ball_reduces_its_restitution() -> None:
     """Ball 2 is hit three times, ball 0 twice, ball 1 once; each hit costs 1 % for good."""
     truth = play(Reality.NOISE_FREE).truth
     assert truth["restitution_loss"] == pytest.approx([0, 0, 0.01, 0.02, 0, 0.01], abs=1e-12)

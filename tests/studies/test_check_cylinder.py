@@ -48,7 +48,7 @@ def test_a_rig_gone_wrong_is_seen_from_the_day_on() -> None:
     assert np.all(np.abs(wrong[3:] / sound[3:] - 1) < 0.15)
 
 
-def test_the_chart_tells_the_first_day() -> None:
+def test_the_chart_raises_an_alarm_on_the_first_day_of_a_large_shift() -> None:
     """A shift of at least ten standard deviations, which the ball at the wall does not show."""
     played = daily(days=14, baseline=8, hits=4, faults=("aim-along",), since=12)
     assert played.since == 12

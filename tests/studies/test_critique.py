@@ -102,7 +102,7 @@ def test_only_procedures_of_the_same_sport_are_compared() -> None:
     assert len(study._of_this_game({None})) == 6
 
 
-def test_the_field_may_swing_with_constant_energy(tmp_path: Path) -> None:
+def test_bats_can_be_compared_at_constant_swing_energy(tmp_path: Path) -> None:
     """The pivot test prefers the bat that loses in the field under this law too."""
     found = critique(BATS[2:], procedures=("astm-f1881",), swing_law="energy", laboratories=2)
     (pair,) = found.pairs

@@ -36,7 +36,7 @@ def _simulated(laboratories, **changes):
     )
 
 
-def test_counts_of_a_procedure_and_grid(forecast):
+def test_a_forecast_starts_at_the_counts_of_the_procedure(forecast):
     assert forecast.present == Counts(hits=6, final_hits=0, balls=12, wall_hits=4)
     grid = forecast.present.grid
     assert grid.hits.shape == (9, 1, 9, 8)

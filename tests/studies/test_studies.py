@@ -24,7 +24,7 @@ LABORATORIES = 30
     ("bat", "procedure"),
     [("r161", "astm-f1881"), ("r161", "ncaa-besr"), ("r161", "bbcor"), ("softball-34", "asa")],
 )
-def test_coverage_of_a_few_laboratories_is_95_percent(bat: str, procedure: str) -> None:
+def test_intervals_contain_the_truth_in_95_percent_of_tests(bat: str, procedure: str) -> None:
     """A short version of ``virtual-lab coverage r161 --summed`` (table beside this).
 
     Of 30 intervals of 95 % at least 25 hold the truth with probability 0.997; the mean error in

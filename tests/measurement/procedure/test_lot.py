@@ -56,7 +56,7 @@ def test_a_ball_just_outside_a_window_is_printed_with_enough_digits() -> None:
     ]
 
 
-def test_a_lot_without_an_admissible_ball_is_used_and_its_shots_rejected() -> None:
+def test_if_no_ball_of_a_lot_is_admissible_all_are_fired_and_rejected() -> None:
     lot = balls(restitution=np.full(3, 0.5))
     assert admit_balls(RULES, lot).all()
     assert len(set_aside(RULES, lot)) == 3

@@ -539,7 +539,7 @@ def test_a_quiet_block_states_the_sheet(name: str) -> None:
 
 
 @pytest.mark.parametrize("dof", [1.0, 2.0, 3.0, 9.0, 19.0, 1000.0])
-def test_the_u_on_a_certificate_is_the_root_of_chi_square(dof: float) -> None:
+def test_the_stated_u_follows_a_chi_square_law(dof: float) -> None:
     """The oracle is scipy's quantile from the nearer tail, at 4000 normal numbers and up to ±7."""
     chance = np.concatenate([np.random.default_rng(1).normal(size=4000), [-7.0, -5.0, 5.0, 7.0]])
     shares = np.empty(chance.size)

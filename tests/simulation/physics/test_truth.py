@@ -42,7 +42,7 @@ def test_mass_and_e0_of_a_ball_are_independent() -> None:
     assert abs(np.corrcoef(lot.mass, lot.restitution)[0, 1]) < 0.071
 
 
-def test_lots_scatter_in_level_slope_radius_and_stiffness_as_their_sheet_says() -> None:
+def test_lots_of_balls_scatter_as_their_sheet_states() -> None:
     """2000 lots: standard scores normal within 4.5 standard errors, and |r| < 4.5/√2000."""
     spec = load("balls", "baseball-2003", BallSpec).spec
     line = replace(spec.restitution, value_u=0.004)

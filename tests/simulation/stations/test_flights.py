@@ -63,7 +63,7 @@ def unseen(output: RigOutput) -> np.ndarray:
     return gone.reshape(*gone.shape[:3], -1).all(axis=-1)
 
 
-def test_a_ball_that_a_frame_throws_back_has_a_missing_and_a_wrong_time() -> None:
+def test_a_ball_that_bounces_off_a_gate_frame_leaves_one_missing_and_one_wrong_time() -> None:
     """The ball strikes the upper bar of the near frame, and never reaches the bat.
 
     By hand: it returns from the face of the bar at the bar's restitution times its speed.

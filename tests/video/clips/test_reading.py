@@ -68,7 +68,7 @@ def test_frames_are_read_without_change(kind: str, depth: type, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("kind", ["mp4", "png", "stack", "npy"])
-def test_colour_becomes_grey(kind: str, tmp_path: Path) -> None:
+def test_color_becomes_gray(kind: str, tmp_path: Path) -> None:
     frames = noise(shape=(40, 64, 3))
     read = [grey_of(frame) for frame, _ in open_source(WRITERS[kind](tmp_path, frames)).pictures()]
     grey = np.stack(frames) @ np.array([0.114, 0.587, 0.299])  # weights of ITU-R BT.601, blue first

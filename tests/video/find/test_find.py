@@ -238,7 +238,7 @@ def test_a_changing_light_is_no_blob() -> None:
         assert len(blobs(0, lit, lit, NONE, still)[0]) == 0
 
 
-def test_a_light_of_another_colour_is_no_blob_and_leaves_the_ball_its_ring() -> None:
+def test_a_light_of_another_color_is_no_blob_and_hides_no_ball() -> None:
     """A new white balance changes each channel by its own factor."""
     rng = np.random.default_rng(2)
     wall = np.repeat(np.repeat(rng.uniform(60, 170, (8, 10, 3)), 25, axis=0), 32, axis=1)

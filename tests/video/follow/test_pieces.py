@@ -141,7 +141,7 @@ def test_dark_patches_of_a_ball_do_not_replace_it() -> None:
     assert [each.radius for each in flights] == [RADIUS, RADIUS]
 
 
-def test_a_turning_ball_in_two_colours_is_one_ball() -> None:
+def test_a_turning_ball_in_two_colors_is_one_ball() -> None:
     way, whole = hops([6.0, 5.0, 4.0])
     colour = np.full(len(way), 60.0)
     colour[whole[1][0] :] = 140.0
@@ -176,7 +176,7 @@ def test_a_hand_that_goes_with_the_ball_does_not_begin_a_flight() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.6, 0.8, 1.0, 1.2])
-def test_a_pendulum_that_starts_slowly_does_not_fly(angle: float) -> None:
+def test_a_pendulum_that_starts_slowly_is_no_flight(angle: float) -> None:
     """Each quarter of its swing is nearly a parabola, but the acceleration points to the side."""
     length, pull = 300.0, 1.1  # length [px], gravity [px/frame²]
     turns, rate = [angle], 0.0

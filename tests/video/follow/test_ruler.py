@@ -257,7 +257,7 @@ def test_a_levelled_camera_and_a_known_drag_leave_gravity_a_smaller_u(followed: 
     assert levelled.drag_per_m == pytest.approx(slowing, rel=0.05)
 
 
-def test_the_u_of_the_diameter_is_u_of_the_ball_s_size(followed: Followed) -> None:
+def test_the_u_of_the_diameter_is_added_to_the_u_of_the_scale(followed: Followed) -> None:
     """For 73 mm ± 7 mm, the u of the diameter is added in squares."""
     _, result = followed("flat")
     sharp, unsure = (again(result, ruler="ball", ball_u=u).scale for u in (0.0, 0.007))
