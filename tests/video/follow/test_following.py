@@ -124,7 +124,7 @@ def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     require_flights(made.truth, result)
     restitution, true = result.contacts[0].restitution, made.truth.contacts[0].restitution
     assert restitution is not None
-    assert abs(restitution.value - true) < 2 * restitution.u < 0.12
+    assert abs(restitution.value - true) < 2 * restitution.u < 0.06
 
 
 @pytest.mark.parametrize(
@@ -135,8 +135,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
 ) -> None:
     """H.264 leaves so little of a plain wall that a wrong shift fits nearly as well.
 
-    The hand moves the picture by 14 px. With the quality 28, 29 and 30 the drift of the first seed
-    is wrong by up to 2.2, 2.0 and 2.3 px, so a bound must not be near any of them.
+    The hand moves the picture by 14 px. The drift of the first seed is wrong by almost 2 px.
     """
     scene = UNSEEN["into-a-corner"]
     made, result = run(
@@ -144,7 +143,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
     )
     assert result.watched.still.drifts
     late = result.watched.blobs["frame"] >= 70
-    assert np.abs(_drift_off(made, result)[late]).max() < 3.0
+    assert np.abs(_drift_off(made, result)[late]).max() < 2.0
     assert result.contacts
     for each in result.contacts:
         true = min(made.truth.contacts, key=lambda other: abs(other.frame - each.frame))
