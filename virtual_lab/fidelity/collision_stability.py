@@ -129,7 +129,7 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
     """Return maps of the accuracy of the modal model, one row per cell of a map.
 
     One axis of a map is a quantity of `CollisionAxis`, such as the relative speed. The other axis
-    is the time step divided by the default step. A cell stands for a few collisions. A row states:
+    is the time step divided by the default step. A cell summarizes a few collisions. A row states:
 
     * the two coordinates of its cell;
     * the state of the cell, a value of `State`, such as ``good`` or ``unstable``;

@@ -264,7 +264,7 @@ def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
 
 @constants_known()
 def prepare(block: SessionBlock) -> Preparation:
-    """Return what is known before the first shot at the bat: measured bat, balls and constants.
+    """Return the measured bat, balls and constants, as known before the first impact.
 
     They are computed from the bench measurements and from the hits at the wall, for each
     laboratory.
