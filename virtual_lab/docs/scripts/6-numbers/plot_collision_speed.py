@@ -17,7 +17,7 @@ figure, axes = plt.subplots(figsize=(4.8, 4.2))
 for marker, (series, rows) in zip("os^D", table.groupby("series", sort=False), strict=True):
     label = series.replace("reference", "100 modes, general ODE solver")
     axes.loglog(rows["us_a_shot"], rows["worst_error"], marker, label=label)
-marked = table["setting"].str.fullmatch("(405|1080) nodes|(4|20|40) modes")
+marked = table["setting"].str.fullmatch("(405|1152) nodes|(4|20|40) modes")
 for _, row in table[marked].iterrows():
     words = row["setting"].replace("nodes", "entries")
     axes.text(row["us_a_shot"], row["worst_error"], f"  {words}", fontsize=8)
