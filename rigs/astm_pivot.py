@@ -35,7 +35,7 @@ from virtual_lab.simulation.stations.cannon_station import (
     RestingBatStation,
     commission,
 )
-from virtual_lab.simulation.stations.rig import MotionRung, RigOutput, ShotPlan, Specimen, Stage
+from virtual_lab.simulation.stations.rig import MotionModel, RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws, Owner, of_owners
 from virtual_lab.units import Array
 
@@ -82,7 +82,7 @@ class AstmPivot:
     name = "astm-pivot"
     stage = Stage.IMPACT
     blocks = True
-    motions = frozenset(MotionRung)
+    motions = frozenset(MotionModel)
     channels: Mapping[str, type[Record]] = {
         "log": ShotLog,
         "gates": GateRecord,
@@ -93,7 +93,7 @@ class AstmPivot:
     def commission(self, draws: Draws, *, ideal: bool = False) -> AstmPivotStation:
         spec = catalog.load("rigs", self.name, AstmPivotSpec).spec
         factory = InstrumentFactory(draws=draws, ideal=ideal)
-        pivot = factory.as_asked(spec.pivot)
+        pivot = factory.adapt(spec.pivot)
         clamp = pivot.clamp_inertia + pivot.clamp_spread * draws.normal("astm-pivot.clamp")
         return AstmPivotStation(
             clamp=np.maximum(clamp, 0.0),

@@ -21,7 +21,7 @@ from virtual_lab.simulation.stations.cannon_station import (
     RestingBatStation,
     commission,
 )
-from virtual_lab.simulation.stations.rig import MotionRung, Stage
+from virtual_lab.simulation.stations.rig import MotionModel, Stage
 from virtual_lab.streams import Draws
 
 
@@ -38,7 +38,7 @@ class BallCannon:
     name = "ball-cannon"
     stage = Stage.IMPACT
     blocks = True
-    motions = frozenset(MotionRung)
+    motions = frozenset(MotionModel)
     channels: Mapping[str, type[Record]] = {"log": ShotLog, "gates": BoardRecord, "aim": AimMarks}
 
     def commission(self, draws: Draws, *, ideal: bool = False) -> BallCannonStation:
@@ -61,7 +61,7 @@ def parts(spec: BallCannonSpec, factory: InstrumentFactory) -> dict[str, Any]:
     ``ideal`` is True if the laboratory is ideal. Raises `InputError` for an unknown or invalid data
     sheet.
     """
-    holder = factory.as_asked(spec.holder)
+    holder = factory.adapt(spec.holder)
     return {
         "holder": Holder.commission(holder, factory.draws, "ball-cannon.holder"),
         "frame": spec.frame,

@@ -127,9 +127,7 @@ class BenchStation(FittedStation):
             "hall": self.hall,
         }
 
-    def equipped(
-        self, records: Mapping[str, Record], measured: Mapping[str, float]
-    ) -> BenchStation:
+    def equip(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> BenchStation:
         """Return the bench with numbers of readings, reference mass and climate of the records."""
 
         def stated(instrument: CalibratedInstrument[Any], constant: str) -> float:

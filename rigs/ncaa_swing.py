@@ -81,7 +81,7 @@ class NcaaSwing:
     def commission(self, draws: Draws, *, ideal: bool = False) -> NcaaSwingStation:
         spec = catalog.load("rigs", self.name, NcaaSwingSpec).spec
         factory = InstrumentFactory(draws=draws, ideal=ideal)
-        holder, drive = factory.as_asked(spec.holder), factory.as_asked(spec.drive)
+        holder, drive = factory.adapt(spec.holder), factory.adapt(spec.drive)
         return NcaaSwingStation(
             drive=drive,
             holder=Holder.commission(holder, draws, "ncaa-swing.holder"),
@@ -111,7 +111,7 @@ class NcaaSwingStation(CannonStation):
             "hall": self.hall,
         }
 
-    def equipped(
+    def equip(
         self, records: Mapping[str, Record], measured: Mapping[str, float]
     ) -> NcaaSwingStation:
         """Return the machine with a drive whose speed scatters as measured."""

@@ -31,7 +31,7 @@ from virtual_lab.lab.laboratory import collision_of
 from virtual_lab.measurement.alternatives.refined import propagate_metric
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.light_gate import LightGates
-from virtual_lab.simulation.stations.rig import MotionRung
+from virtual_lab.simulation.stations.rig import MotionModel
 from virtual_lab.studies import clips
 
 BAT, PROCEDURE, SEED = "r161", "astm-f1881", 1
@@ -67,10 +67,10 @@ def collisions(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
 
 def motions(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     setup = RoundRobin.of(BAT, PROCEDURE).setup
-    for rung in MotionRung:
+    for rung in MotionModel:
         yield (
             rung.value,
-            rung is MotionRung.CLOSED_FORM,
+            rung is MotionModel.CLOSED_FORM,
             played(replace(setup, motion=rung), laboratories),
         )
 

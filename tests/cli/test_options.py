@@ -17,7 +17,7 @@ from virtual_lab.api import Certificate
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.stations.rig import MotionRung, Reality
+from virtual_lab.simulation.stations.rig import MotionModel, Reality
 from virtual_lab.studies import coverage as coverage_study
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -73,11 +73,11 @@ CERTIFY: dict[str, tuple[str, object, object, Effect]] = {
     "reality": ("--reality ideal", Reality.REAL, Reality.IDEAL, lambda s: s.reality),
     "ideal": ("--ideal", Reality.REAL, Reality.IDEAL, lambda s: s.reality),
     "noise_free": ("--noise-free", Reality.REAL, Reality.NOISE_FREE, lambda s: s.reality),
-    "collision": ("--collision modal", None, "modal", lambda s: s.rung),
+    "collision": ("--collision modal", None, "modal", lambda s: s.collision_model),
     "motion": (
         "--motion pymunk",
-        MotionRung.CLOSED_FORM,
-        MotionRung.PYMUNK,
+        MotionModel.CLOSED_FORM,
+        MotionModel.PYMUNK,
         lambda s: s.motion,
     ),
     "faults": ("--fault aim-along", (), ("aim-along",), lambda s: tuple(s.faults.names)),

@@ -51,7 +51,7 @@ def test_plain_pymunk_misses_and_loses_the_measured_shares(rows: list[Row]) -> N
 
 
 def test_our_models_are_exact_or_refuse(rows: list[Row]) -> None:
-    for series in (chart.Carrier.RUNG, chart.Carrier.CLOSED):
+    for series in (chart.Carrier.OURS, chart.Carrier.CLOSED):
         for scene in chart.STARTS:
             for row in of(rows, series, scene=scene):
                 if "refused" in row["setting"]:
@@ -60,7 +60,7 @@ def test_our_models_are_exact_or_refuse(rows: list[Row]) -> None:
                 assert row["e_A"] < 1e-12
                 assert row["ball_m_s"] < 1e-11
                 assert row["bat_rad_s"] < 1e-11
-    assert [row["share"] for row in of(rows, chart.Carrier.RUNG) if row["share"] is not None] == [
+    assert [row["share"] for row in of(rows, chart.Carrier.OURS) if row["share"] is not None] == [
         0,
         0,
         0,

@@ -37,7 +37,7 @@ def state(rows: list[Row], method: str, axis: str, step: float, value: float) ->
 
 
 def test_our_model_is_good_wherever_it_gives_a_result(rows: list[Row]) -> None:
-    part_rows = [row for row in rows if row["method"] == maps.Carrier.RUNG]
+    part_rows = [row for row in rows if row["method"] == maps.Carrier.OURS]
     assert {row["state"] for row in part_rows if not row["refused"]} == {State.GOOD}
     for row in part_rows:
         long = row["step"] == 1e-2 and not (
@@ -64,7 +64,7 @@ def test_plain_pymunk_refuses_nothing_and_is_wrong_in_places(rows: list[Row]) ->
 
 def test_the_text_and_the_files_have_every_row(found: StabilityMap, tmp_path: Path) -> None:
     text, rows = found.text, found.rows
-    assert text.count(maps.Carrier.RUNG) == text.count(maps.Carrier.ALONE) == len(maps.AXES)
+    assert text.count(maps.Carrier.OURS) == text.count(maps.Carrier.ALONE) == len(maps.AXES)
     assert "(.)" in text
     json.dumps(rows, allow_nan=False)
     found.save(tmp_path / "maps")

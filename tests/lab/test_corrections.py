@@ -33,7 +33,11 @@ from virtual_lab.measurement.session_reduction import Reduction
 from virtual_lab.records import BallRecord, Record
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.modal import ModalModel
-from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
+from virtual_lab.simulation.faults.fault import (
+    instrument_of,
+    with_instrument,
+    with_sheet,
+)
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.physics.truth import draw_balls, make_bat
@@ -124,13 +128,13 @@ def moved(station: Station, name: str) -> Station:
 
 def altered(station: Station, part: str, **true: float) -> Station:
     """Return a station with some true constants of one instrument changed."""
-    return fitted_with(station, part, instrument_of(station, part).with_true(**true))
+    return with_instrument(station, part, instrument_of(station, part).with_true(**true))
 
 
-def with_sheet(station: Any, part: str, **changes: Any) -> Any:
+def with_part_sheet(station: Any, part: str, **changes: Any) -> Any:
     """Return a station with one part, an instrument or not, that differs from its sheet."""
     if instrument_of(station, part):
-        return other_sheet(station, part, **changes)
+        return with_sheet(station, part, **changes)
     own = getattr(station, part)
     return replace(station, **{part: replace(own, spec=replace(own.spec, **changes))})
 
@@ -289,11 +293,11 @@ def scatters(
     station, struck = installed_rigs()[rig].commission(draws), specimen()
     asked = plan(rig, detail, 4 * SHOTS)
     if number == "sabot_rate":  # fault of one shot in a hundred
-        station = with_sheet(station, part, sabot_rate=0.5)
+        station = with_part_sheet(station, part, sabot_rate=0.5)
     if part in OWN_SHEET:
         still = replace(station, **{part: replace(getattr(station, part), **{number: 0.0})})
     else:
-        still = with_sheet(station, part, **{number: 0.0})
+        still = with_part_sheet(station, part, **{number: 0.0})
     loud, calm = (each.play(asked, struck, draws).records[channel] for each in (station, still))
     before, after = variances(loud), variances(calm)
     return any(not np.array_equal(before[key], after[key]) for key in before)
@@ -322,7 +326,7 @@ def test_the_encoder_turns_about_the_true_axis(detail: RecordDetail) -> None:
         return
     shown = np.diff(record.counts[:, -2:])[:, 0] * spec.sample_rate * clock / per_angle
     assert shown == pytest.approx(rate, rel=1e-9)
-    ringing = other_sheet(station, "encoder", sees_ring=True).play(asked, struck, Quiet())
+    ringing = with_part_sheet(station, "encoder", sees_ring=True).play(asked, struck, Quiet())
     contact = station.gates.distances[0] + struck.balls.spec.radius
     since = spec.sample_times() / clock - contact / truth["speed"][0] - truth["contact_time"][0]
     since = since[since > 1e-4]
@@ -347,14 +351,16 @@ def test_a_journal_rubs_by_the_reaction_of_the_blow(off: float) -> None:
 
     The rate falls by μ R J |1 - b m d/I|/I, with J = m v (1 + e_A) and R of the sheet.
     """
-    station = with_sheet(installed_rigs()["astm-pivot"].commission(Quiet()), "pivot", friction=0.0)
+    station = with_part_sheet(
+        installed_rigs()["astm-pivot"].commission(Quiet()), "pivot", friction=0.0
+    )
     struck, asked = specimen(), plan("astm-pivot", RecordDetail.SUMMED, 1)
     beam = beam_of(struck.bat.body)
     axis = beam.length - station.holder.from_knob
     arm, inertia = axis - beam.z_cm, beam.inertia(axis)
     lever = inertia / (beam.mass * arm) - off
     asked = replace(asked, place=np.array([axis - lever - station.cannon.true["along"]]))
-    rubbed = with_sheet(station, "pivot", friction=0.04)
+    rubbed = with_part_sheet(station, "pivot", friction=0.04)
     (free, truth), (slow, _) = (
         (play.records["encoder"].rate, play.truth)
         for play in (each.play(asked, struck, Quiet()) for each in (station, rubbed))
@@ -371,7 +377,7 @@ def test_the_thresholds_of_beams_scatter_edges() -> None:
     spread = {}
     for rig in ("ball-cannon", "ncaa-swing"):
         boards = installed_rigs()[rig].commission(Streams(11)).gates
-        spread[rig] = boards.trips.std() / boards.spec.trip_spread
+        spread[rig] = boards.trip_depths.std() / boards.spec.trip_spread
     assert spread == pytest.approx(dict.fromkeys(spread, 1.0), abs=4.5 / np.sqrt(2 * 102))
 
 
@@ -671,7 +677,7 @@ def test_a_drive_that_droops_slows_by_its_share_a_second() -> None:
     """A shaft without ripple has the rate (1 + d t) at t s before contact."""
     station: Any = installed_rigs()["ncaa-swing"].commission(Quiet())
     station = replace(station, drive=replace(station.drive, ripple=0.0, droop=-0.5))
-    station = with_sheet(station, "swing", whole_counts=False)
+    station = with_part_sheet(station, "swing", whole_counts=False)
     play = station.play(plan("ncaa-swing", RecordDetail.FULL, 1), specimen(), Quiet())
     counts, spec = play.records["swing"].counts[0], station.encoder.spec
     rates = np.diff(counts) * spec.sample_rate / spec.counts_per_turn * 2 * pi

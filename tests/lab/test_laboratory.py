@@ -332,8 +332,8 @@ def test_statements_on_the_simulation_follow_from_the_setup_alone(
         laboratory = opened(bat, procedure=procedure, seed=seed, faults=faults)
         body = laboratory.specimen.bat.body
         laboratory.specimen.collision(body, Pinned(body.length - 0.15 - 1e-5 * seed))
-        rungs = {"collision": laboratory.collision.report()}
-        origin = laboratory.session_of(laboratory.sessions, rungs).origin
+        models = {"collision": laboratory.collision.report()}
+        origin = laboratory.session_of(laboratory.sessions, models).origin
         assert len(origin.seed_commitment) == 64
         said.append(replace(origin, seed_commitment=""))
         moduli.add(body.material.youngs_modulus)

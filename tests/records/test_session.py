@@ -21,7 +21,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records import ClipRecord, GateRecord, MassReadings, Record, ShotLog, join
 from virtual_lab.records.constants import constant_of
-from virtual_lab.records.origin import RungTaken, Simulated, Supplied
+from virtual_lab.records.origin import ModelUsed, Simulated, Supplied
 from virtual_lab.records.session import Session, load_session, save_session
 from virtual_lab.uncertainty.estimate import Estimate
 
@@ -56,7 +56,7 @@ EXAMPLE = Session(
         sealing="sealed",
         seed_commitment="ab",
         unverified_numbers={"bats/r161": "1 of 2"},
-        rungs={"collision": RungTaken(rung="modal", reason="was asked for", error=1e-5)},
+        rungs={"collision": ModelUsed(rung="modal", reason="was asked for", error=1e-5)},
     ),
 )
 SUPPLIED = replace(EXAMPLE, origin=Supplied(laboratory="Übungslabor", customer="Ashwood & Sons"))

@@ -201,7 +201,7 @@ def test_a_lot_of_a_block_is_that_of_the_laboratory() -> None:
             assert np.array_equal(taken.of(at).restitution, lot.restitution)
 
 
-def test_a_scene_outside_the_surrogate_goes_to_the_modal_rung_alone() -> None:
+def test_a_scene_outside_the_surrogate_is_solved_by_the_modal_model_alone() -> None:
     """One laboratory fires at the tip: its e_A is that of the modal model, others do not change."""
     block = Laboratories.of("ball-cannon", NUMBERS[:20])
     far = block.plan.place.copy()

@@ -10,14 +10,14 @@ from tests.laboratories import certify
 from virtual_lab import api, lab
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.stations.rig import MotionRung, Reality
+from virtual_lab.simulation.stations.rig import MotionModel, Reality
 
 DONE = {"astm-pivot": "astm-f1881", "ball-cannon": "bbcor"}
 
 
 def certified(rig: str, motion: str, reality: Reality) -> lab.BatTest:
     return certify(
-        "r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=MotionRung(motion)
+        "r161", procedure=DONE[rig], rig=rig, seed=1, reality=reality, motion=MotionModel(motion)
     )
 
 
@@ -32,7 +32,7 @@ def test_an_ideal_laboratory_by_pymunk_recovers_the_truth(rig: str) -> None:
 
 
 @pytest.mark.parametrize("rig", DONE)
-def test_both_rungs_give_one_certificate(rig: str) -> None:
+def test_both_models_of_the_motion_give_one_certificate(rig: str) -> None:
     """A real day with drag, gravity and an aim off the bat's axis; scenes use no closed form."""
     closed, carried = (certified(rig, motion, Reality.REAL) for motion in ("closed-form", "pymunk"))
     for name, budget in closed.certification.quantities.items():
@@ -46,7 +46,7 @@ def test_both_rungs_give_one_certificate(rig: str) -> None:
     assert next(back).tobytes() != next(back).tobytes()
 
 
-def test_a_rig_without_the_rung_refuses_it(tmp_path: Path) -> None:
+def test_a_rig_without_a_motion_model_refuses_it(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="motion = 'pymunk'; allowed at ncaa-swing: closed-form"):
         api.certify("r161", procedure="ncaa-besr", motion="pymunk")
     words = ["certify", "r161", "--procedure", "ncaa-besr", "--motion", "pymunk"]

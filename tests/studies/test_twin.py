@@ -19,7 +19,7 @@ from virtual_lab.output.progress import quiet
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
-from virtual_lab.simulation.faults.size import blend, sized
+from virtual_lab.simulation.faults.size import blend, resize
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, Stage
 from virtual_lab.studies.twin import noticing, readings
@@ -293,7 +293,7 @@ def test_all_stages_of_a_day_have_one_air_and_one_gravity(days) -> None:
 
 
 def sized_set(name: str, size: float) -> FaultSet:
-    return FaultSet(faults=(sized(CATALOGUE[name], size),))
+    return FaultSet(faults=(resize(CATALOGUE[name], size),))
 
 
 def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monkeypatch) -> None:
@@ -309,7 +309,7 @@ def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monk
     del kept["rows"]["sabot-trip"]
     file.write_text(json.dumps(kept))
     played = []
-    monkeypatch.setattr(noticing, "_played", lambda *each: played.append(each) or rows[-1])
+    monkeypatch.setattr(noticing, "_fault_row", lambda *each: played.append(each) or rows[-1])
     assert noticing.noticed_faults(days, 0.006, tmp_path, days=1) == rows
     assert [fault.name for fault, *_ in played] == ["sabot-trip"]
     with pytest.raises(InputError, match="has days of other records, another seed"):

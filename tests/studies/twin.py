@@ -30,7 +30,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab import certify_bat
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.simulation.faults import CATALOGUE, FaultSet, faults_at
-from virtual_lab.simulation.faults.size import sized
+from virtual_lab.simulation.faults.size import resize
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.quantities import compare_quantities
 from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
@@ -134,7 +134,7 @@ def faulty(
         about = {"procedure": procedure, "seed": SEED, "number": number}
         plain = certify(bat, **about).certification.metric
         for size in SIZES:
-            faults = FaultSet(faults=(sized(CATALOGUE[name], size),))
+            faults = FaultSet(faults=(resize(CATALOGUE[name], size),))
             try:
                 tested = certify_bat(replace(setup_of(bat, **about), faults=faults)).certification
             except InputError:  # records that the reduction refuses

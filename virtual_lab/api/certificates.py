@@ -473,7 +473,7 @@ def certify(
     from virtual_lab.lab import TestSetup, certify_bat
     from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
-    from virtual_lab.simulation.stations.rig import MotionRung, Reality, member_of
+    from virtual_lab.simulation.stations.rig import MotionModel, Reality, member_of
     from virtual_lab.uncertainty.estimate import Estimates
 
     rules: str | Entry[Procedure] = entry_name(procedure)
@@ -494,7 +494,7 @@ def certify(
         seed=seed if kind is Reality.REAL else 0,
         number=number,
         reality=kind,
-        rung=collision,
+        collision_model=collision,
         faults=words_of(faults),
         control_bat=None if control_bat is None else entry_name(control_bat),
         correction=correction,
@@ -520,7 +520,7 @@ def certify(
     scatter = earlier_scatter(paths_of(history), session)
     setup = replace(
         setup,
-        motion=member_of(MotionRung, "motion", motion),
+        motion=member_of(MotionModel, "motion", motion),
         film=film,
         test=test,
         lot=lot,

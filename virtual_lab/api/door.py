@@ -44,12 +44,12 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
                 request[key] = _read(name, description, key, value)
                 bound.arguments[key] = _store_sheets(request[key], store)
         function = getattr(import_module(place[0]), place[1])
-        shown = PROGRESS in description.parameters and PROGRESS not in bound.arguments
+        shows_progress = PROGRESS in description.parameters and PROGRESS not in bound.arguments
         with (
             catalog.sheets_in_place(store) as sheets_read,
-            show_progress() if shown else nullcontext() as bar,
+            show_progress() if shows_progress else nullcontext() as bar,
         ):
-            more = {PROGRESS: bar} if shown else {}
+            more = {PROGRESS: bar} if shows_progress else {}
             result = function(*bound.args, **bound.kwargs, **more)
         for sheet in request.get(LABORATORY, ()):
             if (sheet.kind, sheet.name) not in sheets_read:

@@ -239,7 +239,7 @@ class Campaign:
         cases = groupby(self.states(numbers, whole=True), key=lambda part: part.block.case)
         rows, changed = [], dict[str, Any]()
         for case, parts in cases:
-            changed = self._changed(case)
+            changed = self._changed_values(case)
             unit = self.layouts[case.procedure]["value"][1].removeprefix("1")
             rows.append(summary_of(case, changed, unit, parts))
         title = "{laboratories} laboratories of seed {seed}, tests in each: {repeats}"
@@ -247,7 +247,7 @@ class Campaign:
         columns = summary_columns(changed)
         return Rows(name="campaign", rows=with_all_flags(rows), columns=columns, **about)
 
-    def _changed(self, case: StudyCase) -> dict[str, Any]:
+    def _changed_values(self, case: StudyCase) -> dict[str, Any]:
         """Return the values of the changed keys of a case keyed by column name."""
         texts = {cast("Key", tuple(key.split("/", 1))): text for key, text in self.sheets.items()}
         with catalog.sheets_in_place(texts):

@@ -112,8 +112,8 @@ def meaning_of(column: str) -> str:
     values of a key that the study changes, and has the name of this key; the result is then "value
     of" and the name.
     """
-    known = column_meaning(column)
-    return known.meaning if known else f"value of {column}"
+    entry = column_meaning(column)
+    return entry.meaning if entry else f"value of {column}"
 
 
 def layouts_of(study: Study, progress: Progress) -> dict[str, PartColumns]:

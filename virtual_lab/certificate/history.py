@@ -83,10 +83,12 @@ def earlier_tests(
     digests = {_digest(today): "these records"} if today else {}
     for folder in every:
         _, certification = stated_and_reduced(folder)
-        found = kind_of(certification.session)
+        earlier = kind_of(certification.session)
         for key, wanted in kind.items():
-            if found[key] != wanted:
-                which = "is another" if key == "procedure" else f"is {found[key]!r}, not {wanted!r}"
+            if earlier[key] != wanted:
+                which = (
+                    "is another" if key == "procedure" else f"is {earlier[key]!r}, not {wanted!r}"
+                )
                 allowed = f"{which}; allowed: tests of this bat, procedure, rig and laboratory"
                 raise InputError(str(folder), key, None, allowed)
         if not certification.variances:

@@ -152,7 +152,7 @@ def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
     default = ModalModel.of(body, Free())
     many = replace(ModalModel.of(body, Free(), 120), stepper=OneByOne())
     exact = _cache_exact(_of(many))
-    for series, setting, efficiency in _rungs(body, default, extent.mode_counts):
+    for series, setting, efficiency in _models(body, default, extent.mode_counts):
         dear = series is Series.REFERENCE
         yield Point(
             panel=Question.IN_ALL,
@@ -179,7 +179,7 @@ def _points(body: BatBody, extent: Extent) -> Iterator[Point]:
         )
 
 
-def _rungs(
+def _models(
     body: BatBody, default: ModalModel, counts: Sequence[int]
 ) -> Iterator[tuple[Series, str, Efficiency]]:
     yield Series.RIGID, "closed form", _of(RigidModel.of(body, Free()))

@@ -43,7 +43,7 @@ class Carrier(StrEnum):
     """Model of the motion."""
 
     ALONE = "plain pymunk"
-    RUNG = "our pymunk model"
+    OURS = "our pymunk model"
     CLOSED = "closed form"
 
 
@@ -56,7 +56,7 @@ class Start(StrEnum):
     TIP = "tip"
 
 
-COLOURS = {Carrier.ALONE: "#d55e00", Carrier.RUNG: "#0072b2", Carrier.CLOSED: "#009e73"}
+COLOURS = {Carrier.ALONE: "#d55e00", Carrier.OURS: "#0072b2", Carrier.CLOSED: "#009e73"}
 STARTS: dict[Start, dict[str, float]] = {
     Start.SQUARE: {"z": 6 * INCH},
     Start.SWUNG: {"z": 6 * INCH, "vz": 1.0, "rate": -30.0, "angle": 0.12},
@@ -153,9 +153,9 @@ def _of_rung(scene: str, step: float, work: Callable[[], Mapping[str, float]]) -
     """Return the row of the pymunk model with a step: the results of `work`, or a rejection."""
     setting = f"{step:.0e} s"
     try:
-        return _row(Carrier.RUNG, scene, setting, **work())
+        return _row(Carrier.OURS, scene, setting, **work())
     except InputError:
-        return _row(Carrier.RUNG, scene, f"{setting}: refused")
+        return _row(Carrier.OURS, scene, f"{setting}: refused")
 
 
 def _time_model(scene: ShotScene, step: float) -> dict[str, float]:
@@ -294,7 +294,7 @@ def _draw_misses(axes: Any, rows: list[Row]) -> None:
             marker = "o" if row["series"] == Carrier.ALONE else "x"
             axes.plot(speed * step, row["share"], marker, color=COLOURS[row["series"]])
     axes.axvspan(
-        contact_distance, steps_m[-1], color=COLOURS[Carrier.RUNG], alpha=0.12, linewidth=0
+        contact_distance, steps_m[-1], color=COLOURS[Carrier.OURS], alpha=0.12, linewidth=0
     )
     axes.annotate("refused by the model", (0.185, 0.04), ha="center", fontsize=7.5, color="#0072b2")
     axes.set_xlabel("v dt [m]")
@@ -303,7 +303,7 @@ def _draw_misses(axes: Any, rows: list[Row]) -> None:
 
 
 def _draw_losses(axes: Any, rows: list[Row]) -> None:
-    for series in (Carrier.ALONE, Carrier.RUNG):
+    for series in (Carrier.ALONE, Carrier.OURS):
         series_rows = [row for row in rows if row["series"] == series and row["share"] is not None]
         steps = [float(row["setting"].split()[0]) for row in series_rows]
         shares = [max(row["share"], 1e-16) for row in series_rows]

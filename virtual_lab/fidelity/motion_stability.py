@@ -72,7 +72,7 @@ def motion_stability(progress: Progress = quiet) -> StabilityMap:
       too. For plain pymunk the value is always False.
     """
     rows = []
-    for method in (Carrier.ALONE, Carrier.RUNG):
+    for method in (Carrier.ALONE, Carrier.OURS):
         for axis, values in AXES.items():
             progress(f"{method}: {axis}")
             rows += [_cell(axis, method, step, value) for step in STEPS for value in values]
@@ -108,7 +108,7 @@ def _cell(axis: MotionAxis, method: Carrier, step: float, value: float) -> Row:
     scene = rod_scene(start | starts.get(axis, {}), speed, step, shots)
     true = play_closed_form(scene).first(Target.BAT)
     refused = False
-    if method == Carrier.RUNG:
+    if method == Carrier.OURS:
         refused = _is_refused(scene, settings)
         played = carry(scene, settings).first(Target.BAT)
         gap = np.linalg.norm(np.array(played.state[3:6]) - np.array(true.state[3:6]), axis=0)

@@ -342,11 +342,11 @@ def column_meaning(name: str) -> ColumnMeaning | None:
     """
     unit = unit_of(name)
     if name in COLUMNS:
-        known = COLUMNS[name]
-        return known if unit == PURE else known._replace(unit=unit.text)
-    for pattern, known in PATTERNS.items():
+        entry = COLUMNS[name]
+        return entry if unit == PURE else entry._replace(unit=unit.text)
+    for pattern, entry in PATTERNS.items():
         if match := re.fullmatch(re.escape(pattern).replace(r"\*", "(.+)"), name):
-            return known._replace(meaning=known.meaning.replace("*", match[1]))
+            return entry._replace(meaning=entry.meaning.replace("*", match[1]))
     parts = name.split("_")
     for at, ending in enumerate(parts):
         if at and ending in ENDINGS:
@@ -361,8 +361,8 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 
     A column for which `column_meaning` has no entry is left out.
     """
-    known = {name: column_meaning(name) for name in columns}
-    return {name: each.unit for name, each in known.items() if each}
+    entries = {name: column_meaning(name) for name in columns}
+    return {name: each.unit for name, each in entries.items() if each}
 
 
 def with_units(table: pd.DataFrame) -> pd.DataFrame:

@@ -13,10 +13,10 @@ from virtual_lab.lab.laboratory import Laboratory, constant_name
 from virtual_lab.measurement.certification import Certification, Certifications
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.records.origin import RungTaken
+from virtual_lab.records.origin import ModelUsed
 from virtual_lab.records.session import Session, pack
 from virtual_lab.simulation.physics.truth import SealedTruth
-from virtual_lab.simulation.stations.rig import MotionRung
+from virtual_lab.simulation.stations.rig import MotionModel
 from virtual_lab.units import Array
 
 
@@ -100,6 +100,6 @@ class BlockTest:
         )
 
 
-def _motion_report(motion: MotionRung) -> RungTaken:
-    pinned = "" if motion is MotionRung.CLOSED_FORM else ", as requested"
-    return RungTaken(rung=motion.value, reason=f"{motion.value}{pinned}")
+def _motion_report(motion: MotionModel) -> ModelUsed:
+    pinned = "" if motion is MotionModel.CLOSED_FORM else ", as requested"
+    return ModelUsed(rung=motion.value, reason=f"{motion.value}{pinned}")

@@ -61,7 +61,7 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     tests = () if setup.test is None else (setup.test,)
     draws = setup.draws(laboratory.seed, *tests, CONTROL_TEST)
     progress(f"control bat {bat.name}, with the same balls")
-    collision = collision_of(bat, setup.ball.spec, rules, setup.rung)
+    collision = collision_of(bat, setup.ball.spec, rules, setup.collision_model)
     control = by_the_book(
         replace(
             laboratory,

@@ -12,7 +12,7 @@ from virtual_lab.measurement.procedure import Procedure, aimed_place
 from virtual_lab.records import BallRecord
 from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.simulation.stations.rig import MotionRig, MotionRung, Rig, Stage, installed_rigs
+from virtual_lab.simulation.stations.rig import MotionModel, MotionRig, Rig, Stage, installed_rigs
 from virtual_lab.units import INCH, OUNCE
 
 
@@ -57,14 +57,14 @@ def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
     return sorted(procedure.needs - rig.channels.keys() | (set() if timed else {"gates"}))
 
 
-def require_motion(rig: Rig, motion: MotionRung) -> None:
+def require_motion(rig: Rig, motion: MotionModel) -> None:
     """Raise `InputError` if a rig does not have a motion model.
 
     Every rig has the closed form.
     """
-    if motion is MotionRung.CLOSED_FORM:  # every rig has it
+    if motion is MotionModel.CLOSED_FORM:  # every rig has it
         return
-    able = rig.motions if isinstance(rig, MotionRig) else {MotionRung.CLOSED_FORM}
+    able = rig.motions if isinstance(rig, MotionRig) else {MotionModel.CLOSED_FORM}
     if motion not in able:
         names = ", ".join(sorted(each.value for each in able))
         raise InputError("", "motion", motion.value, f"allowed at {rig.name}: {names}")

@@ -24,7 +24,7 @@ from virtual_lab.lab.fitting import (
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.records.origin import RungTaken, Simulated
+from virtual_lab.records.origin import ModelUsed, Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import CollisionLaw, Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
@@ -104,7 +104,7 @@ class Laboratory:
         entered = setup.faults.calibration(constants | lot_constants(ball))
         lot_draws, bench = setup.lot_draws(seed), stations[Stage.BENCH]
         store = bench.store_humidity(lot_draws) if isinstance(bench, StoringStation) else None
-        collision = setup.collision or collision_of(bat, ball, rules, setup.rung)
+        collision = setup.collision or collision_of(bat, ball, rules, setup.collision_model)
         count = setup.count
         return cls(
             setup=setup,
@@ -157,7 +157,7 @@ class Laboratory:
         """Session of a single laboratory before the first measurement."""
         return self.session_of(self.sessions, {})
 
-    def session_of(self, one: SessionBlock, rungs: Mapping[str, RungTaken]) -> Session:
+    def session_of(self, one: SessionBlock, models: Mapping[str, ModelUsed]) -> Session:
         """Return the session of one laboratory, with the models that were used."""
         setup = self.setup
         return Session(
@@ -178,7 +178,7 @@ class Laboratory:
                 sealing=self.sealing,
                 seed_commitment=commitment(self.salt, self.seed),
                 unverified_numbers=setup.unverified,
-                rungs=rungs,
+                rungs=models,
             ),
         )
 
@@ -189,14 +189,15 @@ class Laboratory:
 
 
 @lru_cache(maxsize=32)
-def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | None = None) -> Ladder:
+def collision_of(
+    bat: BatSpec, ball: BallSpec, rules: Procedure, model_name: str | None = None
+) -> Ladder:
     """Return the object that selects and holds the collision model for tests of one bat design.
 
-    The model is used for all individual bats of this design in tests by the procedure `rules`.
-    `rung` is the name of the model. If it is None, the fastest model that is accurate enough is
-    selected. The selection is made when the result is first used, and an unknown name raises
-    `InputError` only then. The same arguments return the same object, so the selection is made
-    once.
+    The model is used for all individual bats of this design in tests by the procedure `rules`. If
+    `model_name` is None, the fastest model that is accurate enough is selected. The selection is
+    made when the result is first used, and an unknown name raises `InputError` only then. The same
+    arguments return the same object, so the selection is made once.
     """
     speed = rules.ball_speed + (rules.bat_speed or 0.0)
     return Ladder(
@@ -204,7 +205,7 @@ def collision_of(bat: BatSpec, ball: BallSpec, rules: Procedure, rung: str | Non
         support=Pinned(bat.body.length - rules.pivot_from_knob),
         probe=probing_scenes(ball, speed, nominal_places(rules, bat)),
         standard_uncertainty=EFFICIENCY_U,
-        rung=rung,
+        model_name=model_name,
     )
 
 

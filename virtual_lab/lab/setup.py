@@ -20,7 +20,7 @@ from virtual_lab.records.session import UncertaintyMethod
 from virtual_lab.simulation.collision.ladder import CollisionLaw
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
-from virtual_lab.simulation.stations.rig import MotionRung, Reality, Stage
+from virtual_lab.simulation.stations.rig import MotionModel, Reality, Stage
 from virtual_lab.streams import LABORATORIES, Draws, Quiet, Selected, Slots, require_seed
 from virtual_lab.uncertainty.estimate import Estimates
 
@@ -42,9 +42,9 @@ class TestSetup:
     # number of the laboratory in the study of this seed; shape (n,) for a block
     number: int | Slots = 0
     reality: Reality = Reality.REAL
-    # collision model; None selects the cheapest one that is accurate enough
-    rung: str | None = None
-    motion: MotionRung = MotionRung.CLOSED_FORM
+    # name of the collision model; None selects the fastest one that is accurate enough
+    collision_model: str | None = None
+    motion: MotionModel = MotionModel.CLOSED_FORM
     faults: FaultSet = NO_FAULTS
     test: int | None = None
     # number of the lot in its laboratory; None: lot 0, or for a numbered test a lot of its own
@@ -83,7 +83,7 @@ class TestSetup:
         seed: int | None = None,
         number: int = 0,
         reality: Reality = Reality.REAL,
-        rung: str | None = None,
+        collision_model: str | None = None,
         faults: Sequence[str] = (),
         control_bat: str | Entry[BatSpec] | None = None,
         correction: str | None = None,
@@ -93,10 +93,10 @@ class TestSetup:
         """Return the setup of a bat's test by a procedure.
 
         The parameters are the same as for `virtual_lab.certify`, except that `collision` is called
-        `rung` here. Bat or procedure may also be an entry that was already read. `detail` states
-        whether instruments record every reading or only summary values. Instruments of the
-        `particulars` are added to those of the rigs' data sheets, and replace instruments with the
-        same name. Other fields of the setup are set by `dataclasses.replace`.
+        `collision_model` here. Bat or procedure may also be an entry that was already read.
+        `detail` states whether instruments record every reading or only summary values. Instruments
+        of the `particulars` are added to those of the rigs' data sheets, and replace instruments
+        with the same name. Other fields of the setup are set by `dataclasses.replace`.
 
         Raises
         ------
@@ -134,7 +134,7 @@ class TestSetup:
             seed=seed,
             number=number,
             reality=reality,
-            rung=rung,
+            collision_model=collision_model,
             faults=FaultSet.of(faults, rig=rig),
             control_bat=control,
             detail=detail,

@@ -180,7 +180,7 @@ class TestDay:
 
     def _film(self, sessions: SessionBlock, readings: ImpactReadings) -> Callable[[Path], None]:
         laboratory = self.laboratory
-        done = laboratory.setup.faults.done(Stage.IMPACT, self.plans[0], laboratory.specimen)
+        done = laboratory.setup.faults.apply(Stage.IMPACT, self.plans[0], laboratory.specimen)
         station = laboratory.impact
         assert isinstance(station, FilmingStation), "require_camera() has seen to it"
         session = laboratory.session_of(sessions, {})

@@ -10,7 +10,7 @@ from virtual_lab.catalog.specs import Real, Spec, Title
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RungTaken(Spec):
+class ModelUsed(Spec):
     """The model that a simulation used, with the reason."""
 
     rung: str
@@ -36,7 +36,7 @@ class Simulated(Spec):
     """SHA-256 of salt and seed."""
     unverified_numbers: Mapping[str, str]
     """Number of unverified values of each data sheet, as a string."""
-    rungs: Mapping[str, RungTaken]
+    rungs: Mapping[str, ModelUsed]
     """Models of the simulation, by its part; empty: the test is not finished."""
 
     def as_json(self) -> dict[str, Any]:

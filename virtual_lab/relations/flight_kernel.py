@@ -19,7 +19,7 @@ FAST = {"nsz"}
 
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
-def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
+def time_over(distance: Array, pace: Array, drag: Array, out: Array) -> None:
     """Fill `out` with the times of flight [s] over the distances `way`, one per shot.
 
     All arrays have the shape (shot,).
@@ -37,14 +37,14 @@ def time_over(way: Array, pace: Array, drag: Array, out: Array) -> None:
     """
     long = 0
     for i in range(out.size):
-        x = drag[i] * way[i]
+        x = drag[i] * distance[i]
         total = SERIES[0]
         for k in range(1, len(SERIES)):
             total = total * x + SERIES[k]
-        out[i] = way[i] * pace[i] * total
+        out[i] = distance[i] * pace[i] * total
         long += abs(x) > SERIES_BELOW
     if long:
         for i in range(out.size):
-            x = drag[i] * way[i]
+            x = drag[i] * distance[i]
             if abs(x) > SERIES_BELOW:
                 out[i] = pace[i] * expm1(x) / drag[i]

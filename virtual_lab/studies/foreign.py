@@ -32,7 +32,7 @@ def our_session(procedure: str) -> Session:
         bat,
         procedure=procedure,
         reality=Reality.NOISE_FREE,
-        rung="rigid",
+        collision_model="rigid",
         control_bat=bat if rules.controlled else None,
     )
     return certify_bat(setup).certification.session

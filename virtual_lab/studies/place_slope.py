@@ -106,7 +106,9 @@ def slope(
 
 
 def _slope(bat: str, procedure: str) -> Slope:
-    setup = TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.IDEAL, rung="modal")
+    setup = TestSetup.of(
+        bat, procedure=procedure, seed=0, reality=Reality.IDEAL, collision_model="modal"
+    )
     laboratory = Laboratory.open(setup)
     rules, specimen = laboratory.rules.spec, laboratory.specimen
     if rules.scan is not None:

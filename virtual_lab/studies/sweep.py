@@ -130,20 +130,20 @@ def changed_numbers(
     InputError
         A sheet is unknown or cannot be read.
     """
-    found = {name: {each.key: each for each in Sheet.of(kind, name).datums} for name in names}
+    sheets = {name: {each.key: each for each in Sheet.of(kind, name).datums} for name in names}
     changed = dict.fromkeys(
         key
-        for datums in found.values()
+        for datums in sheets.values()
         for key, each in datums.items()
         if each.source == CHANGED and isinstance(each.value, int | float)
     )
     columns: dict[str, dict[str, float]] = {name: {} for name in names}
     units = {}
     for key in changed:
-        unit = next(datums[key].unit for datums in found.values() if key in datums)
+        unit = next(datums[key].unit for datums in sheets.values() if key in datums)
         column = name_with_unit(key, unit)
         units[column] = unit
-        for name, datums in found.items():
+        for name, datums in sheets.items():
             columns[name][column] = float(datums[key].in_unit(unit)) if key in datums else nan
     return columns, units
 

@@ -10,12 +10,12 @@ from tests.simulation.collision.scenes import usual
 from virtual_lab.catalog import load, load_bat
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.collision import ladder as rungs
 from virtual_lab.simulation.collision.ladder import (
-    COLLISION_RUNGS,
+    COLLISION_MODELS,
     MODE_COUNTS,
     PROBING,
     Ladder,
+    _candidates,
     choose,
     probing_scenes,
 )
@@ -40,10 +40,10 @@ def ladder(**other: Any) -> Ladder:
     return Ladder(**{**values, **other})
 
 
-@pytest.mark.parametrize("rung", COLLISION_RUNGS)
-def test_a_requested_model_is_chosen(rung: str) -> None:
-    choice = choose(WOOD, Free(), PROBE, rung=rung)
-    assert choice.model.rung == rung
+@pytest.mark.parametrize("name", COLLISION_MODELS)
+def test_a_requested_model_is_chosen(name: str) -> None:
+    choice = choose(WOOD, Free(), PROBE, model_name=name)
+    assert choice.model.name == name
     assert ", as requested: error of e_A up to " in choice.reason
 
 
@@ -67,7 +67,7 @@ def test_the_modal_model_is_the_default() -> None:
 )
 def test_the_cheapest_sufficient_model_is_chosen(bat: str, u: float, name: str) -> None:
     choice = choose(load_bat(bat).spec.body, PIVOT, PROBE, standard_uncertainty=u)
-    assert choice.name == name
+    assert choice.label == name
     assert choice.error <= 0.1 * u
     assert choice.reason.startswith(f"{name.removesuffix(',')}, ")
 
@@ -84,7 +84,7 @@ def stated_and_found(
     name = "softball-slowpitch" if "softball" in bat else "baseball-2003"
     ball = load("balls", name, BallSpec).spec
     ends = (ends_in[0] * INCH, ends_in[1] * INCH)
-    choices = rungs._rungs(body, support, probing_scenes(ball, speed * MPH, ends))
+    choices = _candidates(body, support, probing_scenes(ball, speed * MPH, ends))
     places = np.random.default_rng(3).uniform(*ends, count)
     fresh = Scenes.with_ball(ball, impact_position=places, relative_speed=speed * MPH)
     exact = ModalModel.within(modes_of(body, support, 160), 100)
@@ -100,7 +100,7 @@ def stated_and_found(
     for choice in choices:
         collisions = choice.model.collide(fresh)
         gap = np.abs(collisions.collision_efficiency - true.collision_efficiency)
-        result[choice.name] = (choice.error, gap, collisions.contacts == true.contacts)
+        result[choice.label] = (choice.error, gap, collisions.contacts == true.contacts)
     return result
 
 
@@ -165,7 +165,7 @@ def test_the_reason_names_the_positions_and_a_second_contact() -> None:
 
 def test_the_reference_has_an_error_too() -> None:
     """The hundred modes of the reference have no residual flexibility."""
-    choice = choose(WOOD, Free(), PROBE, rung="reference")
+    choice = choose(WOOD, Free(), PROBE, model_name="reference")
     many = ModalModel.of(WOOD, Free(), 150).collide(PROBE).collision_efficiency
     gap = np.abs(choice.model.collide(PROBE.part(slice(2))).collision_efficiency - many[:2])
     assert gap.max() < choice.error < 1e-5
@@ -173,8 +173,8 @@ def test_the_reference_has_an_error_too() -> None:
 
 def test_the_error_of_the_rigid_model_is_measured() -> None:
     default = choose(WOOD, Free(), PROBE).error
-    sweet = choose(WOOD, Free(), usual([5.5]), rung="rigid").error
-    tip = choose(WOOD, Free(), usual([2.0]), rung="rigid").error
+    sweet = choose(WOOD, Free(), usual([5.5]), model_name="rigid").error
+    tip = choose(WOOD, Free(), usual([2.0]), model_name="rigid").error
     assert default < sweet < 0.03 < tip
 
 
@@ -187,13 +187,13 @@ def test_a_probe_that_no_model_can_follow_is_refused() -> None:
 
 def test_unknown_models_and_invalid_uncertainties_are_refused() -> None:
     with pytest.raises(InputError, match="rigid, modal, reference"):
-        choose(WOOD, Free(), PROBE, rung="best")
+        choose(WOOD, Free(), PROBE, model_name="best")
     with pytest.raises(InputError, match="standard_uncertainty"):
         choose(WOOD, Free(), PROBE, standard_uncertainty=float("nan"))
 
 
 @pytest.mark.parametrize(
-    ("farthest", "u", "rung"),
+    ("farthest", "u", "name"),
     [
         (9, 0.005, "surrogate"),
         (24, 0.005, "modal"),  # scenes with reloading
@@ -201,17 +201,17 @@ def test_unknown_models_and_invalid_uncertainties_are_refused() -> None:
         (9, 1e-4, "reference"),
     ],
 )
-def test_efficiency_alone_may_come_from_a_surrogate(farthest: float, u: float, rung: str) -> None:
+def test_efficiency_alone_may_come_from_a_surrogate(farthest: float, u: float, name: str) -> None:
     scenes = usual(np.linspace(3, farthest, 500))
     models = ladder(standard_uncertainty=u, box=Box.about(scenes))
     models.efficiencies(EVERY, Free(), scenes.part(np.arange(1)))
     choice = models.fitted[WOOD, Free()]
-    assert choice.rung == rung
+    assert choice.model_name == name
     assert choice.error <= 0.1 * u
-    if rung in ("surrogate", "modal"):
+    if name in ("surrogate", "modal"):
         modal = ModalModel.of(WOOD, Free(), 14).collide(scenes).collision_efficiency
         assert np.abs(choice.efficiency(scenes) - modal).max() < PROBING.surrogate_tolerance
-    assert ("no surrogate" in choice.reason) == (rung == "modal")
+    assert ("no surrogate" in choice.reason) == (name == "modal")
 
 
 def test_only_scenes_outside_the_box_use_the_modal_model() -> None:
@@ -241,7 +241,7 @@ def test_without_a_box_there_is_no_surrogate() -> None:
 
 
 def test_a_requested_model_is_not_replaced_by_a_surrogate() -> None:
-    rigid_ladder = ladder(rung="rigid", box=BOX)
+    rigid_ladder = ladder(model_name="rigid", box=BOX)
     rigid_ladder.efficiencies(EVERY, Free(), usual(np.linspace(4, 8, 60)))
     assert rigid_ladder.report().rung == "rigid"
 
@@ -257,18 +257,18 @@ def test_an_individual_uses_the_model_of_the_nominal_bat_with_its_own_modes() ->
     efficiency = tests(stiff, axis).collide(PROBE).collision_efficiency
     expected = ModalModel.of(stiff, axis, 20).collide(PROBE).collision_efficiency
     assert efficiency == pytest.approx(expected, abs=1e-6)
-    assert choose(stiff, axis, PROBE, standard_uncertainty=0.002).name == "modal, 14 modes,"
+    assert choose(stiff, axis, PROBE, standard_uncertainty=0.002).label == "modal, 14 modes,"
     assert tests.report().reason.startswith(
         "modal, 20 modes, the fastest model that is accurate enough"
     )
     assert tests.report() == ladder(support=PIVOT).report()
 
 
-@pytest.mark.parametrize("rung", COLLISION_RUNGS)
-def test_a_requested_model_is_used_for_every_individual(rung: str) -> None:
-    model = ladder(rung=rung)(ALUMINIUM, PIVOT)
-    expected = choose(ALUMINIUM, PIVOT, PROBE, rung=rung).model
-    assert model.rung == rung
+@pytest.mark.parametrize("name", COLLISION_MODELS)
+def test_a_requested_model_is_used_for_every_individual(name: str) -> None:
+    model = ladder(model_name=name)(ALUMINIUM, PIVOT)
+    expected = choose(ALUMINIUM, PIVOT, PROBE, model_name=name).model
+    assert model.name == name
     assert np.array_equal(model.modes.angular_frequencies, expected.modes.angular_frequencies)
 
 
@@ -287,20 +287,20 @@ def test_the_error_of_the_nominal_bat_holds_for_its_individuals(bat: str, lot: s
     )
     lighter = replace(material, density=light * material.density)
     probe = probing_scenes(ball, 60 * MPH)
-    stated = [each.error for each in rungs._rungs(spec.body, PIVOT, probe)]
+    stated = [each.error for each in _candidates(spec.body, PIVOT, probe)]
     for other in (softer, lighter):
-        choices = rungs._rungs(replace(spec.body, material=other), PIVOT, probe)
+        choices = _candidates(replace(spec.body, material=other), PIVOT, probe)
         assert all(
             1.5 * each.error / PROBING.margin < most
             for each, most in zip(choices, stated, strict=True)
         )
 
 
-@pytest.mark.parametrize(("rung", "modes"), [(None, 14), ("modal", 20), ("rigid", 20)])
+@pytest.mark.parametrize(("name", "modes"), [(None, 14), ("modal", 20), ("rigid", 20)])
 def test_the_truth_uses_the_model_of_the_shots_but_never_a_rigid_bat(
-    rung: str | None, modes: int
+    name: str | None, modes: int
 ) -> None:
     struck = [(ALUMINIUM, slice(None))]
-    efficiency = ladder(rung=rung, nominal=ALUMINIUM).true_efficiencies(struck, Free(), PROBE)
+    efficiency = ladder(model_name=name, nominal=ALUMINIUM).true_efficiencies(struck, Free(), PROBE)
     modal = ModalModel.of(ALUMINIUM, Free(), modes).collide(PROBE).collision_efficiency
     assert efficiency == pytest.approx(modal, abs=1e-7)

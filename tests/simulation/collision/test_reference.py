@@ -12,7 +12,7 @@ from tests.simulation.physics.bodies import rigid_rod
 from virtual_lab.catalog import load_bat
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.measurement.reduction.kinematics import efficiency_from_restitution
-from virtual_lab.simulation.collision import reference as rung
+from virtual_lab.simulation.collision import reference
 from virtual_lab.simulation.collision.ladder import choose
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.reference import ReferenceModel
@@ -183,16 +183,16 @@ def test_a_dashpot_at_the_pivot_has_no_effect(
     """A weak or strong dashpot changes e_A less than the omitted modes do, so no model has one."""
     model = ReferenceModel.of(WOOD, Pinned(28 * INCH, 1e6), 20)
     model = replace(model, **QUICK, leak=np.inf)  # energy in no share: that of the dashpot
-    at_pivot, undamped = model.modes.shape(28 * INCH), rung._Scene.derivative
+    at_pivot, undamped = model.modes.shape(28 * INCH), reference._Scene.derivative
     scenes = usual([5.0, 8.0, 12.0])
     free = model.collide(scenes).collision_efficiency
 
-    def damped(self: rung._Scene, y: np.ndarray, branch: Branch) -> np.ndarray:
+    def damped(self: reference._Scene, y: np.ndarray, branch: Branch) -> np.ndarray:
         rates, count = undamped(self, y, branch), len(self.shape)
         rates[count + 1 : -2] -= at_pivot * damping * (at_pivot @ y[count + 1 : -2])
         return rates
 
-    monkeypatch.setattr(rung._Scene, "derivative", damped)
+    monkeypatch.setattr(reference._Scene, "derivative", damped)
     change = np.abs(model.collide(scenes).collision_efficiency - free)
     assert 0 < change[:2].max() < 1.2e-5
     assert change[2] < 8e-5

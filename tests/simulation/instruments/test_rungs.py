@@ -17,7 +17,7 @@ from virtual_lab.measurement.reduction.recoil import fit_recoil
 from virtual_lab.measurement.reduction.swing import fit_swing
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.faults.fault import other_sheet
+from virtual_lab.simulation.faults.fault import with_sheet
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.instruments.board_kernel import fill_gains, gain_memory
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
@@ -222,7 +222,7 @@ def test_a_summed_recoil_scatters_as_its_counts_do(bat: str, place: float) -> No
         draws = Streams(seed)
         struck = specimen(bat, draws)
         station = find_rig("astm-pivot", Stage.IMPACT).commission(draws)
-        station = other_sheet(station, "pivot", friction=0.0)
+        station = with_sheet(station, "pivot", friction=0.0)
         beam = beam_of(struck.bat.body)
         axis = beam.length - station.holder.from_knob
         for detail in RecordDetail:

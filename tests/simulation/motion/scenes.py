@@ -37,9 +37,9 @@ def rigid(place: Array, *_: Any) -> Array:
     return (E0 - r) / (1 + r)
 
 
-def play(scene: ShotScene, rung: str) -> PlayedShots:
-    rungs = {"closed-form": play_closed_form, "events": play_events, "pymunk": play_pymunk}
-    return rungs[rung](scene)
+def play(scene: ShotScene, model: str) -> PlayedShots:
+    players = {"closed-form": play_closed_form, "events": play_events, "pymunk": play_pymunk}
+    return players[model](scene)
 
 
 def stop(angle: float, restitution: float = 0.5) -> StopSpec:

@@ -147,8 +147,8 @@ def test_no_shot_depends_on_its_neighbours() -> None:
         for size in (1, 7):
             parts = [shots.part(slice(at, at + size)).flown() for at in range(0, 21, size)]
             for out in (False, True):
-                ways = np.hstack([each.passage.way(out=out) for each in parts])
-                assert ways.tobytes() == whole.passage.way(out=out).tobytes()
+                ways = np.hstack([each.passage.trajectory_rows(out=out) for each in parts])
+                assert ways.tobytes() == whole.passage.trajectory_rows(out=out).tobytes()
             late = [np.broadcast_to(each.late, (size,)) for each in parts]
             assert np.hstack(late).tobytes() == np.broadcast_to(whole.late, (21,)).tobytes()
             kicks = [

@@ -18,7 +18,7 @@ from virtual_lab.simulation.motion.scene import FrameSpec, PivotedBat, ShotScene
 from virtual_lab.simulation.motion.touch import move, nearness
 from virtual_lab.units import INCH
 
-EVERY = pytest.mark.parametrize("rung", ["closed-form", "events", "pymunk"])
+EVERY = pytest.mark.parametrize("model", ["closed-form", "events", "pymunk"])
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_without_settings_the_step_is_short_enough() -> None:
     fast = scene(vx=190.0, duration=0.02)
     with pytest.raises(InputError, match="step"):
         PymunkSettings(step=1e-3).check(fast)
-    hits = [play(fast, rung).first(Target.BAT).time for rung in ("pymunk", "events", "closed-form")]
+    hits = [play(fast, name).first(Target.BAT).time for name in ("pymunk", "events", "closed-form")]
     assert hits[0] == pytest.approx(hits[2])
     assert hits[1] == pytest.approx(hits[2])
 
@@ -80,10 +80,10 @@ def test_a_frame_without_an_opening_is_refused() -> None:
 
 
 @EVERY
-def test_every_model_refuses_an_impossible_shot(rung: str) -> None:
+def test_every_model_refuses_an_impossible_shot(model: str) -> None:
     """A ball on the edge of the tip, and an e_A at which the bat would pass through the ball."""
     played = scene(z=[-0.02, 6 * INCH], efficiency=constant(-0.9))
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert outcome.refused.tolist() == [
         "the ball strikes the edge of the bat's end, where no collision model holds",
         "the bat follows faster than the ball leaves it: no such e_A can be",
@@ -93,10 +93,10 @@ def test_every_model_refuses_an_impossible_shot(rung: str) -> None:
 
 
 @EVERY
-def test_a_ball_past_the_tip_misses(rung: str) -> None:
+def test_a_ball_past_the_tip_misses(model: str) -> None:
     """A miss is an outcome, not a refusal: the ball passes beside or above the bat."""
     played = scene(z=[-0.0367, 0.1], y=[0.0, 0.15], gravity=0.0)
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert outcome.refused.tolist() == ["", ""]
     assert set(outcome.pieces.struck) == {""}
     last = outcome.at(played, played.duration)
@@ -105,11 +105,11 @@ def test_a_ball_past_the_tip_misses(rung: str) -> None:
 
 
 @EVERY
-def test_a_grazing_hit_does_not_fail(rung: str) -> None:
+def test_a_grazing_hit_does_not_fail(model: str) -> None:
     """Contacts deeper than the resolution are played; those about it may be refused or missed."""
     touching = 0.0366 + float(scene().bat.radius(np.array(6 * INCH)))
     depth = np.array([1e-5, 1e-6, 1e-8, 0.0, -1e-8, -1e-6])
-    outcome = play(scene(y=touching - depth, gravity=0.0, duration=0.05), rung)
+    outcome = play(scene(y=touching - depth, gravity=0.0, duration=0.05), model)
     assert outcome.refused[[0, 1, 5]].tolist() == ["", "", ""]
     hit = outcome.first(Target.BAT)
     assert {0, 1} <= set(hit.shot) <= {0, 1, 2, 3, 4}
@@ -136,9 +136,9 @@ def constant(value: float) -> Callable[..., Array]:
 
 @EVERY
 @pytest.mark.parametrize("z", [-0.5 * RADIUS, BODY.length + 0.5 * RADIUS])
-def test_a_ball_on_the_edge_of_either_end_is_refused(rung: str, z: float) -> None:
+def test_a_ball_on_the_edge_of_either_end_is_refused(model: str, z: float) -> None:
     """No collision model holds at the edge of the tip or of the knob."""
-    assert "edge of the bat's end" in str(play(scene(z=z), rung).refused[0])
+    assert "edge of the bat's end" in str(play(scene(z=z), model).refused[0])
 
 
 def test_a_frame_lets_a_ball_through_clear_of_its_bars() -> None:

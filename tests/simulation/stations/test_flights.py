@@ -14,7 +14,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.physics.truth import draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
-    MotionRung,
+    MotionModel,
     RigOutput,
     ShotPlan,
     Specimen,
@@ -100,7 +100,7 @@ def test_a_frame_struck_after_the_bat_hides_the_gates_beyond_it(rig: str) -> Non
     """A low rebound strikes the lower bars: edges, sums and pymunk miss the same gates."""
     changes: dict[str, Any] = {"frame": {"bottom": -0.06, "top": 0.2}}
     usual = play(rig, {})
-    orders: Any = ({}, {"motion": MotionRung.PYMUNK}, {"detail": RecordDetail.SUMMED})
+    orders: Any = ({}, {"motion": MotionModel.PYMUNK}, {"detail": RecordDetail.SUMMED})
     closed, carried, summed = (unseen(play(rig, changes, **order))[:, OUT] for order in orders)
     assert closed.any()
     assert not closed.all()

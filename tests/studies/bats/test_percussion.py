@@ -10,7 +10,7 @@ import pytest
 from tests.laboratories import opened
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.simulation.faults.fault import other_sheet
+from virtual_lab.simulation.faults.fault import with_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion import PercussionStudy, PlaceReadings, percussion
@@ -69,11 +69,11 @@ def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -
     one = np.zeros(1, dtype=int)
     speed = laboratory.rules.spec.ball_speed
     plan = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
-    fine = other_sheet(fixed, "pivot", friction=0.0, clearance=0.0)
+    fine = with_sheet(fixed, "pivot", friction=0.0, clearance=0.0)
     fine = replace(fine, encoder=replace(fine.encoder, spec=laboratory_spec(fine)))
     counts, truth = [], {}
     for clearance in (0.0, 0.2e-3):
-        play = other_sheet(fine, "pivot", clearance=clearance).play(
+        play = with_sheet(fine, "pivot", clearance=clearance).play(
             plan, laboratory.specimen, laboratory.draws
         )
         counts.append(play.records["encoder"].counts[0])

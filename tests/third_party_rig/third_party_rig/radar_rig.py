@@ -65,8 +65,8 @@ class RadarPivot:
         factory = InstrumentFactory(draws=draws, ideal=ideal)
         fit = factory.commission
         return RadarStation(
-            gun=RadarGun.commission(factory.as_asked(GUN), draws, f"{self.name}.radar"),
-            cannon=Cannon.commission(factory.as_asked(CANNON), draws, f"{self.name}.cannon"),
+            gun=RadarGun.commission(factory.adapt(GUN), draws, f"{self.name}.radar"),
+            cannon=Cannon.commission(factory.adapt(CANNON), draws, f"{self.name}.cannon"),
             air=fit(HallAir.commission, HallAirSpec, "hall-air", "hall.air"),
         )
 

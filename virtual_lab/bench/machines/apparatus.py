@@ -33,7 +33,7 @@ from virtual_lab.output.rounding import decimals
 from virtual_lab.records import REFERENCE_MASS, MassReadings, Record
 from virtual_lab.records.session import entry_of_constant
 from virtual_lab.simulation.faults import FaultSet
-from virtual_lab.simulation.faults.fault import instrument_of, other_sheet
+from virtual_lab.simulation.faults.fault import instrument_of, with_sheet
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.physics.beam import Free
 from virtual_lab.simulation.physics.modes import modes_of
@@ -472,7 +472,7 @@ def _set_swing(station: Any, arguments: Mapping[str, Any], table: Consequences) 
     ratio = station.pendulum.spec.release_amplitude / (
         4.0 * DEGREE
     )  # ratio to the amplitude without a fault
-    return other_sheet(
+    return with_sheet(
         station,
         "pendulum",
         release_amplitude=min(float(arguments["amplitude"]) * ratio, 90.0) * DEGREE,

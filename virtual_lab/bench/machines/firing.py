@@ -14,7 +14,11 @@ from virtual_lab.bench.day.table import action_table
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory
 from virtual_lab.records import EncoderRecord, GateRecord
-from virtual_lab.simulation.faults.fault import fitted_with, instrument_of, other_sheet
+from virtual_lab.simulation.faults.fault import (
+    instrument_of,
+    with_instrument,
+    with_sheet,
+)
 from virtual_lab.simulation.physics.truth import TrueBalls
 from virtual_lab.simulation.stations.rig import (
     FilmingStation,
@@ -145,7 +149,7 @@ class Firing:
         restitution[shot.ball] -= table.warm_loss * shot.warm
         station: Any = self.station_aimed_at(shot.shift)
         if shot.scrap and hasattr(station.gates.spec, "sabot_rate"):
-            station = other_sheet(station, "gates", sabot_rate=_trip_probability(shot))
+            station = with_sheet(station, "gates", sabot_rate=_trip_probability(shot))
         laboratory = replace(
             laboratory,
             stations={**laboratory.stations, Stage.IMPACT: station},
@@ -232,7 +236,7 @@ def specimen_at(stage: Stage, laboratory: Laboratory) -> Specimen:
     """
     nothing, first = np.zeros(1), np.zeros(1, dtype=int)
     plan = ShotPlan(slot=first, ball=first, speed=nothing, place=nothing)
-    return laboratory.setup.faults.done(stage, plan, laboratory.specimen)[1]
+    return laboratory.setup.faults.apply(stage, plan, laboratory.specimen)[1]
 
 
 def alter_instrument(station: Station, part: str, **true: float) -> Station:
@@ -242,4 +246,4 @@ def alter_instrument(station: Station, part: str, **true: float) -> Station:
     values [SI], keyed by the name of the constant. Raises `AttributeError` if the station has no
     such instrument, and `KeyError` for an unknown constant.
     """
-    return fitted_with(station, part, instrument_of(station, part).with_true(**true))
+    return with_instrument(station, part, instrument_of(station, part).with_true(**true))

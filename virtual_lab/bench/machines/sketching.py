@@ -105,7 +105,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, RestingBatStation):
         return None
-    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, requested, laboratory.specimen)
+    plan, specimen = laboratory.setup.faults.apply(Stage.IMPACT, requested, laboratory.specimen)
     fired = station.fly(plan, specimen, laboratory.draws)
     long_motion = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
     surroundings = station.surroundings(specimen.balls.spec.radius)
@@ -208,7 +208,7 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
         return b""
-    plan, specimen = laboratory.setup.faults.done(Stage.IMPACT, requested, laboratory.specimen)
+    plan, specimen = laboratory.setup.faults.apply(Stage.IMPACT, requested, laboratory.specimen)
     return _strip(station.frames(plan, specimen, laboratory.draws, FRAMES))
 
 

@@ -56,7 +56,7 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
         survey = _between(constants, board, last, np.where(number > 0, share, 0.5))
         yield pairs(
             "boards-in-line",
-            _board_said(board, direction, mean, mask, evidence),
+            _board_sentence(board, direction, mean, mask, evidence),
             mean,
             survey + type_a_component("scatter", mean, u, number - 1),
             of=f"board {board + 1}{WAYS[direction]}",
@@ -66,7 +66,7 @@ def boards_in_line(evidence: Evidence) -> Iterator[Pairs]:
         )
 
 
-def _board_said(
+def _board_sentence(
     board: int, direction: int, mean: Array, mask: Mask, evidence: Evidence
 ) -> Callable[[int], str]:
     return lambda i: (
@@ -205,7 +205,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
         mean, components, number = heights_of_balls.mean(weights)
         yield pairs(
             "heights",
-            _height_said(
+            _height_sentence(
                 f"board {board + 1} shows balls", "the line through the first and last boards", mean
             ),
             mean,
@@ -218,7 +218,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
         slope, u, dof = heights_of_balls.growth(heights_of_balls.each(weights))
         yield pairs(
             "heights",
-            _growth_said(board, slope),
+            _growth_sentence(board, slope),
             slope,
             type_a_component("scatter", slope, u, dof),
             of=f"board {board + 1} over height",
@@ -233,7 +233,7 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     difference, mark_count = mean - across.mean(axis=1), across.shape[1]
     yield pairs(
         "heights",
-        _height_said("balls strike the bat", "the marks of impact/aim", difference),
+        _height_sentence("balls strike the bat", "the marks of impact/aim", difference),
         difference,
         components
         + type_a_component(
@@ -246,11 +246,11 @@ def heights(evidence: Evidence) -> Iterator[Pairs]:
     )
 
 
-def _height_said(what: str, against: str, mean: Array) -> Callable[[int], str]:
+def _height_sentence(what: str, against: str, mean: Array) -> Callable[[int], str]:
     return lambda i: f"{what} {mean[i] * 1e3:+.2f} mm above {against} on average (impact/gates)"
 
 
-def _growth_said(board: int, slope: Array) -> Callable[[int], str]:
+def _growth_sentence(board: int, slope: Array) -> Callable[[int], str]:
     return lambda i: (
         f"the height scale of board {board + 1} is {1 + slope[i]:.2f} times that of the first and "
         "last boards (impact/gates)"

@@ -100,7 +100,7 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
         mean, u = deviation.mean(axis=1), deviation.std(axis=1, ddof=1) / sqrt(number)
         yield pairs(
             "aim",
-            _aim_said(axis, number, mean),
+            _aim_sentence(axis, number, mean),
             mean,
             survey + type_a_component("scatter", mean, u, number - 1),
             of=axis,
@@ -109,7 +109,7 @@ def aim(evidence: Evidence) -> Iterator[Pairs]:
         )
 
 
-def _aim_said(axis: str, number: int, mean: Array) -> Callable[[int], str]:
+def _aim_sentence(axis: str, number: int, mean: Array) -> Callable[[int], str]:
     return lambda i: (
         f"the mean of the {number} marks of impact/aim is {mean[i] * 1e3:+.1f} mm from the aim "
         f"{axis} the bat"
@@ -182,7 +182,7 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
         change = evidence.per_laboratory(difference)
         yield pairs(
             "encoder-halves",
-            _halves_said(evidence, channel, change * moves, mask),
+            _halves_sentence(evidence, channel, change * moves, mask),
             change,
             type_a_component("fit", change, np.sqrt(evidence.per_laboratory(u**2))),
             of="mean",
@@ -195,7 +195,7 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
         )
 
 
-def _halves_said(
+def _halves_sentence(
     evidence: Evidence, channel: str, change: Array, mask: Mask
 ) -> Callable[[int], str]:
     return lambda i: (

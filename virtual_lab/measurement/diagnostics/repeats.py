@@ -65,9 +65,9 @@ def _traces(record: Record) -> tuple[Mask, Mask]:
         rotates = np.asarray(np.ptp(record.counts, axis=1) > 0)
         return rotates, rotates
     if isinstance(record, GateRecord | BoardRecord):
-        shots, ways = record.times.shape[:2]
+        shots, directions = record.times.shape[:2]
         detected = np.isfinite(record.times).reshape(*record.times.shape[:3], -1).any(axis=3)
-        passed = np.asarray(detected.reshape(shots, ways, -1).all(axis=2))
+        passed = np.asarray(detected.reshape(shots, directions, -1).all(axis=2))
         return np.asarray(passed.all(axis=1)), passed[:, 0]
     none = np.zeros(0, dtype=bool)
     return none, none

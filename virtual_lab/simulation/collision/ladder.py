@@ -1,8 +1,8 @@
 """Choice of the collision model for a test: the fastest one with a small enough error.
 
-The models from fast to accurate are the rungs of a ladder. The error of a rung is measured on probe
-scenes with a bat and its support. In a test both are nominal, because a model chosen for the
-individual bat, or the printed error of such a model, would reveal the true stiffness of this bat.
+The models from fast to accurate form a ladder. The error of a model is measured on probe scenes
+with a bat and its support. In a test both are nominal, because a model chosen for the individual
+bat, or the printed error of such a model, would reveal the true stiffness of this bat.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BallSpec, BatBody
 from virtual_lab.errors import InputError
-from virtual_lab.records.origin import RungTaken
+from virtual_lab.records.origin import ModelUsed
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
 from virtual_lab.simulation.collision.patch import PATCH, patch_shape
 from virtual_lab.simulation.collision.reference import ReferenceModel
@@ -30,20 +30,20 @@ from virtual_lab.units import INCH, Array
 
 Shots = NDArray[np.intp] | slice
 StruckBat = tuple[BatBody, Shots]  # a bat, and the scenes in which it is struck
-COLLISION_RUNGS = ("rigid", "modal", "reference")
-MODE_COUNTS = (14, 20, 30)  # bending modes of the modal rungs, from fast to accurate
+COLLISION_MODELS = ("rigid", "modal", "reference")
+MODE_COUNTS = (14, 20, 30)  # bending modes of the modal models, from fast to accurate
 FASTEST = "the fastest model that is accurate enough"
 SHARE = 0.1  # largest error of a model [share of the standard uncertainty of e_A]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probing:
-    """Settings of the probe that measures the errors of the rungs."""
+    """Settings of the probe that measures the errors of the models."""
 
     places: tuple[float, float] = (3 * INCH, 9 * INCH)  # usual impact positions [m from the tip]
     # spacing of positions [m], close enough for the largest error to 1 % if there is one contact
     every: float = INCH / 8
-    modes: int = 60  # number of modes with which the modal rungs are compared
+    modes: int = 60  # number of modes with which the modal models are compared
     reference_modes: int = 140  # number of modes with which the reference model is compared
     # factor on the truncation error: 1.5 for positions between the probed positions and for the
     # error of the comparison, times 1.25 for an individual bat two standard deviations softer than
@@ -64,7 +64,7 @@ PROBING = Probing()
 class Choice:
     """A collision model, its error of e_A, and the reason why it was chosen, in one sentence."""
 
-    name: str  # name of the rung, and number of modes
+    label: str  # name of the model, and number of modes
     model: CollisionModel
     error: float
     meets_again: bool = False  # whether ball and bat meet twice in any scene of the probe
@@ -72,14 +72,14 @@ class Choice:
     surrogate: Surrogate | None = None  # interpolant of the model's e_A
 
     @property
-    def rung(self) -> str:
-        """Name of the rung, or of the surrogate if there is one."""
-        return self.surrogate.rung if self.surrogate else self.model.rung
+    def model_name(self) -> str:
+        """Name of the model, or of the surrogate if there is one."""
+        return self.surrogate.name if self.surrogate else self.model.name
 
     def of(self, body: BatBody, support: Support) -> Choice:
         """Return the choice with the model of another individual bat and its support."""
         count = self.model.modes.bending_frequencies.size
-        return replace(self, model=_model(self.model.rung, count, body, support))
+        return replace(self, model=_model(self.model.name, count, body, support))
 
     def efficiency(self, scenes: Scenes) -> NDArray[np.float64]:
         """Return e_A of the scenes, (n,), by the surrogate in its box, elsewhere by the model."""
@@ -100,7 +100,7 @@ def choose(
     support: Support,
     probe: Scenes,
     *,
-    rung: str | None = None,
+    model_name: str | None = None,
     standard_uncertainty: float | None = None,
 ) -> Choice:
     """Return the collision model for a bat, an upper estimate of its error, and the reason.
@@ -108,36 +108,36 @@ def choose(
     The estimate is the largest error of the collision efficiency e_A in the scenes `probe`, times a
     safety factor. The scenes should be similar to the shots of the test. There are three cases:
 
-    * `rung` is given. It names one of `COLLISION_RUNGS`. This model is used even if its error is
-      large, and `standard_uncertainty` is ignored. The rung ``modal`` has the default number of
+    * `model_name` is given, one of `COLLISION_MODELS`. This model is used even if its error is
+      large, and `standard_uncertainty` is ignored. The model ``modal`` has the default number of
       modes.
     * Only `standard_uncertainty` is given. It is the standard uncertainty u of the e_A that will be
       measured. The fastest model with an error of at most `SHARE` times this u is used. If there is
       no such model, the reference model is used.
-    * Both are None. The rung ``modal`` is used.
+    * Both are None. The model ``modal`` is used.
 
-    Raises `InputError` for an unknown rung, and for an uncertainty that is not positive. It is also
-    raised for a support or a probe position beyond the bat, and for a probe scene that gives no
-    result.
+    Raises `InputError` for an unknown model, and for an uncertainty that is not positive. It is
+    also raised for a support or a probe position beyond the bat, and for a probe scene that gives
+    no result.
     """
-    _check(rung, standard_uncertainty)
-    if rung == "reference":
+    _check(model_name, standard_uncertainty)
+    if model_name == "reference":
         return _because(_reference(body, support, probe), "as requested", probe)
-    rungs = _rungs(body, support, probe)
-    if rung is not None or standard_uncertainty is None:
-        name = "rigid" if rung == "rigid" else _modal(BENDING_MODES)
-        choice = next(one for one in rungs if one.name == name)
-        return _because(choice, "as requested" if rung else "the default model", probe)
+    candidates = _candidates(body, support, probe)
+    if model_name is not None or standard_uncertainty is None:
+        label = "rigid" if model_name == "rigid" else _modal(BENDING_MODES)
+        choice = next(one for one in candidates if one.label == label)
+        return _because(choice, "as requested" if model_name else "the default model", probe)
     allowed = SHARE * standard_uncertainty
-    for one in rungs:
+    for one in candidates:
         if one.error <= allowed:
             return _because(one, FASTEST, probe, allowed)
-    why = f"because the error of {MODE_COUNTS[-1]} modes is up to {rungs[-1].error:.1e}"
+    why = f"because the error of {MODE_COUNTS[-1]} modes is up to {candidates[-1].error:.1e}"
     return _because(_reference(body, support, probe), why, probe, allowed)
 
 
-def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
-    """Return the rigid and the modal rungs, fastest first, with their errors on the probe."""
+def _candidates(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
+    """Return the rigid and the modal models, fastest first, with their errors on the probe."""
     modes, support_text = modes_of(body, support), support_words(support)
     stepped = [
         ModalModel.within(modes, n, held=support_text) for n in (*MODE_COUNTS, PROBING.modes)
@@ -146,10 +146,10 @@ def _rungs(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
     rigid = RigidModel.of(body, support)
     by_model.insert(0, rigid.collide(probe))
     models: list[CollisionModel] = [rigid, *stepped[:-1]]
-    names = ("rigid", *(_modal(count) for count in MODE_COUNTS))
+    labels = ("rigid", *(_modal(count) for count in MODE_COUNTS))
     return [
-        _measure_error(name, model, collisions, true)
-        for name, model, collisions in zip(names, models, by_model, strict=True)
+        _measure_error(label, model, collisions, true)
+        for label, model, collisions in zip(labels, models, by_model, strict=True)
     ]
 
 
@@ -169,11 +169,11 @@ def _reference(body: BatBody, support: Support, probe: Scenes) -> Choice:
     most = ModalModel.within(modes, PROBING.reference_modes, held=model.held)
     bare = replace(most, modes=model.modes, stiff=most.stiff.above(most.stiff.count))
     collisions, true = _collide_probe(modes, [bare, most], probe)
-    return _measure_error(model.rung, model, collisions, true)
+    return _measure_error(model.name, model, collisions, true)
 
 
 def _measure_error(
-    name: str, model: CollisionModel, collisions: Collisions, true: Collisions
+    label: str, model: CollisionModel, collisions: Collisions, true: Collisions
 ) -> Choice:
     """Return a collision model and its largest error of e_A over the probe, plus a margin."""
     again = bool(true.contacts.max() > 1)
@@ -181,7 +181,7 @@ def _measure_error(
     error = (PROBING.meeting_margin if again else PROBING.margin) * float(
         gap
     ) + PROBING.stepping_error
-    return Choice(name=name, model=model, error=error, meets_again=again)
+    return Choice(label=label, model=model, error=error, meets_again=again)
 
 
 def _collide_probe(modes: Modes, models: Sequence[ModalModel], probe: Scenes) -> list[Collisions]:
@@ -209,7 +209,7 @@ def _because(choice: Choice, why: str, probe: Scenes, allowed: float | None = No
     again = ", larger where a second contact begins or ends" if choice.meets_again else ""
     accuracy = f"error of e_A up to {choice.error:.1e} at {low:.4g} to {high:.4g} in from the tip"
     return replace(
-        choice, reason=f"{choice.name.removesuffix(',')}, {why}: {accuracy}{again}{most}"
+        choice, reason=f"{choice.label.removesuffix(',')}, {why}: {accuracy}{again}{most}"
     )
 
 
@@ -221,14 +221,14 @@ def _with_surrogate(choice: Choice, probe: Scenes, box: Box, standard_uncertaint
         surrogate = Surrogate.build(choice.model, box, tolerance=PROBING.surrogate_tolerance)
     except InputError as refused:
         return replace(choice, reason=f"{choice.reason}; no surrogate: {refused}")
-    name = f"surrogate of {choice.name}"
-    faster = replace(choice, name=name, error=error, surrogate=surrogate)
+    label = f"surrogate of {choice.label}"
+    faster = replace(choice, label=label, error=error, surrogate=surrogate)
     return _because(faster, FASTEST, probe, allowed)
 
 
 def _check(name: str | None, uncertainty: float | None) -> None:
-    if name is not None and name not in COLLISION_RUNGS:
-        raise InputError("collision", "rung", name, f"allowed: {', '.join(COLLISION_RUNGS)}")
+    if name is not None and name not in COLLISION_MODELS:
+        raise InputError("collision", "model", name, f"allowed: {', '.join(COLLISION_MODELS)}")
     if uncertainty is not None and not uncertainty > 0:
         raise InputError("collision", "standard_uncertainty", uncertainty, "allowed: above 0")
 
@@ -252,24 +252,24 @@ class CollisionLaw(Protocol):
         """Return the true e_A of the scenes, (n,)."""
         ...
 
-    def report(self) -> RungTaken:
+    def report(self) -> ModelUsed:
         """Return the model that is used, its error of e_A and the reason."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ladder:
-    """The collision models of one test. The rung is chosen once, for the nominal bat.
+    """The collision models of one test. The model is chosen once, for the nominal bat.
 
-    The rung therefore depends only on the setup, and all tests of one setup share it. The result of
-    a scene depends only on its bat, support and scene, not on other scenes.
+    The choice therefore depends only on the setup, and all tests of one setup share it. The result
+    of a scene depends only on its bat, support and scene, not on other scenes.
     """
 
     nominal: BatBody
     support: Support  # support of the nominal bat
     probe: Scenes
-    standard_uncertainty: float | None  # u of e_A in the test; None selects the modal rung
-    rung: str | None = None
+    standard_uncertainty: float | None  # u of e_A in the test; None selects the modal model
+    model_name: str | None = None
     box: Box | None = None  # range of the scenes for a surrogate; None: no surrogate is built
     chosen: list[Choice] = field(default_factory=list)  # the choice, empty until first used
     fitted: dict[tuple[BatBody, Support], Choice] = field(default_factory=dict)
@@ -280,12 +280,16 @@ class Ladder:
 
     @property
     def choice(self) -> Choice:
-        """The chosen rung, its error for individuals of the nominal bat, and the reason."""
+        """The chosen model, its error for individuals of the nominal bat, and the reason."""
         if not self.chosen:
             u = self.standard_uncertainty
             self.chosen.append(
                 choose(
-                    self.nominal, self.support, self.probe, rung=self.rung, standard_uncertainty=u
+                    self.nominal,
+                    self.support,
+                    self.probe,
+                    model_name=self.model_name,
+                    standard_uncertainty=u,
                 )
             )
         return self.chosen[0]
@@ -299,7 +303,7 @@ class Ladder:
     ) -> NDArray[np.float64]:
         """Return e_A of the scenes, (n,), by the fastest accurate method."""
         u, box = self.standard_uncertainty, self.box
-        if self.rung is not None or u is None or box is None:
+        if self.model_name is not None or u is None or box is None:
             return _together([(self(body, support), shots) for body, shots in struck], scenes)
         e_A = np.empty(len(scenes))
         for body, shots in struck:
@@ -317,7 +321,7 @@ class Ladder:
         The model is the model of the shots, or its surrogate. If the shots use the rigid model, the
         modal model is used instead.
         """
-        if self.box is not None and self.rung is None:
+        if self.box is not None and self.model_name is None:
             return self.efficiencies(struck, support, scenes)
         models = [(self._true(body, support), shots) for body, shots in struck]
         return _together(models, scenes)
@@ -326,11 +330,11 @@ class Ladder:
         model = self(body, support)
         return ModalModel.of(body, support) if isinstance(model, RigidModel) else model
 
-    def report(self) -> RungTaken:
-        """Return rung, error of e_A and reason, of the surrogate if there is one."""
+    def report(self) -> ModelUsed:
+        """Return the model that is used, or its surrogate, with its error of e_A and the reason."""
         model_choice = next(iter(self.fitted.values()), None) or self.choice
-        return RungTaken(
-            rung=model_choice.rung, error=model_choice.error, reason=model_choice.reason
+        return ModelUsed(
+            rung=model_choice.model_name, error=model_choice.error, reason=model_choice.reason
         )
 
 

@@ -41,7 +41,7 @@ class ModalModel:
     patch: float = PATCH  # full width of the patch [m]
     stepper: Stepper = FINE
     held: str = ""  # description of the support for error messages
-    rung: str = "modal"
+    name: str = "modal"
 
     @classmethod
     def of(cls, body: BatBody, support: Support, bending_modes: int = BENDING_MODES) -> Self:

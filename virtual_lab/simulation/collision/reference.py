@@ -41,7 +41,7 @@ class ReferenceModel:
     longest_step: float = 0.2  # largest step times the highest angular frequency, to miss no event
     law: LawOfBall = PowerLaw.of
     held: str = ""  # description of the support for error messages
-    rung: str = "reference"
+    name: str = "reference"
 
     @classmethod
     def of(

@@ -19,7 +19,7 @@ class RigidModel:
     """A rigid bat."""
 
     modes: Modes  # rigid modes only
-    rung: str = "rigid"
+    name: str = "rigid"
 
     @classmethod
     def of(cls, body: BatBody, support: Support) -> Self:

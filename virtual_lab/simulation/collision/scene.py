@@ -180,11 +180,11 @@ def concatenate(parts: Sequence[Collisions]) -> Collisions:
 
 
 class CollisionModel(Protocol):
-    """A collision model (rung of the ladder) of one bat with one support."""
+    """A collision model of one bat with one support."""
 
     @property
-    def rung(self) -> str:
-        """Name of the rung."""
+    def name(self) -> str:
+        """Name of the model."""
         ...
 
     @property

@@ -129,7 +129,7 @@ class Surrogate:
     box: Box
     coefficients: Array  # coefficients of the products T_i T_j T_k T_l, one axis per variable
     error: float  # largest error of e_A at independent points, relative to the original model
-    rung: str = "surrogate"
+    name: str = "surrogate"
 
     @classmethod
     def build(cls, model: CollisionModel, box: Box, *, tolerance: float) -> Self:
@@ -171,7 +171,7 @@ def _smooth_efficiency(model: CollisionModel, scenes: Scenes) -> Array:
     if rough.any():
         place = float(scenes.impact_position[rough][0])
         raise InputError(
-            "surrogate", "impact_position", place, "ball and bat re-load here: take the modal rung"
+            "surrogate", "impact_position", place, "ball and bat re-load here: take the modal model"
         )
     return collisions.collision_efficiency
 

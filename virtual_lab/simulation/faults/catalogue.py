@@ -15,7 +15,7 @@ from virtual_lab.simulation.faults.fault import (
     FaultContext,
     change_constant,
     change_sheet,
-    other_sheet,
+    with_sheet,
 )
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen, Stage, Station
 from virtual_lab.uncertainty.estimate import Estimate
@@ -47,13 +47,13 @@ def misread(factor: float) -> Callable[[Any, FaultContext], Arrays]:
     return lambda record, _: {"readings": record.readings * factor}
 
 
-def from_knob(record: Any, written: FaultContext) -> Arrays:
+def from_knob(record: Any, context: FaultContext) -> Arrays:
     """Return readings of a bat's balance point that are wrongly measured from the knob [m].
 
     The result is a mapping with the key ``readings``, an array of the shape of the readings in the
     record. The laboratory uses these readings as distances from the tip.
     """
-    return {"readings": float(written.play.truth["length"]) - record.readings}
+    return {"readings": float(context.play.truth["length"]) - record.readings}
 
 
 def usual_amplitude(record: Any, _: FaultContext) -> Arrays:
@@ -122,21 +122,21 @@ def crack(specimen: Specimen) -> Specimen:
     return replace(specimen, bat=replace(bat, bodies=(replace(bat.body, material=material),)))
 
 
-def out_of_round(record: Any, written: FaultContext) -> Arrays:
+def out_of_round(record: Any, context: FaultContext) -> Arrays:
     """Return the gate times of balls that are out of round by up to 1.5 mm.
 
     The front and the back radius of a ball differ, and both change from gate to gate. Therefore the
     ball breaks and clears a beam early or late. If the ball only grazes a beam, it can miss it;
-    both times are then NaN. `record` is the gates' record without the fault. `written` is its
-    context: station, plan and random numbers. The result is a mapping with the key ``times`` [s],
-    an array of the shape of the times in the record.
+    both times are then NaN. `record` is the gates' record without the fault. `context` holds
+    station, plan and random numbers. The result is a mapping with the key ``times`` [s], an array
+    of the shape of the times in the record.
     """
-    times, truth = record.times, written.play.truth
+    times, truth = record.times, context.play.truth
     speed = truth["speed"]
     rebound_speed = truth.get("rebound_speed", truth.get("ball_restitution", 0) * speed)
     speeds = np.stack([speed, np.abs(rebound_speed)], axis=1)[:, :, None, None]
     shape = (*times.shape[1:3], 2)
-    turn = tau * (written.chance(f".{written.stage.value}", shape) - 0.5)
+    turn = tau * (context.chance(f".{context.stage.value}", shape) - 0.5)
     delay = 1.5e-3 * np.sin(turn) * np.array([-1.0, 1.0]) / speeds
     beams = times.ndim - delay.ndim
     times = times + delay.reshape(*delay.shape[:3], *(1,) * beams, 2)
@@ -144,14 +144,14 @@ def out_of_round(record: Any, written: FaultContext) -> Arrays:
     return {"times": times}
 
 
-def swap(record: Any, written: FaultContext) -> Arrays:
+def swap(record: Any, context: FaultContext) -> Arrays:
     """Return the gate times after an exchange of shots 1 and 4, counted from 0.
 
     The times are unchanged if the plan does not contain both shots. `record` is the gates' record
-    without the fault. `written` is its context: station, plan and random numbers. The result is a
+    without the fault. `context` holds station, plan and random numbers. The result is a
     mapping with the key ``times`` [s], an array of the shape of the times in the record.
     """
-    slot = written.plan.slot
+    slot = context.plan.slot
     first, second = (np.flatnonzero(slot == shot) for shot in (1, 4))
     filed = np.arange(len(slot))
     if first.size and second.size:
@@ -159,20 +159,20 @@ def swap(record: Any, written: FaultContext) -> Arrays:
     return {"times": record.times[filed]}
 
 
-def every_second_missed(record: Any, written: FaultContext) -> Arrays:
+def every_second_missed(record: Any, context: FaultContext) -> Arrays:
     """Return gate times in which the gate nearest the bat misses every second incoming ball.
 
     The times of this gate are NaN for the incoming balls of shots 1, 3, 5, …, counted from 0.
-    `record` is the gates' record without the fault. `written` is its context: station, plan and
-    random numbers. The result is a mapping with the key ``times`` [s], an array of the shape of the
-    times in the record.
+    `record` is the gates' record without the fault. `context` holds station, plan and random
+    numbers. The result is a mapping with the key ``times`` [s], an array of the shape of the times
+    in the record.
     """
     times = record.times.copy()
-    times[written.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
+    times[context.plan.slot % 2 == 1, Edge.IN, Edge.LAST_GATE] = np.nan
     return {"times": times}
 
 
-def cleared_twice(record: Any, written: FaultContext) -> Arrays:
+def cleared_twice(record: Any, context: FaultContext) -> Arrays:
     """Return gate times with a late end of some passages at the gate nearest the bat.
 
     In about 60 % of the shots, the gate reports twice that the incoming ball left the beam. Only
@@ -182,7 +182,7 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
     ----------
     record
         Record of the gates without the fault.
-    written
+    context
         Context of the record: station, plan and random numbers.
 
     Returns
@@ -191,7 +191,7 @@ def cleared_twice(record: Any, written: FaultContext) -> Arrays:
         A mapping with the key ``times`` [s]. Its array has the shape of the times in the record.
     """
     times = record.times.copy()
-    times[written.some(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
+    times[context.random_mask(0.6), Edge.IN, Edge.LAST_GATE, ..., Edge.CLEARED] += 0.4e-3
     return {"times": times}
 
 
@@ -204,33 +204,33 @@ def scraps_of_beams(station: Station) -> Station:
     return change_sheet("gates", sabot_rate=SCRAPS)(station) or station
 
 
-def scraps_ahead(record: Any, written: FaultContext) -> Arrays:
+def scraps_ahead(record: Any, context: FaultContext) -> Arrays:
     """Return gate times in which sabot fragments break the beam of the first gate before the ball.
 
-    `record` is the gates' record without the fault. `written` is its context: station, plan and
-    random numbers. A sabot is the carrier in which the cannon fires the ball. In about 60 % of the
-    shots, fragments of the sabot fly 30 mm ahead of the ball. The result is a mapping with the key
+    `record` is the gates' record without the fault. `context` holds station, plan and random
+    numbers. A sabot is the carrier in which the cannon fires the ball. In about 60 % of the shots,
+    fragments of the sabot fly 30 mm ahead of the ball. The result is a mapping with the key
     ``times`` [s], an array of the shape of the times in the record. For light boards the mapping is
     empty; the simulation of the boards includes the fragments.
     """
     if isinstance(record, BoardRecord):
         return {}
-    times, struck = record.times.copy(), written.some(SCRAPS)
+    times, struck = record.times.copy(), context.random_mask(SCRAPS)
     times[struck, Edge.IN, Edge.FIRST_GATE, Edge.BROKEN] -= (
-        0.03 / written.play.truth["speed"][struck]
+        0.03 / context.play.truth["speed"][struck]
     )
     return {"times": times}
 
 
-def drifting(record: Any, written: FaultContext) -> Arrays:
+def drifting(record: Any, context: FaultContext) -> Arrays:
     """Return the gate times of the wall test, with rebound speeds that rise from hit to hit.
 
     The apparent ball-wall restitution e0 rises by 6 % from the first to the last hit of the plan.
-    `record` is the gates' record without the fault. `written` is its context: station, plan and
-    random numbers. The result is a mapping with the key ``times`` [s], an array of the shape of the
-    times in the record.
+    `record` is the gates' record without the fault. `context` holds station, plan and random
+    numbers. The result is a mapping with the key ``times`` [s], an array of the shape of the times
+    in the record.
     """
-    times, slot = record.times.copy(), written.plan.slot
+    times, slot = record.times.copy(), context.plan.slot
     rebounds = times[:, Edge.OUT]
     start = rebounds[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
     faster = (1 + 0.06 * slot / max(slot.max(), 1))[:, None, None]
@@ -243,28 +243,28 @@ def too_slow(plan: ShotPlan) -> ShotPlan:
     return replace(plan, speed=plan.speed - 3 * MPH)
 
 
-def slipping(record: Any, written: FaultContext) -> Arrays:
+def slipping(record: Any, context: FaultContext) -> Arrays:
     """Return the counts of an encoder with a coupling that slips in about 60 % of the shots.
 
     In such a shot the encoder loses 20 counts at a random time. `record` is the encoder's record
-    without the fault. `written` is its context: station, plan and random numbers. The result is a
+    without the fault. `context` holds station, plan and random numbers. The result is a
     mapping with the key ``counts``, an array (shot, sample).
     """
     samples = record.counts.shape[1]
-    when = 0.3 + 0.6 * written.chance(".when")
+    when = 0.3 + 0.6 * context.chance(".when")
     slipped = np.arange(samples) > samples * when[:, None]
-    return {"counts": record.counts - 20.0 * (slipped & written.some(0.6)[:, None])}
+    return {"counts": record.counts - 20.0 * (slipped & context.random_mask(0.6)[:, None])}
 
 
-def loose(record: Any, written: FaultContext) -> Arrays:
+def loose(record: Any, context: FaultContext) -> Arrays:
     """Return the encoder counts if the bat has a play of 0.3 degrees in its clamp.
 
     The encoder follows the bat only beyond this play. `record` is the encoder's record without the
-    fault. `written` is its context: station, plan and random numbers. The result is a mapping with
+    fault. `context` holds station, plan and random numbers. The result is a mapping with
     the key ``counts``, an array (shot, sample). Raises `KeyError` for a station without an encoder.
     """
     counts = record.counts
-    width = np.round(0.3 / 360 * counts_per_turn(written))
+    width = np.round(0.3 / 360 * counts_per_turn(context))
     with_play = np.empty_like(counts)
     last = counts[:, 0]
     for sample in range(counts.shape[1]):
@@ -273,26 +273,24 @@ def loose(record: Any, written: FaultContext) -> Arrays:
     return {"counts": with_play}
 
 
-def still_swinging(record: Any, written: FaultContext) -> Arrays:
+def still_swinging(record: Any, context: FaultContext) -> Arrays:
     """Return the encoder counts for a bat that still swings at 0.3 rad/s when the ball is fired.
 
-    `record` is the encoder's record without the fault. `written` is its context: station, plan and
-    random numbers. The direction of the swing is random from shot to shot. The result is a mapping
-    with the key ``counts``, an array (shot, sample). Raises `KeyError` for a station without an
-    encoder.
+    `record` is the encoder's record without the fault. `context` holds station, plan and random
+    numbers. The direction of the swing is random from shot to shot. The result is a mapping with
+    the key ``counts``, an array (shot, sample). Raises `KeyError` for a station without an encoder.
     """
-    direction = np.where(written.some(0.5), 1.0, -1.0)
-    rotation = counts_per_turn(written) / tau * 0.3 * record.times
+    direction = np.where(context.random_mask(0.5), 1.0, -1.0)
+    rotation = counts_per_turn(context) / tau * 0.3 * record.times
     return {"counts": record.counts + np.round(direction[:, None] * rotation)}
 
 
-def counts_per_turn(written: FaultContext) -> float:
+def counts_per_turn(context: FaultContext) -> float:
     """Return the counts per turn of the encoder according to the calibration of the laboratory.
 
-    `written` is the context of the fault. It contains the station, which is a rig with its
-    instruments. Raises `KeyError` if the station has no encoder.
+    Raises `KeyError` if the station of the `context` has no encoder.
     """
-    return written.station.calibration["encoder.counts_per_turn"].value
+    return context.station.calibration["encoder.counts_per_turn"].value
 
 
 def _at_bench(name: str, channel: str, record: Callable[[Any, FaultContext], Arrays]) -> Fault:
@@ -345,7 +343,7 @@ CATALOGUE: Mapping[str, Fault] = {
         Fault(
             name="pendulum-wide",
             stage=Stage.BENCH,
-            station=lambda bench: other_sheet(bench, "pendulum", release_amplitude=FAR_SWING),
+            station=lambda bench: with_sheet(bench, "pendulum", release_amplitude=FAR_SWING),
             channel="pendulum",
             record=usual_amplitude,
         ),

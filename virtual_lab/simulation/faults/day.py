@@ -70,7 +70,7 @@ class FaultSet:
             constants = fault.calibration(constants) if fault.calibration else constants
         return constants
 
-    def done(self, stage: Stage, plan: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
+    def apply(self, stage: Stage, plan: ShotPlan, specimen: Specimen) -> tuple[ShotPlan, Specimen]:
         """Return the plan and the specimen that are really used on this day."""
         for fault in self.at(stage):
             plan = fault.plan(plan) if fault.plan else plan
@@ -81,15 +81,15 @@ class FaultSet:
         self, stage: Stage, station: Station, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> RigOutput:
         """Carry out a plan with the faults of this day. The log states the plan without faults."""
-        done, specimen = self.done(stage, plan, specimen)
-        play = station.play(done, specimen, draws)
-        if done is not plan and "log" in play.records:
+        planned, specimen = self.apply(stage, plan, specimen)
+        play = station.play(planned, specimen, draws)
+        if planned is not plan and "log" in play.records:
             play = replace(play, records={**play.records, "log": plan.log()})
         for fault in self.at(stage):
             if fault.record and fault.channel in play.records:
                 record = play.records[fault.channel]
-                written = FaultContext(stage, station, plan, play, draws, fault.name)
-                changed = replace(record, **fault.record(record, written))
+                context = FaultContext(stage, station, plan, play, draws, fault.name)
+                changed = replace(record, **fault.record(record, context))
                 play = replace(play, records={**play.records, fault.channel: changed})
         return play
 

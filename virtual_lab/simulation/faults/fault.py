@@ -18,7 +18,7 @@ from virtual_lab.simulation.stations.rig import Rig, RigOutput, ShotPlan, Specim
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
 
-Standing = Callable[[Station], Station | None]
+Hook = Callable[[Station], Station | None]
 
 
 class FaultContext(NamedTuple):
@@ -36,7 +36,7 @@ class FaultContext(NamedTuple):
         name = f"fault.{self.fault}{part}"
         return self.draws.uniform(name, shape, self.plan.slot) + 0.5
 
-    def some(self, share: float) -> NDArray[np.bool_]:
+    def random_mask(self, share: float) -> NDArray[np.bool_]:
         """Return a mask of the shots in which an intermittent fault occurs, (shot,).
 
         `share` is the mean share of these shots.
@@ -51,7 +51,7 @@ class Fault:
     name: str
     stage: Stage | None = Stage.IMPACT  # stage of the test that it affects; None: all stages
     # function that returns the faulty station, or None if the station cannot have the fault
-    station: Standing | None = None
+    station: Hook | None = None
     specimen: Callable[[Specimen], Specimen] | None = None  # bat and balls that are really used
     plan: Callable[[ShotPlan], ShotPlan] | None = None  # plan that the machine really carries out
     channel: str = ""  # channel of the changed record, which an impact rig must have
@@ -71,7 +71,7 @@ class Fault:
         return self.station is None or self.station(station) is not None
 
 
-def change_constant(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Standing:
+def change_constant(part: str, constant: str, *, times: float = 1.0, plus: float = 0.0) -> Hook:
     """Return a hook for `Fault.station` that changes a true constant but not its calibration.
 
     `part` is the name of the instrument. The true value of its `constant` is multiplied by `times`
@@ -80,19 +80,19 @@ def change_constant(part: str, constant: str, *, times: float = 1.0, plus: float
     station without the instrument or the constant.
     """
 
-    def standing(station: Station) -> Station | None:
+    def hook(station: Station) -> Station | None:
         instrument = instrument_of(station, part)
         true = getattr(instrument, "true", {})
         keys = [key for key in true if key.rstrip("_0123456789") == constant]
         if not keys:
             return None
         values = {keys[-1]: true[keys[-1]] * times + plus}
-        return fitted_with(station, part, instrument.with_true(**values))
+        return with_instrument(station, part, instrument.with_true(**values))
 
-    return standing
+    return hook
 
 
-def change_sheet(part: str, **values: float) -> Standing:
+def change_sheet(part: str, **values: float) -> Hook:
     """Return a hook for `Fault.station` that changes values on the data sheet of an instrument.
 
     `part` is the name of the instrument, and `values` are the new values [SI] by their keys on the
@@ -100,13 +100,13 @@ def change_sheet(part: str, **values: float) -> Standing:
     instrument, or if a key is missing on the data sheet.
     """
 
-    def standing(station: Station) -> Station | None:
+    def hook(station: Station) -> Station | None:
         spec = getattr(instrument_of(station, part), "spec", None)
         if spec is None or not values.keys() <= {one.name for one in fields(spec)}:
             return None
-        return other_sheet(station, part, **values)
+        return with_sheet(station, part, **values)
 
-    return standing
+    return hook
 
 
 def instrument_of(station: Station, part: str) -> Any:
@@ -117,7 +117,7 @@ def instrument_of(station: Station, part: str) -> Any:
     return station.instruments().get(part) if isinstance(station, FittedStation) else None
 
 
-def fitted_with(station: Station, part: str, instrument: Any) -> Station:
+def with_instrument(station: Station, part: str, instrument: Any) -> Station:
     """Return a copy of the station with its instrument `part` replaced by `instrument`.
 
     Raises `KeyError` if the station has no such instrument, and `AttributeError` if it is not a
@@ -128,7 +128,7 @@ def fitted_with(station: Station, part: str, instrument: Any) -> Station:
     return changed
 
 
-def other_sheet(station: Station, part: str, **changes: Any) -> Station:
+def with_sheet(station: Station, part: str, **changes: Any) -> Station:
     """Return a copy of the station with `changes` [SI] in the data sheet of the instrument `part`.
 
     The true constants and the certificate of the instrument do not change. Raises `AttributeError`
@@ -136,4 +136,4 @@ def other_sheet(station: Station, part: str, **changes: Any) -> Station:
     """
     instrument = instrument_of(station, part)
     spec = replace(instrument.spec, **changes)
-    return fitted_with(station, part, replace(instrument, spec=spec))
+    return with_instrument(station, part, replace(instrument, spec=spec))

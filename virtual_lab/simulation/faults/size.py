@@ -13,7 +13,7 @@ from virtual_lab.simulation.faults.fault import Fault
 NO_SIZE = {"records-swapped"}  # faults that are there or not
 
 
-def sized(fault: Fault, size: float) -> Fault:
+def resize(fault: Fault, size: float) -> Fault:
     """Return a copy of a fault with its effect multiplied by `size`; a size of 1 changes nothing.
 
     Only changes of floats are multiplied. Changes of integers, strings and tuples of objects keep
@@ -23,8 +23,8 @@ def sized(fault: Fault, size: float) -> Fault:
     if fault.name in NO_SIZE:
         return fault
 
-    def scaled(hook: Callable[[Any], Any] | None) -> Any:
-        return hook and (lambda before: _scaled(before, hook(before), size))
+    def scale_hook(hook: Callable[[Any], Any] | None) -> Any:
+        return hook and (lambda before: _scale_change(before, hook(before), size))
 
     def record(before: Any, context: Any) -> Mapping[str, Any]:
         assert fault.record is not None
@@ -33,15 +33,15 @@ def sized(fault: Fault, size: float) -> Fault:
 
     return replace(
         fault,
-        station=scaled(fault.station),
-        specimen=scaled(fault.specimen),
-        plan=scaled(fault.plan),
-        calibration=scaled(fault.calibration),
+        station=scale_hook(fault.station),
+        specimen=scale_hook(fault.specimen),
+        plan=scale_hook(fault.plan),
+        calibration=scale_hook(fault.calibration),
         record=record if fault.record else None,
     )
 
 
-def _scaled(before: Any, after: Any, size: float) -> Any:
+def _scale_change(before: Any, after: Any, size: float) -> Any:
     return None if after is None else blend(before, after, size)
 
 

@@ -53,7 +53,7 @@ class InstrumentFactory:
     draws: Draws
     ideal: bool
 
-    def as_asked(self, spec: S) -> S:
+    def adapt(self, spec: S) -> S:
         """Return a specification, without its errors if the laboratory is ideal."""
         return spec.ideal() if self.ideal else spec
 
@@ -62,7 +62,7 @@ class InstrumentFactory:
     ) -> T:
         """Return an instrument of the data `sheet`, with errors drawn under `name`."""
         spec = catalog.load("instruments", sheet, kind).spec
-        return make(self.as_asked(spec), self.draws, name)
+        return make(self.adapt(spec), self.draws, name)
 
 
 def calibration_of(instruments: Mapping[str, Instrument]) -> dict[str, Any]:
@@ -118,7 +118,7 @@ class FittedStation:
             if isinstance(each, CalibratedInstrument)
         }
 
-    def equipped(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> Self:
+    def equip(self, records: Mapping[str, Record], measured: Mapping[str, float]) -> Self:
         """Return the station with further settings that are taken from its raw records.
 
         The constants of the instruments do not change. `measured` holds results of the reduction:

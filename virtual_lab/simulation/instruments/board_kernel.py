@@ -46,7 +46,7 @@ def write_edges(
         is the time at which beam i is broken, and edge 2 i + 1 the time at which it is cleared.
         Only the direction `out` is changed.
     flights
-        Trajectory parameters from `Passage.way`, (5, shot).
+        Trajectory parameters from `Passage.trajectory_rows`, (5, shot).
     start
         Times at the target, (shot,) [s].
     out
@@ -93,7 +93,7 @@ def sum_up(
     out: bool,
     boards: Boards,
     edge: float,
-    trip: float,
+    depth_spread: float,
 ) -> None:
     """Compute the time and height of each ball's passage at each board, in place.
 
@@ -105,7 +105,7 @@ def sum_up(
         Array (2, board, shot). Before the call it holds standard normal numbers. After the call it
         holds recorded times [s] in row 0 and recorded heights [m] in row 1.
     flights
-        Trajectory parameters from `Passage.way`, (5, shot).
+        Trajectory parameters from `Passage.trajectory_rows`, (5, shot).
     start
         Times at the target, (shot,) [s].
     out
@@ -114,9 +114,8 @@ def sum_up(
         True constants of the boards.
     edge
         Standard uncertainty of the time at which a beam is broken or cleared [s].
-    trip
-        Spread of the trip depth [m]: each beam trips when the ball is at a certain depth in it, and
-        this is the standard deviation of the depths of all beams.
+    depth_spread
+        Standard deviation, over the beams, of the depth of the ball at which a beam trips [m].
     """
     sign = 1.0 if out else -1.0
     passage, gains = np.empty((3, BLOCK)), np.empty((3, BLOCK))
@@ -136,8 +135,8 @@ def sum_up(
             time, tall = records[:, board, shots]
             for i in range(n):
                 pace = sign * flight[WAY.pace, i]
-                u_way = edge * gains[1, i] / pace
-                deviation = tall[i] * sqrt(u_way**2 + (trip * gains[2, i]) ** 2)
+                path_u = edge * gains[1, i] / pace
+                deviation = tall[i] * sqrt(path_u**2 + (depth_spread * gains[2, i]) ** 2)
                 delay = time[i] * (edge * gains[0, i]) + deviation * steep[i] * pace
                 time[i] = boards.clock[first + i] * (began[i] + sign * since[i]) + delay
                 tall[i] = nan if np.isnan(delay) else height[i] + deviation
@@ -226,11 +225,15 @@ def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, f
         spread += (place - middle) * (place - middle)
     level, lean, bend = m2 * m3 - m1 * m4, m0 * m4 - m2 * m2, m1 * m2 - m0 * m3
     normal = m1 * level + m2 * lean + m3 * bend  # Cramer's rule for the row of the slope
-    path_gain, trip = 0.0, 0.0
+    path_gain, depth_gain = 0.0, 0.0
     for beam in range(low, high + 1):
         place = (beam - phase) / radius
         square = 1 - place * place
         slope = (level + place * (lean + bend * place)) / (normal * max(square, 1e-2))
         path_gain += slope * slope * square
-        trip += slope * slope
-    return sqrt((1 / beam_count + middle * middle / spread) / 2), sqrt(path_gain / 2), sqrt(trip)
+        depth_gain += slope * slope
+    return (
+        sqrt((1 / beam_count + middle * middle / spread) / 2),
+        sqrt(path_gain / 2),
+        sqrt(depth_gain),
+    )

@@ -56,18 +56,18 @@ class CalibratedSpec(Spec):
                 changes[name] = (0.0,) * len(value) if is_tuple else type(value)()
         return cast("Self", replace(cast("Any", self), **changes))
 
-    def restated(self, records: Sequence[Record], known: Mapping[str, float]) -> Self:
-        """Return the data sheet with `known` values and with numbers from raw `records` [SI].
+    def restate(self, records: Sequence[Record], constants: Mapping[str, float]) -> Self:
+        """Return the data sheet with `constants`, and with numbers from raw `records` [SI].
 
-        Names of `known` that are not on the sheet are ignored.
+        Names of `constants` that are not on the sheet are ignored.
         """
         names = {part.name for part in fields(cast("Any", self))}
-        values = {name: value for name, value in known.items() if name in names}
-        numbers = {**values, **self.numbers_in(records, known)}
+        values = {name: value for name, value in constants.items() if name in names}
+        numbers = {**values, **self.numbers_in(records, constants)}
         return cast("Self", replace(cast("Any", self), **numbers))
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
         """Return numbers of the sheet that are estimated from raw records [SI], keyed by name."""
         return {}
@@ -182,16 +182,16 @@ class CalibratedInstrument(Generic[S]):
         """Return an instrument of a data sheet, with constants drawn under `name`."""
         return cls(spec, *draw_constants(_certificate_of(spec), draws, name))
 
-    def restated(
-        self, records: Sequence[Record], known: Mapping[str, Estimate], draws: Draws, name: str
+    def restate(
+        self, records: Sequence[Record], constants: Mapping[str, Estimate], draws: Draws, name: str
     ) -> Self:
-        """Return an instrument of this kind that fits its raw records and `known` constants.
+        """Return an instrument of this kind that fits its raw records and `constants`.
 
-        The true constants are drawn about the known constants. `name` selects the random numbers.
+        The true constants are drawn about `constants`. `name` selects the random numbers.
         """
-        values = {key: each.value for key, each in known.items()}
-        fresh = self.commission(self.spec.restated(records, values), draws, name)
-        sheet = {key: each for key, each in known.items() if key in fresh.true}
+        values = {key: each.value for key, each in constants.items()}
+        fresh = self.commission(self.spec.restate(records, values), draws, name)
+        sheet = {key: each for key, each in constants.items() if key in fresh.true}
         stated, true = draw_constants(sheet, draws, name)
         return replace(fresh, stated=stated, true={**fresh.true, **true})
 

@@ -45,7 +45,7 @@ class CannonSpec(CalibratedSpec):
     across: Annotated[float, Dimension("length")] = 0.0  # mean height above the line of fire
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
         """Return number and scatter of the marks, and the mean height of the shots with its u."""
         numbers: dict[str, object] = {}

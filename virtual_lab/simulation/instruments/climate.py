@@ -79,11 +79,11 @@ class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
         density: TrueConstant,
         draws: Draws,
         name: str,
-        kept: NDArray[np.float64] | None = None,
+        store: NDArray[np.float64] | None = None,
     ) -> ClimateReadings:
         """Read the climate of a day on which the air has a density [kg/m³], start and end.
 
-        Readings of a block are in the order of the laboratories. `kept` is the mean relative
+        Readings of a block are in the order of the laboratories. `store` is the mean relative
         humidity of a store, (laboratory,); None: it is drawn.
         """
         chance = draws.normal(name, 4)
@@ -95,8 +95,8 @@ class ClimateLogger(CalibratedInstrument[ClimateLoggerSpec]):
                 (2, hall.humidity, hall.humidity_spread, hall.humidity_change),
             )
         )
-        if kept is not None:
-            humidity = kept[..., None] + hall.humidity_change * chance[..., 3, None] * ends
+        if store is not None:
+            humidity = store[..., None] + hall.humidity_change * chance[..., 3, None] * ends
         humidity = np.clip(humidity, *POSSIBLE)
         pressure = air_pressure(temperature, humidity, np.asarray(density)[..., None])
         readings = {

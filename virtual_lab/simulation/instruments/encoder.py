@@ -46,7 +46,7 @@ class EncoderSpec(CalibratedSpec):
     sees_ring: YesNo = True
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
         """Return rate and duration of the sampling, and whether the counts are whole."""
         numbers: dict[str, object] = {}

@@ -13,7 +13,7 @@ from virtual_lab.units import Array
 
 
 class Way(NamedTuple):
-    """Rows of `Passage.way`."""
+    """Rows of `Passage.trajectory_rows`."""
 
     pace: int = 0
     drag: int = 1
@@ -36,7 +36,7 @@ def pass_gate(
     Parameters
     ----------
     flight
-        Trajectory parameters from `Passage.way`, (5, shot).
+        Trajectory parameters from `Passage.trajectory_rows`, (5, shot).
     distance
         Distance of the gate from the target [m].
     gravity
@@ -83,7 +83,7 @@ def sum_up_gates(
         call, one direction holds the recorded times [s]. A time is NaN if the ball was not
         detected. The other direction is not changed.
     flights
-        Trajectory parameters from `Passage.way`, (5, shot).
+        Trajectory parameters from `Passage.trajectory_rows`, (5, shot).
     start
         Times at the target, (shot,) [s].
     out

@@ -41,11 +41,11 @@ class IndicatorSpec(CalibratedSpec):
     repeatability: float
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
         """Return the repeatability, the scatter of the readings without rounding."""
         squares = [
-            float(each.readings.var(axis=1, ddof=1).mean()) - known["resolution"] ** 2 / 12
+            float(each.readings.var(axis=1, ddof=1).mean()) - constants["resolution"] ** 2 / 12
             for each in records
             if isinstance(each, MassReadings | LengthReadings)
         ]

@@ -64,10 +64,10 @@ class LightBoardSpec(GateSheet):
             )
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the distances of the `known` boards, and the number of beams in the record."""
-        numbers = dict(GateSheet.numbers_in(self, records, known)) | {"heights": ()}
+        """Return the distances of the `constants` boards, and the number of beams in the record."""
+        numbers = dict(GateSheet.numbers_in(self, records, constants)) | {"heights": ()}
         beams = [each.times.shape[3] for each in records if isinstance(each, BoardRecord)]
         return numbers | {"beams": beams[0]} if beams else numbers
 
@@ -101,12 +101,16 @@ class LightBoardSpec(GateSheet):
 class LightBoards(BallGates[LightBoardSpec]):
     """The light boards of a laboratory. The thresholds of their beams are on no certificate."""
 
-    trips: Array  # threshold of each beam, added to the radius, ([laboratory,] board, beam) [m]
+    trip_depths: (
+        Array  # threshold of each beam, added to the radius, ([laboratory,] board, beam) [m]
+    )
 
     @classmethod
     def commission(cls, spec: LightBoardSpec, draws: Draws, name: str) -> Self:
-        trips = draws.normal(f"{name}.trips", (len(spec.distances), spec.beams))
-        return cls(spec, *draw_constants(spec.certificate(), draws, name), spec.trip_spread * trips)
+        trip_depths = draws.normal(f"{name}.trips", (len(spec.distances), spec.beams))
+        return cls(
+            spec, *draw_constants(spec.certificate(), draws, name), spec.trip_spread * trip_depths
+        )
 
     def exact(self) -> dict[str, Estimate]:
         spec = self.spec
@@ -127,12 +131,12 @@ class LightBoards(BallGates[LightBoardSpec]):
         records += spec.tick * draws.uniform(f"{name}.start", (1, 1, 1, 1), slots)
         scraps, delay = self._scraps(passage, contact, draws, name, slots)
         scrapped = quantise(records[scraps] + self.clock * delay, spec.tick)
-        by_way = records.reshape(*records.shape[:3], -1)
+        edges = records.reshape(*records.shape[:3], -1)
         for direction, start in zip(directions, (contact, leaving), strict=True):
             out = bool(direction)
-            trip_distance = passage.radius + self.trips
-            flights = passage.way(out=out)
-            write_edges(by_way, flights, start, out, self._boards(passage), trip_distance)
+            trip_distance = passage.radius + self.trip_depths
+            flights = passage.trajectory_rows(out=out)
+            write_edges(edges, flights, start, out, self._boards(passage), trip_distance)
         records[scraps] = scrapped
         records.setflags(write=False)
         return BoardRecord(times=records)
@@ -153,7 +157,9 @@ class LightBoards(BallGates[LightBoardSpec]):
         noise = draws.normal(f"{name}.sums", (2, 2, len(spec.distances)), slots)
         records = np.ascontiguousarray(np.moveaxis(noise, 0, -1))
         for start, rows, out in zip((contact, leaving), records, (False, True), strict=True):
-            sum_up(rows, passage.way(out=out), start, out, boards, edge, spec.trip_spread)
+            sum_up(
+                rows, passage.trajectory_rows(out=out), start, out, boards, edge, spec.trip_spread
+            )
         records.setflags(write=False)
         times, heights = records.transpose(1, 3, 0, 2)
         return PassageRecord(times=times, heights=heights)

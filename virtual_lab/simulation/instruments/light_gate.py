@@ -56,11 +56,11 @@ class GateSheet(CalibratedSpec):
             raise ValueError("distances must fall from the cannon's to the target's, all above 0")
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the distances of the `known` gates."""
-        count = sum(key.startswith("distance_") for key in known)
-        gates = tuple(known[f"distance_{at}"] for at in range(count))
+        """Return the distances of the `constants` gates."""
+        count = sum(key.startswith("distance_") for key in constants)
+        gates = tuple(constants[f"distance_{at}"] for at in range(count))
         return {"distances": gates} if gates else {}
 
     def certificate(self) -> dict[str, Estimate]:
@@ -164,13 +164,13 @@ class LightGateSpec(GateSheet):
     half_height: Annotated[float, Gt(0), Dimension("length")]  # half height about the line of fire
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the distances of the `known` gates, and the jitter that the edges show.
+        """Return the distances of the `constants` gates, and the jitter that the edges show.
 
         The chords of an incoming ball at two gates differ by the jitter of four edges.
         """
-        numbers = dict(GateSheet.numbers_in(self, records, known))
+        numbers = dict(GateSheet.numbers_in(self, records, constants))
         for record in records:
             if isinstance(record, GateRecord):
                 chords = np.diff(record.times[:, 0], axis=-1)[..., 0]
@@ -227,7 +227,7 @@ class LightGates(BallGates[LightGateSpec]):
         times = draws.normal(f"{name}.sums", (2, len(spec.distances)), slots)
         for direction, start in enumerate((contact, leaving)):
             out = bool(direction)
-            sum_up_gates(times, passage.way(out=out), start, out, gates, jitter)
+            sum_up_gates(times, passage.trajectory_rows(out=out), start, out, gates, jitter)
         heights = np.full(times.shape, np.nan)
         for values in (times, heights):
             values.setflags(write=False)

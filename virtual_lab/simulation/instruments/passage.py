@@ -80,7 +80,7 @@ class Passage:
             values.setflags(write=False)
         return replace(record, **columns)
 
-    def way(self, *, out: bool) -> Array:
+    def trajectory_rows(self, *, out: bool) -> Array:
         """Return the flights in one direction as rows for compiled code, (5, shot).
 
         The rows are 1/speed [s/m], NaN without a ball; κ for the rebound or -κ for the incoming

@@ -56,7 +56,7 @@ class PendulumSpec(CalibratedSpec):
     clamp_moment_dof: Freedom = inf
 
     def numbers_in(
-        self, records: Sequence[Record], known: Mapping[str, float]
+        self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
         """Return number, amplitude and decay of the swings, and the jitter that the times show."""
         numbers: dict[str, object] = {}
@@ -66,7 +66,7 @@ class PendulumSpec(CalibratedSpec):
             swings = record.times.shape[1] - 1
             spans = record.times[:, -1] - record.times[:, 0]
             first, last = (
-                float(ends.mean()) - known["amplitude_offset"]
+                float(ends.mean()) - constants["amplitude_offset"]
                 for ends in (record.first_amplitude, record.last_amplitude)
             )
             numbers = {

@@ -25,7 +25,7 @@ from virtual_lab.simulation.motion.scene import (
     StopSpec,
 )
 from virtual_lab.simulation.motion.touch import move
-from virtual_lab.simulation.stations.rig import MotionRung, ShotPlan
+from virtual_lab.simulation.stations.rig import MotionModel, ShotPlan
 from virtual_lab.units import Array
 
 AHEAD = 1.0  # distance before the contact at which a scene begins [m]
@@ -95,7 +95,7 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
         pymunk cannot simulate a shot, or a ball hits nothing in pymunk.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
-    pymunk, count = plan.motion is MotionRung.PYMUNK, len(beyond)
+    pymunk, count = plan.motion is MotionModel.PYMUNK, len(beyond)
     if not pymunk:
         passage = _stop_at_frames(passage, around, framed & ~beyond)
     shots = np.arange(count) if pymunk else np.flatnonzero(beyond)
@@ -290,7 +290,7 @@ def _all_met(played: PlayedShots) -> NDArray[np.int_]:
     contacts = np.bincount(played.pieces.shot, minlength=len(played.refused)) - 1
     for shot in np.flatnonzero(contacts < 1)[:1]:
         why = str(played.refused[shot]) or "the ball misses"
-        raise InputError("", "motion", MotionRung.PYMUNK.value, f"allowed: closed-form; {why}")
+        raise InputError("", "motion", MotionModel.PYMUNK.value, f"allowed: closed-form; {why}")
     return np.arange(len(contacts))
 
 

@@ -48,7 +48,7 @@ class Reality(Enum):
         return Streams(seed, branch, laboratory) if self is Reality.REAL else Quiet(laboratory)
 
 
-class MotionRung(Enum):
+class MotionModel(Enum):
     """Model of the motion of ball and bat through flight, contact and rebound."""
 
     CLOSED_FORM = "closed-form"  # all shots at once; by events if a ball hits other objects
@@ -112,7 +112,7 @@ class ShotPlan:
     turn_rate: Array | float = 0.0
     owner: Owner = ...
     detail: RecordDetail = RecordDetail.FULL
-    motion: MotionRung = MotionRung.CLOSED_FORM
+    motion: MotionModel = MotionModel.CLOSED_FORM
 
     def log(self) -> ShotLog:
         """Return the operator's log of the plan."""
@@ -236,7 +236,7 @@ class MotionRig(Rig, Protocol):
     """A rig that has other models of the motion besides the closed form."""
 
     @property
-    def motions(self) -> Collection[MotionRung]:
+    def motions(self) -> Collection[MotionModel]:
         """Models of the motion that the rig has."""
         ...
 

@@ -28,7 +28,7 @@ from virtual_lab.parameters import Seed
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyBat, Instruments, entry_name
-from virtual_lab.simulation.faults.fault import other_sheet
+from virtual_lab.simulation.faults.fault import with_sheet
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
 from virtual_lab.studies.bats.percussion_chart import draw_percussion
@@ -121,7 +121,7 @@ class PercussionStudy(StudyResult):
 class LaboratoryReading:
     """Means of the shots of one laboratory at a position, by `READINGS`; NaN without a rebound."""
 
-    seen: float  # share of shots with a detected rebound
+    detected: float  # share of shots with a detected rebound
     error: Mapping[str, float]
     u: Mapping[str, float]
 
@@ -143,7 +143,7 @@ class _Stand:
     def counting_finely(self) -> _Stand:
         """Return the laboratory with an encoder that does not round its counts to integers."""
         stations: Any = self.laboratory.stations
-        impact = other_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
+        impact = with_sheet(stations[Stage.IMPACT], "encoder", whole_counts=False)
         laboratory = replace(self.laboratory, stations={**stations, Stage.IMPACT: impact})
         return replace(self, laboratory=laboratory)
 
@@ -164,7 +164,7 @@ class _Stand:
             speed=np.full(shots, laboratory.rules.spec.ball_speed),
             place=np.full(shots, place - along_of(self.session)),
         )
-        station = other_sheet(laboratory.stations[stage], "pivot", **bearing)
+        station = with_sheet(laboratory.stations[stage], "pivot", **bearing)
         play = station.play(plan, laboratory.specimen, laboratory.draws)
         block = SessionBlock.of(with_records(self.session, stage, [play]))
         reduced = reduce_block(block)
@@ -277,7 +277,7 @@ def _row(
         reaction_ns=reaction,
         reaction_n=reaction / float(lasted[0]),
         ring_mrad=1e3 * _ring(still, place),
-        rebounds_detected=float(np.mean([each.seen for each in readings_of_laboratories])),
+        rebounds_detected=float(np.mean([each.detected for each in readings_of_laboratories])),
         recoil=readings("recoil"),
         rebound=readings("rebound"),
         plain_shift=float(plain - as_installed),
@@ -310,7 +310,7 @@ def _read_place(stand: _Stand, place: float, shots: int, number: int) -> Laborat
     errors = {name: getattr(reduced.shots, field) - true for name, field in READINGS.items()}
     finite_errors = {name: error[np.isfinite(error)] for name, error in errors.items()}
     return LaboratoryReading(
-        seen=finite_errors["rebound"].size / shots,
+        detected=finite_errors["rebound"].size / shots,
         error={
             name: float(error.mean()) if error.size else np.nan
             for name, error in finite_errors.items()

@@ -141,16 +141,16 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
-        own = Sheet.of("rigs", rig)
-        named = [each for each in own.document.values() if each in catalog.names("instruments")]
-        for sheet in (own, *(Sheet.of("instruments", name) for name in named)):
+        base = Sheet.of("rigs", rig)
+        named = [each for each in base.document.values() if each in catalog.names("instruments")]
+        for sheet in (base, *(Sheet.of("instruments", name) for name in named)):
             stated = {datum.key: datum.value for datum in catalog.datums(sheet.document)}
             half = {
                 key: value / 2 for key, value in stated.items() if key.endswith(("_u", SCATTER))
             }
             if half:
                 tables = "+".join(dict.fromkeys(key.partition(".")[0] for key in half))
-                exchanges[tables if sheet is own else sheet.name] = sheet.with_(half)
+                exchanges[tables if sheet is base else sheet.name] = sheet.with_(half)
     return exchanges
 
 

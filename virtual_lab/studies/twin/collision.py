@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from virtual_lab.catalog.specs import BatBody
-from virtual_lab.records.origin import RungTaken
+from virtual_lab.records.origin import ModelUsed
 from virtual_lab.simulation.collision.ladder import StruckBat
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes
 from virtual_lab.simulation.physics.beam import Pinned, RigidBat, Support
@@ -156,9 +156,9 @@ class StatedCollision:
             pivoted=recoil(False),
         )
 
-    def report(self) -> RungTaken:
+    def report(self) -> ModelUsed:
         """Return the name of this model and why it is used."""
-        return RungTaken(rung="stated", reason="stated, e_A as the records show it")
+        return ModelUsed(rung="stated", reason="stated, e_A as the records show it")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +168,7 @@ class StatedModel:
     law: StatedCollision
     axis: float  # distance of the pivot from the tip [m]
 
-    rung = "stated"
+    name = "stated"
 
     @property
     def modes(self) -> Modes:

@@ -102,10 +102,10 @@ class TwinDays:
         """
         day = TestDay.begin(self._laboratory(days, detail)).measure_bat().hit_wall()
         stated = self.statement.session.records["bench"]
-        written = {
+        part_records = {
             key: each for key, each in day.sessions.records["bench"].items() if key in stated
         }
-        records = {**day.sessions.records, "bench": written}
+        records = {**day.sessions.records, "bench": part_records}
         day = replace(day, sessions=replace(day.sessions, records=records)).prepare()
         specimen = day.laboratory.specimen
         specimen = replace(specimen, balls=_with_scatter(specimen.balls, self.hit_scatter))
@@ -154,7 +154,7 @@ class TwinDays:
         )
         draws = setup.draws(self.seed)
         stations = {
-            stage: self.faults.station(stage, _commissioned(stage, statement, draws))
+            stage: self.faults.station(stage, _commission(stage, statement, draws))
             for stage in Stage
         }
         constants = {
@@ -163,9 +163,7 @@ class TwinDays:
             for name, estimate in station.calibration.items()
         }
         stated = {
-            name: constants[name]
-            if name in constants
-            else _measured_anew(name, estimate, draws, setup)
+            name: constants[name] if name in constants else _remeasure(name, estimate, draws, setup)
             for name, estimate in session.calibration.items()
         }
         entered = self.faults.calibration(cast("Mapping[str, Estimate]", stated))
@@ -192,7 +190,7 @@ class TwinDays:
         )
 
 
-def _commissioned(stage: Stage, statement: Statement, draws: Draws) -> Station:
+def _commission(stage: Stage, statement: Statement, draws: Draws) -> Station:
     """Return a rig as records and constants state it; its true constants differ by their u."""
     name, records = statement.session.rigs[stage.value], statement.session.records[stage.value]
     rig = find_rig(name, stage)
@@ -204,18 +202,20 @@ def _commissioned(stage: Stage, statement: Statement, draws: Draws) -> Station:
     parts: dict[str, Any] = {}
     for field, (part, instrument) in station.parts().items():
         prefix = constant_name(stage, f"{part}.")  # of the hall for its air and gravity
-        known = {key: Estimate(value=value) for key, value in scatter.items()} | {
+        constants = {key: Estimate(value=value) for key, value in scatter.items()} | {
             key.removeprefix(prefix): estimate
             for key, estimate in statement.constants.items()
             if key.startswith(prefix)
         }
         channels = station.channels.get(part, (part,))
-        written = [records[channel] for channel in channels if channel in records]
-        parts[field] = instrument.restated(written, known, draws, f"twin.{prefix.rstrip('.')}")
-    return cast("Station", replace(station, **parts).equipped(records, scatter))
+        part_records = [records[channel] for channel in channels if channel in records]
+        parts[field] = instrument.restate(
+            part_records, constants, draws, f"twin.{prefix.rstrip('.')}"
+        )
+    return cast("Station", replace(station, **parts).equip(records, scatter))
 
 
-def _measured_anew(
+def _remeasure(
     name: str, estimate: Estimate, draws: Draws, setup: TestSetup
 ) -> Estimate | Estimates:
     """Return a constant of no instrument on the days: the ratio of a control bat with its u."""

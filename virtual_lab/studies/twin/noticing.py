@@ -22,7 +22,7 @@ from virtual_lab.records.session import pack
 from virtual_lab.simulation.faults import FaultSet, faults_at
 from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.fault import Fault
-from virtual_lab.simulation.faults.size import sized
+from virtual_lab.simulation.faults.size import resize
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.units import Array
@@ -88,20 +88,20 @@ def noticed_faults(
     names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]
     about = {"session": pack(session).digest, "seed": playing.seed, "days": days}
     played = read_json(path) if path.exists() else {}
-    kept = played.setdefault("rows", {})
+    stored_rows = played.setdefault("rows", {})
     if played.setdefault("about", about) != about:
         allowed = "has days of other records, another seed or number; allowed: a new folder"
         raise InputError("", "faults", str(folder), allowed)
     rows, sound = [], np.zeros(0)
     for number, name in enumerate(names, 1):
-        if name not in kept:
+        if name not in stored_rows:
             if not sound.size:
                 sound = np.array([_error(playing, FIRST + day)[1] for day in range(days)])
-            kept[name] = asdict(_played(CATALOGUE[name], playing, u, sound))
+            stored_rows[name] = asdict(_fault_row(CATALOGUE[name], playing, u, sound))
             folder.mkdir(parents=True, exist_ok=True)
             with whole_file(path) as file:
                 file.write(json.dumps(played, indent=1).encode())
-        rows.append(NoticedFault(**kept[name]))
+        rows.append(NoticedFault(**stored_rows[name]))
         progress("faults", number, len(names))
     return rows
 
@@ -114,18 +114,18 @@ def _error(playing: TwinDays, day: int) -> tuple[bool, float]:
     except InputError:  # the reduction rejects the records
         return True, np.nan
     certified = played.certified
-    shown = bool(certified.invalid[0]) or any(certified.checked.flags(0))
+    is_flagged = bool(certified.invalid[0]) or any(certified.checked.flags(0))
     error = certified.results["metric"].value - played.measurands["metric"]
-    return shown, float(error[0]) if certified.some[0] else np.nan
+    return is_flagged, float(error[0]) if certified.some[0] else np.nan
 
 
-def _played(fault: Fault, playing: TwinDays, u: float, sound: Array) -> NoticedFault:
+def _fault_row(fault: Fault, playing: TwinDays, u: float, sound: Array) -> NoticedFault:
     """Return the row of a fault; `sound` are the errors of the same days without it, (day,)."""
     shares, shift = [], None
     for size in SIZES:
-        faulty = replace(playing, faults=FaultSet(faults=(sized(fault, size),)))
+        faulty = replace(playing, faults=FaultSet(faults=(resize(fault, size),)))
         days = [_error(faulty, FIRST + day) for day in range(sound.size)]
-        shares.append(sum(shown for shown, _ in days) / sound.size)
+        shares.append(sum(is_flagged for is_flagged, _ in days) / sound.size)
         changes = np.array([error for _, error in days]) - sound
         if size == 1 and np.isfinite(changes).any():
             shift = float(np.nanmedian(changes)) / u

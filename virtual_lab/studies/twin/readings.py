@@ -197,12 +197,12 @@ def readings_of(certified: Certifications) -> dict[str, float]:
     wall = balls.flights.raw
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.ravel(wall.speed_out / wall.speed_in)
-    seen = np.ravel(balls.ball) >= 0
+    is_reading = np.ravel(balls.ball) >= 0
     of_ball = np.ravel(balls.ball) + 1j * np.ravel(balls.nominal_speed)
     place = np.round(reduced.place[valid], 6)
     rows = {
         "hits": largest_deviation(reduced.shot_metric[valid], place),
-        "wall hits": largest_deviation(ratio[seen], of_ball[seen]),
+        "wall hits": largest_deviation(ratio[is_reading], of_ball[is_reading]),
     }
     turn = readings.recoil or readings.swing
     raw = readings.flights.raw

@@ -105,11 +105,11 @@ class Course:
         lasts = self.leaving[shot] - self.contact[shot]
         share = np.clip((time - self.contact[shot]) / np.where(lasts > 0, lasts, 1.0), 0.0, 1.0)
         pressed = lasts * share * (1 - share) * (speed_in * (1 - share) + speed_out * share)
-        way_in = distance_after(before, speed_in, -drag)
-        way_out = distance_after(after, speed_out, drag)
+        distance_in = distance_after(before, speed_in, -drag)
+        distance_out = distance_after(after, speed_out, drag)
         plane = np.where(after > 0, of(flight.parted_plane), of(flight.plane))
-        x = pressed - way_in - way_out - plane
-        rise = of(flight.slope_in) * way_in + of(flight.slope_out) * way_out
+        x = pressed - distance_in - distance_out - plane
+        rise = of(flight.slope_in) * distance_in + of(flight.slope_out) * distance_out
         height = np.where(after > 0, of(flight.parted_height), of(flight.height))
         z = height + rise - flight.gravity / 2 * (before**2 + after**2)
         return np.stack([x, self.along[shot], z], axis=1)

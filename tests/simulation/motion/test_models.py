@@ -28,8 +28,8 @@ from virtual_lab.simulation.motion.pymunk_scene import PymunkSettings, play_pymu
 from virtual_lab.simulation.motion.scene import ShotScene, ShotState
 from virtual_lab.units import INCH
 
-EVERY = pytest.mark.parametrize("rung", ["closed-form", "events", "pymunk"])
-CARRIED = pytest.mark.parametrize("rung", ["events", "pymunk"])
+EVERY = pytest.mark.parametrize("model", ["closed-form", "events", "pymunk"])
+CARRIED = pytest.mark.parametrize("model", ["events", "pymunk"])
 
 
 def struck(outcome: PlayedShots, shot: int = 0) -> list[str]:
@@ -56,10 +56,10 @@ def assert_as_reference(played: ShotScene, outcome: PlayedShots, shot: int, with
 
 
 @EVERY
-def test_every_model_agrees_with_scipy(rung: str) -> None:
+def test_every_model_agrees_with_scipy(model: str) -> None:
     """Bat at rest or swung, ball oblique and off the axis, with drag and gravity."""
     played = scattered(25, seed=1)
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert set(outcome.refused) == {""}
     assert (outcome.pieces.struck == Target.BAT).sum() > 15
     for shot in range(played.shots):
@@ -115,15 +115,15 @@ def test_steps_by_the_present_speed_find_the_same_contacts(
 
 
 @EVERY
-def test_any_moment_is_the_end_of_a_shorter_record(rung: str) -> None:
+def test_any_moment_is_the_end_of_a_shorter_record(model: str) -> None:
     moments = (0.01, 0.033, 0.08)
     shots: dict[str, Any] = {"z": [5 * INCH, 7 * INCH], "vz": 1.0}
     played = scene(**shots, duration=0.08)
-    states = np.array(play(played, rung).at(played, (0.0, *moments)))
+    states = np.array(play(played, model).at(played, (0.0, *moments)))
     assert states[..., 0].tolist() == np.array(played.start).tolist()
     for column, moment in enumerate(moments, 1):
         shorter = scene(**shots, duration=moment)
-        assert states[..., column] == pytest.approx(end(play(shorter, rung), shorter), abs=1e-11)
+        assert states[..., column] == pytest.approx(end(play(shorter, model), shorter), abs=1e-11)
 
 
 def test_a_square_hit_on_a_bat_at_rest_agrees_with_the_textbook() -> None:
@@ -146,11 +146,11 @@ def test_a_square_hit_on_a_bat_at_rest_agrees_with_the_textbook() -> None:
 
 
 @EVERY
-def test_a_ball_off_the_axis_slides_without_friction(rung: str) -> None:
+def test_a_ball_off_the_axis_slides_without_friction(model: str) -> None:
     """The speed back along the line of fire is e_A cos² - sin² of the speed in."""
     y = np.array([-0.02, 0.01, 0.03])
     played = scene(y=y, gravity=0.0, drag=0.0)
-    hit = play(played, rung).first(Target.BAT)
+    hit = play(played, model).first(Target.BAT)
     angle = np.arcsin(y / (RADIUS + float(played.bat.radius(np.array(6 * INCH)))))
     speed, e_A = 26.8 * np.cos(angle), rigid(np.array(6 * INCH))
     assert hit.speed == pytest.approx(speed, rel=1e-9)
@@ -160,7 +160,7 @@ def test_a_ball_off_the_axis_slides_without_friction(rung: str) -> None:
 
 
 @EVERY
-def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> None:
+def test_a_lossless_collision_keeps_energy_and_angular_momentum(model: str) -> None:
     """Lossless impact without air, at any angle and swing."""
 
     def lossless(place: Array, *_: Any) -> Array:
@@ -168,7 +168,7 @@ def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> No
         return (1 - r) / (1 + r)
 
     played = scattered(12, seed=3, drag=0.0, gravity=0.0, y=0.0, vy=0.0, efficiency=lossless)
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert (outcome.pieces.struck == Target.BAT).sum() == 12
     last = ShotState(*end(outcome, played))
 
@@ -186,11 +186,11 @@ def test_a_lossless_collision_keeps_energy_and_angular_momentum(rung: str) -> No
 
 
 @CARRIED
-def test_a_post_affects_only_the_shots_that_strike_it(rung: str) -> None:
+def test_a_post_affects_only_the_shots_that_strike_it(model: str) -> None:
     """The other shots have the contacts of the closed form."""
     z = np.array([5 * INCH, 0.38, 7 * INCH, 0.366])
     played = scene(z=z, duration=0.08, frames=(frame_at(-0.6),))
-    outcome, plain = play(played, rung), play(played, "closed-form")
+    outcome, plain = play(played, model), play(played, "closed-form")
     for shot in (0, 2):
         pieces, other = (each.pieces.part(each.pieces.shot == shot) for each in (outcome, plain))
         assert pieces.time == pytest.approx(other.time, abs=1e-11)
@@ -201,31 +201,31 @@ def test_a_post_affects_only_the_shots_that_strike_it(rung: str) -> None:
 
 
 @CARRIED
-def test_a_bat_that_comes_back_strikes_again(rung: str) -> None:
+def test_a_bat_that_comes_back_strikes_again(model: str) -> None:
     """A lively stop throws the bat after a slow ball."""
     played = scene(z=3 * INCH, stop=stop(0.02, 1.0), duration=0.3, vx=10.0, gravity=0.0)
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert struck(outcome)[:3] == [Target.BAT, Target.STOP, Target.BAT_AGAIN]
     assert_as_reference(played, outcome, 0, 1e-9)
 
 
 @CARRIED
-def test_a_full_turn_of_the_bat_is_a_second_contact(rung: str) -> None:
+def test_a_full_turn_of_the_bat_is_a_second_contact(model: str) -> None:
     """Without a stop the bat turns on and strikes the ball, which barely rebounded."""
     played = scene(
         z=4 * INCH, efficiency=lambda place, *_: np.full(len(place), -0.02), duration=1.0,
         gravity=0.0, drag=0.0,
     )  # fmt: skip
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert struck(outcome)[:2] == [Target.BAT, Target.BAT_AGAIN]
     assert_as_reference(played, outcome, 0, 1e-8)
 
 
 @CARRIED
-def test_a_frame_stops_only_a_ball_that_strikes_a_bar(rung: str) -> None:
+def test_a_frame_stops_only_a_ball_that_strikes_a_bar(model: str) -> None:
     """Four balls in the same plane: between the bars, onto one, over and under them."""
     played = scene(y=[0.15, 0.17, 0.29, -0.3], frames=(frame_at(-0.5),), gravity=0.0, duration=0.03)
-    outcome = play(played, rung)
+    outcome = play(played, model)
     met = [Target.FRAME in struck(outcome, shot) for shot in range(4)]
     assert met == [False, True, False, False]
     assert end(outcome, played)[3, 1] == pytest.approx(-0.6 * 26.8, rel=1e-2)
@@ -234,29 +234,29 @@ def test_a_frame_stops_only_a_ball_that_strikes_a_bar(rung: str) -> None:
 
 @CARRIED
 @pytest.mark.parametrize("aside", [-1.0, 0.0, 1.0])
-def test_a_ball_on_the_end_of_a_bar_strikes_its_post(rung: str, aside: float) -> None:
+def test_a_ball_on_the_end_of_a_bar_strikes_its_post(model: str, aside: float) -> None:
     """Along a bar, within its thickness, where pymunk's own segment misses its end."""
     played = scene(
         x=-0.53, z=-0.3, vx=aside, vz=10.0, frames=(frame_at(-0.5),), gravity=0.0, duration=0.03
     )
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert struck(outcome)[0] == Target.FRAME
     assert_as_reference(played, outcome, 0, 1e-6)  # tolerance: pymunk's nanometre, on a curve
 
 
 @CARRIED
-def test_a_ball_that_descends_while_over_a_bar_does_not_strike_it(rung: str) -> None:
+def test_a_ball_that_descends_while_over_a_bar_does_not_strike_it(model: str) -> None:
     """It is over the bar from 11 to 39 ms and clears it to 17; the bat meets its stop at 20 ms."""
     frame = frame_at(-0.5, bottom=-0.038)
     played = scene(vx=4.0, x=-0.6, y=0.0, rate=10.0, stop=stop(0.2), frames=(frame,), duration=0.1)
-    assert struck(play(played, rung)) == [Target.STOP]
+    assert struck(play(played, model)) == [Target.STOP]
 
 
 @EVERY
-def test_a_falling_ball_strikes_from_above(rung: str) -> None:
+def test_a_falling_ball_strikes_from_above(model: str) -> None:
     """Gravity alone moves the ball: v² = 2 g h, and it rebounds straight up."""
     played = scene(x=0.0, y=0.2, vx=0.0, z=6 * INCH, duration=0.2)
-    hit = play(played, rung).first(Target.BAT)
+    hit = play(played, model).first(Target.BAT)
     fall = 0.2 - RADIUS - float(played.bat.radius(np.array(6 * INCH)))
     speed = np.sqrt(2 * 9.80665 * fall)
     assert hit.time.tolist() == [pytest.approx(speed / 9.80665, rel=1e-9)]
@@ -265,18 +265,18 @@ def test_a_falling_ball_strikes_from_above(rung: str) -> None:
 
 
 @CARRIED
-def test_a_ball_trapped_between_two_bars_is_refused(rung: str) -> None:
+def test_a_ball_trapped_between_two_bars_is_refused(model: str) -> None:
     frames = frame_at(-0.5, restitution=1.0), frame_at(-0.7, restitution=1.0)
     played = scene(x=-0.6, y=0.2, gravity=0.0, drag=0.0, duration=0.5, frames=frames)
-    assert play(played, rung).refused.tolist() == ["more than 100 contacts in one record"]
+    assert play(played, model).refused.tolist() == ["more than 100 contacts in one record"]
 
 
 @CARRIED
-def test_the_post_of_the_stop_throws_a_ball_back(rung: str) -> None:
+def test_the_post_of_the_stop_throws_a_ball_back(model: str) -> None:
     """A ball behind the bat strikes the post of the stop."""
     angle = np.pi / 2
     played = scene(x=0.2, z=0.3, vx=4.0, vz=8.0, stop=stop(angle), gravity=0.0, duration=0.15)
-    outcome = play(played, rung)
+    outcome = play(played, model)
     assert struck(outcome) == [Target.STOP]
     hit = outcome.first(Target.STOP)
     direction = angle + np.arcsin(played.bat.widest / 0.4)
