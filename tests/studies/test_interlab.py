@@ -86,6 +86,17 @@ def test_a_factor_that_is_left_out_stays_nominal(study: Path) -> None:
     assert first.specimen.balls.spec.stiffness == second.specimen.balls.spec.stiffness
 
 
+def test_an_empty_factor_has_the_spread_of_the_users_own_sheet(study: Path) -> None:
+    """The stiffness alone has no spread in the catalog, but 2 % in this ball."""
+    ball = vl.ball("baseball-2003").with_(stiffness_spread="2 %").save(study.with_name("ball.toml"))
+    rules = vl.procedure("astm-f1881").with_(ball=str(ball)).save(study.with_name("rules.toml"))
+    text = STUDY.replace('"astm-f1881"', f'"{rules}"')
+    study.write_text(text.replace("[factors.wall]", "[factors.stiffness]\n[factors.wall]"))
+    rows = {row.term: row for row in vl.interlab(study, predict=True)}
+    assert rows["stiffness"].factor_spread == "spread 2 %"
+    assert rows["stiffness"].predicted > 0
+
+
 def test_selected_draws_are_those_of_the_streams() -> None:
     streams = Streams(1, (), np.arange(3))
     draws = Selected(streams, Quiet(np.arange(3)), ("*", "-lot.*"))
@@ -191,7 +202,7 @@ def test_a_study_with_one_lot_is_summarised_without_a_scatter_of_lots() -> None:
         (
             "[factors.wall]",
             "[factors.stiffness]\n[factors.wall]",
-            "factors.stiffness has no effect",
+            "factors.stiffness; has no effect, because balls/baseball-2003 has no stiffness_spread",
         ),
         ('0.99, unit = "1"', '0.99, unit = "mph"', "unit 'mph' is not a unit of number"),
         ('"ea70"', '"ea71"', "'ea71'; did you mean ea70"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import hypot, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -138,10 +138,15 @@ def interlab(
     spec = entry.spec
     rows: list[InterlabTerm] = []
     exercises: dict[str, NestedStudy] = {}
-    cases = [(bat, procedure) for procedure in spec.procedures for bat in spec.bats]
-    for number, (bat, procedure) in enumerate(cases):
+    cases = [
+        Play(study=entry, bat=bat, procedure=procedure, workers=workers)
+        for procedure in spec.procedures
+        for bat in spec.bats
+    ]
+    for play in cases:
+        _require_effects(play, str(study))
+    for number, play in enumerate(cases):
         progress("cases", number, len(cases))
-        play = Play(study=entry, bat=bat, procedure=procedure, workers=workers)
         if predict:
             rows += [row for each in _predictions(play).values() for row in each.values()]
             continue
@@ -156,6 +161,24 @@ def interlab(
     title = f"{tests}, {spec.repeats} repeats; {spec.alone} laboratories per factor alone"
     words = "\n".join([WORDS, *(_consistency(name, each) for name, each in exercises.items())])
     return Interlab(name="interlab", title=title, words=words, rows=rows, exercises=exercises)
+
+
+def _require_effects(play: Play, where: str) -> None:
+    """Raise `InputError` if a factor has neither a number in the study nor a spread in its sheet.
+
+    `where` is the name of the study's file in the error message.
+    """
+    for factor in play.factors:
+        numbers = getattr(play.study.spec.factors, factor)
+        spreads = [datum.value for key, datum in _numbers(play, factor) if key != "value"]
+        if factor != "calibration" and not any([*asdict(numbers).values(), *spreads]):
+            last = {name: (key, at) for (name, key), at in PLACES.items()}
+            key, (kind, sheet, number) = last[factor]
+            allowed = (
+                f"has no effect, because {kind}/{sheet or _rules(play).ball} has no {number}; "
+                f'add {key} = {{ value = …, unit = "…", source = "…", verified = false }}'
+            )
+            raise InputError(where, f"factors.{factor}", None, allowed)
 
 
 def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:

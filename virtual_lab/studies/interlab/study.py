@@ -44,7 +44,6 @@ NAMES: Mapping[str, tuple[str, ...]] = {
     "wall": ("ball-wall.wall",),
     "clamp": ("astm-pivot.clamp",),
 }
-WITHOUT_SPREAD = ("stiffness", "wall", "clamp")  # factors whose spread is 0 in the data sheets
 OF_LOTS = ("lot", "stiffness", "store")  # factors of a lot; all others are of a laboratory
 
 
@@ -127,13 +126,6 @@ class InterlabStudy(Spec):
             raise ValueError("alone = 1 shows no scatter; allowed: 0, or at least 2")
         if not self.named:
             raise ValueError(f"factors: none is named; allowed: {', '.join(NAMES)}")
-        for name in WITHOUT_SPREAD:
-            factor = getattr(self.factors, name)
-            if factor and not any(getattr(factor, each.name) for each in fields(factor)):
-                raise ValueError(
-                    f"factors.{name} has no effect, because the data sheets have no spread; "
-                    'add spread = { value = …, unit = "…", source = "…", verified = false }'
-                )
 
     @property
     def named(self) -> tuple[str, ...]:
