@@ -33,8 +33,10 @@ LABS = {"one": "Riverside", "two": "Hilltop"}
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Save tests of two bats, two procedures, laboratories with and without names, and repeats."""
     folder = tmp_path_factory.mktemp("results")
+    named = {"laboratory": {"name": "Riverside"}}
     for number in range(3):
-        vl.certify("r161", seed=7, test=number).save(folder / "repeats" / f"n{number}")
+        test = vl.certify("r161", seed=7, test=number, laboratory=named)
+        test.save(folder / "repeats" / f"n{number}")
     for number in (1, 2):
         vl.certify("r161", seed=7, number=number).save(folder / "unnamed" / f"n{number}")
     vl.certify("ea70", seed=7).save(folder / "bats" / "ea70")
@@ -55,7 +57,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("bats", "bats by one procedure"),
         ("procedures", "one bat by several procedures"),
         ("laboratories", "laboratories of one bat design"),
-        ("unnamed", "laboratories of one bat design"),
+        ("unnamed", "one bat design by one procedure, laboratories not told apart"),
         ("repeats", "the same bat, procedure and laboratory, as far as stated"),
     ],
 )
@@ -73,7 +75,7 @@ def test_certificates_that_differ_in_more_than_one_way_are_refused_by_name(resul
     with pytest.raises(InputError) as refused:
         vl.report([results / "bats", results / "procedures"])
     said = str(refused.value)
-    for name in ("bats: ea70, r161 S1", "procedures: astm-f1881, ncaa-besr"):
+    for name in ("bats: ea70 in ea70, r161 S1 in r161", "procedures: astm-f1881 in ea70, ncaa-"):
         assert name in said
     assert "\n" not in said
 
@@ -83,8 +85,20 @@ def test_the_scatter_of_laboratories_is_compared_with_the_stored_study(results: 
         "Simulated laboratories that test the same bat scatter by s_R 0.0061 (virtual-lab interlab,"
     )
     assert said in vl.report(results / "laboratories").text
-    assert said in vl.report(results / "unnamed").text
     assert "interlab" not in vl.report(results / "repeats").text
+    assert "interlab" not in vl.report(results / "unnamed").text
+
+
+def test_laboratories_without_a_name_are_not_told_apart(results: Path) -> None:
+    """One named laboratory among them settles nothing; two different names do."""
+    said = "{} of {} certificates name no laboratory"
+    unnamed = vl.report(results / "unnamed")
+    assert said.format(2, 2) in unnamed.text
+    assert any("mean of 2 results" in each for each in unnamed.words)
+    one = vl.report([results / "unnamed", results / "laboratories" / "one"])
+    assert (one.kind, said.format(2, 3) in one.text) == (unnamed.kind, True)
+    two = vl.report([results / "unnamed", results / "laboratories"])
+    assert two.kind == "laboratories of one bat design"
 
 
 def test_a_copy_is_no_repeat(results: Path, tmp_path: Path) -> None:

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
 PACKAGE = "virtual_lab.certificate"
 REPEATS = "the same bat, procedure and laboratory, as far as stated"
+UNNAMED = "one bat design by one procedure, laboratories not told apart"
 AS_STATED = "Numbers as stated in the certificates, not verified."
+MOST_DIFFERING = 6  # largest number of bats, procedures or laboratories listed in an error
 MOST_NAMED = 30  # largest number of certificate names printed beside the figure
 
 
@@ -161,7 +163,13 @@ class CertificateReport(StudyResult):
                 f"{len(flagged)} with flags: {', '.join(row.certificate for row in flagged)}"
             )
         results = [(row.value, row.u) for row in self.rows if row.value is not None and row.u]
-        if self.kind in (KINDS["laboratories"][0], REPEATS) and len(results) > 1:
+        if self.kind == UNNAMED:
+            unnamed = sum(not row.laboratory_name for row in self.rows)
+            sentences.append(
+                f"{unnamed} of {len(self.rows)} certificates name no laboratory (certify "
+                "--laboratory names it), so they may be repeats or of several laboratories"
+            )
+        if self.kind in (KINDS["laboratories"][0], REPEATS, UNNAMED) and len(results) > 1:
             values, us = zip(*results, strict=True)
             rms = sqrt(fmean(u**2 for u in us))
             first = self.rows[0]
@@ -170,7 +178,7 @@ class CertificateReport(StudyResult):
                 + f" is the mean of {len(results)} results; their standard deviation is "
                 f"{stdev(values):.2g}, which is {stdev(values) / rms:.2g} times their rms u"
             )
-            if self.kind != REPEATS:
+            if self.kind == KINDS["laboratories"][0]:
                 bat = first.bat.split(" ")[0]  # without its serial number
                 expected = expected_scatter(bat, first.procedure)
                 sentences += [expected.explain(stdev(values), len(values))] if expected else []
@@ -292,9 +300,9 @@ def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> Certi
     """Compare the certificates in result folders.
 
     The certificates must differ in only one way: several bats, several procedures, several
-    laboratories, or repeats of one test. Laboratories without a stated name are told apart by their
-    calibrations. The same test must not occur twice. The numbers are copied from the certificates
-    and not recomputed; `verify` recomputes them.
+    laboratories, or repeats of one test. Laboratories are told apart only by their names; the
+    report says so if a certificate names none. The same test must not occur twice. The numbers are
+    copied from the certificates and not recomputed; `verify` recomputes them.
 
     Parameters
     ----------
@@ -343,9 +351,15 @@ def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
     """Return the kind of comparison. Raises `InputError` if certificates differ in two ways."""
     differing = {}
     for key, (_, of) in KINDS.items():
-        names = dict.fromkeys(map(of, documents.values()))
-        if len(names) > 1:
-            differing[key] = ", ".join(name or "not stated" for name in list(names)[:6])
+        first: dict[str, str] = {}
+        for folder, document in documents.items():
+            if name := of(document):
+                first.setdefault(name, folder.name)
+        if len(first) > 1:
+            words = [f"{name} in {folder}" for name, folder in first.items()]
+            differing[key] = ", ".join(
+                words[:MOST_DIFFERING] + ["…"] * (len(words) > MOST_DIFFERING)
+            )
     if len(differing) > 1:
         differences = "; ".join(f"{key}: {names}" for key, names in differing.items())
         allowed = (
@@ -355,15 +369,4 @@ def _kind_of(documents: dict[Path, CertificateDocument]) -> str:
         raise InputError("", "folders", None, allowed)
     if differing:
         return KINDS[next(iter(differing))][0]
-    unnamed = [each for each in documents.values() if not _laboratory(each)]
-    calibrations = {_calibrations(each) for each in unnamed} - {frozenset()}
-    return KINDS["laboratories"][0] if len(calibrations) > 1 else REPEATS
-
-
-def _calibrations(document: CertificateDocument) -> frozenset[tuple[str, float]]:
-    """Return the u of each calibrated input with finite degrees of freedom.
-
-    Laboratories differ in them, because each has calibrated its own instruments.
-    """
-    lines = (line for line in document.budget if line.evaluation == "B" and line.dof is not None)
-    return frozenset((line.component, line.u) for line in lines)
+    return REPEATS if all(map(_laboratory, documents.values())) else UNNAMED
