@@ -10,11 +10,15 @@ from importlib import import_module
 from typing import Any
 
 VERSION = "0.2.0"
+LISTED = "\n  "  # start of a line of a list in an error message
 DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the index is another one
 
 
 class InputError(ValueError):
-    """Input that cannot be used. The message is one line that tells the user how to correct it."""
+    """Input that cannot be used. The message is one line that tells the user how to correct it.
+
+    If `allowed` contains `LISTED`, further lines list the places to correct.
+    """
 
     def __init__(self, where: str, key: str, value: object, allowed: str) -> None:
         self.where, self.key, self.value, self.allowed = where, key, value, allowed

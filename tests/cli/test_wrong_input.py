@@ -638,7 +638,7 @@ CASES: dict[str, Case] = {
     "a form not filled in": (
         form(('bat = "r161"', 'bat = "?"')),
         "reduce r",
-        ["bat", "not filled in"],
+        ["line 5: bat; not filled in"],
     ),
     # clips and their calibration
     "a rate as a text": (clip('frames_per_second = "1000"'), f"{TRACK} cal.toml", ["number"]),

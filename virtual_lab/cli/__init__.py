@@ -20,7 +20,7 @@ import click
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.cli.plumbing import DRAWN, STUDY, TABLE, Answer, Output, Sections
 from virtual_lab.cli.rehearse import rehearse
-from virtual_lab.errors import VERSION, IncompleteError, InputError
+from virtual_lab.errors import LISTED, VERSION, IncompleteError, InputError
 
 __all__ = ["main"]
 
@@ -64,7 +64,8 @@ def main() -> None:
 
 
 def _leave(code: int, message: str) -> None:
-    click.echo(f"{PROGRAM}: {' '.join(message.split())}", err=True)
+    lines = (" ".join(line.split()) for line in message.split(LISTED))
+    click.echo(f"{PROGRAM}: {LISTED.join(lines)}", err=True)
     sys.exit(code)
 
 

@@ -121,11 +121,7 @@ def _no_line(start: str) -> Change:
 @pytest.mark.parametrize(
     ("break_it", "words"),
     [
-        (_form('^bat = "r161"', 'bat = "?"'), ["bat", "not filled in"]),
-        (
-            _both(_form('^bat = "r161"', 'bat = "?"'), _form('= 0, unit = "oz"', '= "?"')),
-            ["bat, calibration.bench.scale.zero;", "not filled in"],
-        ),
+        (_form('^bat = "r161"', 'bat = "?"'), ["line 5: bat; not filled in"]),
         (_form("^bat = ", "bats = 1\nbat = "), ["bats", "unknown key"]),
         (_no_line("bat ="), ["bat", "missing"]),
         (_no_line("laboratory ="), ["laboratory", "missing"]),

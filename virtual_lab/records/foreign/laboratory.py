@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,8 +12,8 @@ from typing import Any, Literal
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BatSport, Name, Spec, Sport, Title
 from virtual_lab.catalog.validation import validate
-from virtual_lab.errors import InputError
-from virtual_lab.files import inside, read_toml
+from virtual_lab.errors import LISTED, InputError
+from virtual_lab.files import inside, parse_toml, read_text
 from virtual_lab.records.foreign.constants import read_constants
 from virtual_lab.records.foreign.table import ChannelForm, FirstIndex, read_channel
 from virtual_lab.records.origin import Supplied
@@ -21,6 +22,9 @@ from virtual_lab.records.session import Session, require_channel
 
 FORM = "laboratory.toml"
 BLANK = "?"  # placeholder in a form for a value to fill in
+HEADER = re.compile(r"\s*\[([\w.-]+)\]")  # head of a table in TOML
+UNFILLED = re.compile(r"""\s*"?([\w.-]+)"?\s*=(?:.*=)?\s*["']\?["']""")  # line with a placeholder
+MOST_LISTED = 10  # largest number of lines listed in an error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,10 +89,27 @@ def _record(entry: Any, name: tuple[str, str], folder: Path, form: LaboratoryFor
 
 
 def _read_form(path: Path) -> LaboratoryForm:
-    document = read_toml(path)
-    if blank := [key for name in document for key in _blank(document[name], name)]:
-        raise InputError(str(path), ", ".join(blank), None, f"not filled in yet ({BLANK!r})")
+    text = read_text(path)
+    document = parse_toml(text, str(path))
+    unfilled, allowed = list(_unfilled(text)), f"not filled in yet ({BLANK!r})"
+    if len(unfilled) == 1:
+        raise InputError(str(path), unfilled[0], None, allowed)
+    if unfilled:
+        rest = len(unfilled) - MOST_LISTED
+        listed = [*unfilled[:MOST_LISTED], *([f"and {rest} more"] if rest > 0 else [])]
+        allowed = LISTED.join([f"{allowed}:", *listed])
+        raise InputError(str(path), f"{len(unfilled)} lines", None, allowed)
     return validate(document, str(path), LaboratoryForm)
+
+
+def _unfilled(text: str) -> Iterator[str]:
+    """Yield number and key of each line of a form with a value that is not filled in."""
+    table = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := HEADER.match(line):
+            table = f"{header[1]}."
+        elif gap := UNFILLED.match(line):
+            yield f"line {number}: {table}{gap[1]}"
 
 
 def procedure_name(folder: Path) -> str:
@@ -112,12 +133,3 @@ def _procedure_text(name: str, folder: Path, where: Path) -> str:
         return catalog.text("procedures", _procedure(name, folder))
     except InputError as fault:
         raise InputError(str(where), fault.key, fault.value, fault.allowed) from fault
-
-
-def _blank(entry: Any, key: str) -> Iterator[str]:
-    """Yield the keys that are not filled in yet; a table only once, even with several gaps."""
-    if entry == BLANK or (isinstance(entry, Mapping) and BLANK in entry.values()):
-        yield key
-    elif isinstance(entry, Mapping):
-        for name, inner in entry.items():
-            yield from _blank(inner, f"{key}.{name}")
