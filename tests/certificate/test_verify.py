@@ -6,6 +6,7 @@ import hashlib
 import json
 import shutil
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ import virtual_lab as vl
 from tests.certificate.altering import edit_json, in_all_forms, in_document, sums_again
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.certificate import verify as verifying
+from virtual_lab.certificate.comparing import Mismatch
 from virtual_lab.certificate.signing import require_key, write_sums
 from virtual_lab.certificate.verify import Verification, verify
 from virtual_lab.errors import InputError
@@ -41,6 +43,22 @@ def honest(found: Verification, unchecked: tuple[str, ...] = ()) -> None:
     whole = ("not all checked", 4) if unchecked else ("whole", 0)
     assert (found.state, found.code) == whole
     assert "no signature was checked: anybody" in found.text
+
+
+def test_of_many_differences_the_results_are_listed_first(tmp_path: Path) -> None:
+    """At most 20 lines of a table; the number in each file, and all rows in the document."""
+    keys = [*(f"bat.{n}" for n in range(50)), "metric.value"]
+    rows = [Mismatch(file="a.json", key=key, stated="1", expected="2") for key in keys]
+    rows.append(Mismatch(file="b.csv", key="row 1", stated="1", expected="2"))
+    found = Verification(folder="f", rows=tuple(rows), unchecked=())
+    state, counts, _, first, *others, rest, worth = found.text.splitlines()
+    assert (state, counts) == ("altered", "52 rows: 51 of a.json, 1 of b.csv")
+    assert "metric.value" in first
+    assert (len(others), rest) == (19, "and 32 more; --json has all")
+    assert worth.startswith("no signature")
+    assert len(found.document["altered"]) == 52
+    few = replace(found, rows=found.rows[:20])
+    assert len(few.text.splitlines()) == 23
 
 
 def test_an_honest_copy_is_whole(result: Path) -> None:

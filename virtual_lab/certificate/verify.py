@@ -9,7 +9,8 @@ consistent folder from invented records, so only a signature shows who made it.
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from html import unescape
 from pathlib import Path
@@ -70,6 +71,7 @@ RESULTS = re.compile(  # keys for which each difference from this program is lis
     r"(verdict|flags|metric\.(value|u|interval_95)"
     r"|shots(\[\d+\]\.(recoil_efficiency|rebound_efficiency|used|reason))?)(\[\d+\]|\.|$)"
 )
+MOST_LISTED = 20  # largest number of rows that the text lists
 SIGNED = "signed by the owner of the key"
 SIGNATURES = {  # last line of the text by state of the signature
     "valid": SIGNED,
@@ -137,17 +139,30 @@ class Verification(StudyResult):
 
     @property
     def text(self) -> str:
-        """Tables of alterations and differences, lines on unchecked parts, and the signer."""
+        """The first alterations and differences, lines on unchecked parts, and the signer."""
         lines = [self.state]
         if altered := self._of("altered"):
-            lines.append(table_text(altered))
+            lines += _listed(altered)
         if differing := self._of("differs"):
-            lines += ["differs from this program:", table_text(differing)]
+            lines += ["differs from this program:", *_listed(differing)]
         lines += [f"not checked: {each}" for each in self.unchecked]
         worth = SIGNATURES[self.signature]
         if self.signature == "valid" and not self.signed:
             worth = ALTERED_THOUGH_SIGNED
         return "\n".join([*lines, *filter(None, [self.note]), worth])
+
+
+def _listed(rows: Sequence[Mismatch]) -> list[str]:
+    """Return the table of rows; of many, their number in each file and the first results."""
+    if len(rows) <= MOST_LISTED:
+        return [table_text(rows)]
+    files = Counter(row.file for row in rows)
+    first = sorted(rows, key=lambda row: not RESULTS.match(row.key))[:MOST_LISTED]
+    return [
+        f"{len(rows)} rows: {', '.join(f'{count} of {file}' for file, count in files.items())}",
+        table_text(first),
+        f"and {len(rows) - MOST_LISTED} more; --json has all",
+    ]
 
 
 def verify(folder: Folder, *, key: File | None = None) -> Verification:
