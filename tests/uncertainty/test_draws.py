@@ -54,6 +54,7 @@ def test_draws_agree_with_supplement_1_on_additive_models() -> None:
     end = 2 * sqrt(3) * (2 - (3 / 5) ** 0.25)
     result = propagated(total, four(1, "uniform"), draws=MANY)
     close(result, 0, 2, -end, end)
+    assert "U = 3.9, half the width of the interval" in result.text
     assert result["result"].verdict.startswith("first order validated")  # 3.92 - 3.88, below .05
     wider = {name: vl.Input(0, 1.5, distribution="uniform") for name in "abcd"}
     assert "not validated" in propagated(total, wider, draws=MANY).text  # .061, above

@@ -146,9 +146,11 @@ class Propagated:
             )
             inside = f"{100 * self.probability:g} % in [{low}, {high}]"
             lines.append(f"{outcome.name} = {value}, u = {outcome.u:.2g}, {inside}")
-            if outcome.shortest is None and 0 < outcome.u < inf:
+            if 0 < outcome.u < inf:
                 half = (outcome.interval[1] - outcome.interval[0]) / 2
-                lines.append(f"  U = {half:.2g}, k = {half / outcome.u:.3g}, ν = {outcome.dof:.3g}")
+                by_t = f"k = {half / outcome.u:.3g}, ν = {outcome.dof:.3g}"
+                words = by_t if outcome.shortest is None else "half the width of the interval"
+                lines.append(f"  U = {half:.2g}, {words}")
             if outcome.shortest and outcome.convergence:
                 low, high = (_round_to_u(each, outcome.u) for each in outcome.shortest)
                 lines.append(f"  shortest [{low}, {high}]; {outcome.convergence.draws} draws")
