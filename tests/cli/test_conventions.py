@@ -32,6 +32,20 @@ def test_the_help_lists_every_command_under_its_purpose(run: Run) -> None:  # no
     assert sum(map(len, cli.sections.values())) == len(cli.commands)
 
 
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        (
+            "certify",
+            "out/BAT-PROCEDURE, followed by -seed-SEED and -number-NUMBER if given;",
+        ),
+        ("daily", "out/daily, followed by -seed-SEED if given;"),
+    ],
+)
+def test_the_help_states_the_default_folder(command: str, said: str, run: Run) -> None:  # noqa: F811
+    assert f"[default: {said} -2, -3," in " ".join(run(command, "--help")[1].split())
+
+
 @pytest.mark.parametrize("name", sorted(cli.commands))
 def test_every_command_shares_the_conventions(name: str) -> None:
     """Commands have `--json`, `--seed`, `--out` if they draw a picture, and help on options."""

@@ -147,7 +147,7 @@ class FunctionCommand(click.Command):
             self.params = [
                 *(_parameter(each, self.options) for each in self.parameters.values()),
                 *(_flag(self.flags, value) for value in self._flags.values()),
-                *self.output.options(),
+                *self.output.options(self.parameters),
                 self._config(),
             ]
         else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +23,7 @@ from virtual_lab.output.progress import show_progress
 
 HELP_WIDTH = 1000  # longest first sentence in a list of commands [characters], never exceeded
 LONGEST_NAME = 60  # largest length of a name within a folder's name [characters]
+NAMED = ("seed", "number")  # parameters in the name of the default folder, if the user sets them
 TABLES, PICTURES = (".csv",), (".png", ".svg", ".pdf")
 
 
@@ -108,8 +109,8 @@ class Output:
     into: str = ""
     answer: Callable[[Any], Any] = lambda result: result
 
-    def options(self) -> list[click.Option]:
-        """Return the options that are not parameters of the function."""
+    def options(self, parameters: Collection[str]) -> list[click.Option]:
+        """Return the options that are not among the `parameters` of the function."""
         options = []
         path = click.Path(path_type=Path)
         named, required = "FOLDER", bool(self.file or (self.into and not self.folder))
@@ -117,6 +118,8 @@ class Output:
             named, words = "FILE", self.file
         elif isinstance(self.folder, str) and self.folder:
             usual = re.sub(r"{(\w+)}", lambda key: key[1].upper(), self.folder)
+            added = " and ".join(f"-{each}-{each.upper()}" for each in NAMED if each in parameters)
+            usual += f", followed by {added} if given" if added else ""
             words = f"New folder for all results.  [default: out/{usual}; -2, -3, … if it exists]"
         else:
             words = "New folder for all results."
@@ -203,7 +206,7 @@ def _usual_folder(
         return folder(values)
     parts = {key: _part(value) for key, value in values.items() if isinstance(value, str)}
     name = folder.format_map(parts)
-    for key in ("seed", "number"):
+    for key in NAMED:
         if key in request:
             name += f"-{key}-{request[key]}"
     return Path("out") / name

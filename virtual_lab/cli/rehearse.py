@@ -48,7 +48,8 @@ def day(
     operator
         Simulated operator who carries out the day instead of you.
     script
-        A .json file of actions to carry out: {"actions": [{"do": "tare"}, …]}.
+        A .json file of actions to carry out: {"actions": [{"do": "tare"}, …]}. The error about an
+        unknown name or argument lists the allowed ones.
     seed
         Seed of the laboratory. By default a random seed.
     operator_seed
