@@ -39,6 +39,10 @@ if TYPE_CHECKING:
 NAMED = ("bats", "balls", "procedures")  # kinds of sheet with a new name after a change
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
+REVEALING = ("seed", "faults", "instruments")  # arguments that would reveal the truth of a test
+LEFT_OUT = (
+    "# seed and changes of the laboratory are left out, because they would reveal the truth\n"
+)
 LONGEST_TITLE = 200
 LONGEST_NAME = 100
 UNFIT = re.compile(r"[^\w .,=+()°µ±²³-]+")  # characters that some system rejects in file names
@@ -437,14 +441,12 @@ def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> s
     An argument that a file cannot contain (a sheet with changed values, an array, a function) is
     only described in a comment.
 
-    If `sealed` is True, the text does not reveal the seed: a comment replaces it. The faults are
-    omitted without a comment, because a comment would reveal that faults exist.
+    If `sealed` is True, seed, faults and changed instruments are omitted, because they would reveal
+    the truth. A comment says so, whether they were stated or not.
     """
-    settings, changed = {}, [f"# {call}\n"]
+    settings, changed = {}, [f"# {call}\n", *([LEFT_OUT] if sealed else [])]
     for key, value in arguments.items():
-        if sealed and key in ("seed", "faults"):
-            changed += ["# seed: stored only with the truth\n"] if key == "seed" else []
-        elif value is not None and key != "progress":
+        if value is not None and key != "progress" and not (sealed and key in REVEALING):
             listed = isinstance(value, list | tuple)
             values = [_setting(each) for each in (value if listed else [value])]
             if None in values:

@@ -26,6 +26,7 @@ from virtual_lab.api.describing import first_line
 from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.errors import InputError
+from virtual_lab.sheets import settings_text
 
 PACKAGE = Path(__file__).parents[1] / "third_party_rig" / "pyproject.toml"
 LOADED = """if True:
@@ -206,7 +207,7 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
     run: Run,  # noqa: F811
     tmp_path: Path,
 ) -> None:
-    """The file has the given settings except seed and faults, and is in the list of files."""
+    """The file has the given settings except the hidden ones, and is in the list of files."""
     words = ("--seed", "7", "--reality", "real", "--fault", "aim-along", "--paper", "letter")
     assert run("certify", "ea70", *words, "--out", "first")[0] == 0
     settings = tmp_path / "first" / "settings.toml"
@@ -238,6 +239,17 @@ def test_a_result_folder_keeps_the_settings_that_repeat_it(
     in_python = (tmp_path / "q" / "settings.toml").read_text()
     assert in_python.startswith("# arguments of vl.profile\n")
     assert tomllib.loads(in_python) == {"bats": ["r161"], "swings": [0.3]}
+
+
+def test_settings_of_a_sealed_test_hide_the_laboratory() -> None:
+    """The same text with and without a seed, a fault and another instrument."""
+    gates = vl.instrument("pivot-gates").with_(distance_u="1 mm")
+    hidden = {"seed": 7, "faults": ("aim-along",), "instruments": (gates,)}
+    plain, other = (
+        settings_text("x", {"bat": "r161", **more}, sealed=True) for more in ({}, hidden)
+    )
+    assert plain == other
+    assert "instruments" in settings_text("x", hidden, sealed=False)
 
 
 def test_settings_name_what_no_file_gives_again() -> None:

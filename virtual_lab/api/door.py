@@ -19,7 +19,7 @@ from virtual_lab.output.progress import show_progress
 from virtual_lab.sheets import NAMED, Sheet, settings_text
 
 LABORATORY = "instruments"  # the parameter that changes the laboratory itself
-SEALED = ("certify", "rehearse")  # functions that seal seed and faults with the truth
+SEALED = ("certify", "rehearse")  # functions whose results may be handed on without the truth
 PROGRESS = "progress"  # the parameter that is called with the progress; by default it is shown
 Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
 
@@ -70,8 +70,7 @@ def with_settings(result: Any, call: str, arguments: Mapping[str, Any], *, seale
     """Return `result` with its field `settings` set to the arguments of the call, as TOML text.
 
     `call` is the first line of the text, as a comment. A result without a field `settings` is
-    returned unchanged. If the truth is `sealed`, seed and faults are left out, and a comment
-    replaces the seed.
+    returned unchanged. If the truth is `sealed`, seed, faults and changed instruments are left out.
     """
     if not hasattr(result, "settings"):
         return result
