@@ -131,6 +131,10 @@ def test_every_finder_of_a_section_finds_something() -> None:
 def test_an_unknown_support_is_refused() -> None:
     with pytest.raises(InputError, match="'held'; allowed: free, pivoted, clamped"):
         computed.recoil("r161", 6.0, "held")
+    with pytest.raises(InputError, match="'hold'; allowed: free, pivoted, clamped, held"):
+        computed.support("hold")
+    with pytest.raises(InputError, match="bending mode = -1; allowed: 0, 1"):
+        examples.node_shift(-1)
 
 
 def test_text_folder_and_json_say_the_same(tmp_path: Path) -> None:

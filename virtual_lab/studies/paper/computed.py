@@ -165,7 +165,7 @@ def support(name: str) -> Support:
     """Return the support of a bat by name: free, pivoted, clamped or held.
 
     The pivot is 28 in and the clamp 33 in from the tip. ``held`` is a bat held by a hand: a pivot
-    on a spring of 1e6 N/m, 31 in from the tip. Raises `KeyError` for another name.
+    on a spring of 1e6 N/m, 31 in from the tip. Raises `InputError` for another name.
     """
     supports: dict[str, Support] = {
         "free": Free(),
@@ -173,6 +173,8 @@ def support(name: str) -> Support:
         "clamped": Clamped(33 * INCH),
         "held": Pinned(31 * INCH, 1e6),
     }
+    if name not in supports:
+        raise InputError("", "support", name, f"allowed: {', '.join(supports)}")
     return supports[name]
 
 
@@ -181,7 +183,7 @@ def model(bat: str, support_name: str = "free", modes: int = BENDING_MODES) -> M
     """Return the modal model of a bat of the catalog, with a number of bending modes.
 
     `support_name` is free, pivoted, clamped or held (by a hand), as in `support`. Raises
-    `InputError` for an unknown bat, and `KeyError` for another support.
+    `InputError` for an unknown bat or support.
     """
     if support_name == "free" and modes == BENDING_MODES:
         return free_model(body(bat))

@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 
 from virtual_lab import catalog
+from virtual_lab.errors import InputError
 from virtual_lab.measurement.reduction.kinematics import (
     batted_speed,
     efficiency_from_restitution,
@@ -189,8 +190,10 @@ def node_shift(i: int) -> float:
     """Return the position of a barrel node on EA70 minus its position on R161 [in].
 
     The result is positive if the node of EA70 is farther from the tip. `i` is 0 for the first
-    bending mode and 1 for the second.
+    bending mode and 1 for the second. Raises `InputError` for another number.
     """
+    if i not in (0, 1):
+        raise InputError("", "bending mode", i, "allowed: 0, 1")
     return (
         profiles_by_swing(ALUMINIUM)[0.0].nodes[i] - profiles_by_swing(WOOD)[0.0].nodes[i]
     ) / INCH
