@@ -35,6 +35,7 @@ from virtual_lab.bench.entrance import operated_day
 from virtual_lab.bench.entrance.operated_day import RehearsedDay
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import laboratory_of, play_actions, run_operator
+from virtual_lab.bench.scoring.costs import _cost
 from virtual_lab.bench.scoring.debrief import Debrief, TimeLine, debrief
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.cli import cli
@@ -155,6 +156,17 @@ def test_the_cost_of_a_decision_equals_the_gain_of_a_day_without_it() -> None:
     else:
         cost = abs(found.value - found.truth) - abs(other.value - found.truth)
         assert costs[entry].cost == pytest.approx(cost, rel=1e-9)
+
+
+def test_a_cost_needs_two_results_and_the_truth() -> None:
+    def words(*values: float | None, truth: float | None) -> list[str]:
+        return [each.word for each in _cost(1, "x", *values, truth, 0.0)]
+
+    assert words(2.0, 1.0, truth=None) == []
+    assert words(2.0, 1.0, truth=1.0) == ["cost"]
+    assert words(None, 1.0, truth=None) == ["this decision prevents a result"]
+    assert words(1.0, None, truth=1.0) == ["there is no result without this decision"]
+    assert words(None, None, truth=None) == []
 
 
 def test_a_checklist_hides_neither_costs_nor_effects_of_faults() -> None:

@@ -60,7 +60,7 @@ def costly_decisions(
     desk
         The trainee's day with its reduced results.
     truth
-        True metric [SI]; None if it is unknown.
+        True metric [SI]; None if it is unknown, so that no error of a result is known.
     results
         Results that the trainee entered.
     justified
@@ -102,13 +102,15 @@ def _cost(
     """Yield the effect of a decision that gave `value` instead of `corrected_value`, if any."""
     if value is None and corrected_value is None:
         return
-    if value is None or corrected_value is None or truth is None:
+    if value is None or corrected_value is None:
         word = (
             "there is no result without this decision"
             if corrected_value is None
             else "this decision prevents a result"
         )
         yield CostlyDecision(entry=entry, what=description, cost=None, u=0.0, word=word)
+        return
+    if truth is None:
         return
     cost = abs(value - truth) - abs(corrected_value - truth)
     if abs(cost) >= 1e-9:
