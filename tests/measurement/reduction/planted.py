@@ -17,8 +17,9 @@ def reduce_arrays(
 ) -> None:
     """Compute the results of `kinematics.reduce_sets` by `reduce_shot` on whole arrays."""
     of_ball = tuple(np.take_along_axis(each, ball, axis=-1) for each in balls)
+    constants = kinematics.ShotConstants(*sets)
     for arrays, values in zip(
-        results, kinematics.reduce_shot(settings, sets, of_ball, shots), strict=True
+        results, kinematics.reduce_shot(settings, constants, of_ball, shots), strict=True
     ):
         if arrays.size:
             for array, value in zip(arrays, values, strict=True):

@@ -23,10 +23,6 @@ from numpy.typing import NDArray
 from virtual_lab.units import KERNEL
 
 Floats = float | NDArray[np.float64]
-CONSTANTS = (  # names of the constants of `reduce_shot`
-    *("mass", "length", "z_cm", "inertia_cm", "turn_rate", "pivot_from_knob", "aim", "encoder"),
-    *("lot_mass", "lot_restitution", "speed", "slope", "place_slope", "slope_error"),
-)
 # names of the results of `reduce_shot`: RESULTS for every set of constants, DETAILS for the best
 RESULTS = (
     *("place", "lot_ball_restitution", "lot_recoil_factor", "asked_recoil_factor"),
@@ -37,6 +33,25 @@ DETAILS = (
     *("ball_mass", "bat_speed", "relative_speed", "recoil_rate", "recoil_factor"),
     *("ball_restitution", "window_ball_restitution", "collision_efficiency", "restitution"),
 )
+
+
+class ShotConstants(NamedTuple):
+    """Constants of `reduce_shot` [SI], numbers or arrays that broadcast with those of the shot."""
+
+    mass: Any  # mass of the bat
+    length: Any  # length of the bat
+    z_cm: Any  # distance of the center of mass from the barrel tip
+    inertia_cm: Any  # moment of inertia of the bat about its center of mass
+    turn_rate: Any  # nominal angular rate of the bat
+    pivot_from_knob: Any  # distance of the rig's axis from the knob
+    aim: Any  # offset of the line of fire from its nominal line
+    encoder: Any  # angle per count, times the clock's rate relative to true time
+    lot_mass: Any  # mass of the lot's mean ball
+    lot_restitution: Any  # e0 of the lot's mean ball
+    speed: Any  # speed at which e0 is measured
+    slope: Any  # slope of e0 over speed
+    place_slope: Any  # slope of e_A over the distance from the tip
+    slope_error: Any  # error of the correction of e_A to the aimed position, `efficiency_at_aim`
 
 
 class EnergyFractions(NamedTuple):
@@ -307,7 +322,7 @@ def inverse_effective_mass(
 
 
 def reduce_shot(
-    settings: Any, constants: Any, ball: Any, shot: Any
+    settings: Any, constants: ShotConstants, ball: Any, shot: Any
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
     """Return two tuples for a shot: the values named in `RESULTS`, and those in `DETAILS` [SI].
 
@@ -325,19 +340,7 @@ def reduce_shot(
         * nominal speed of the ball [m/s];
         * speed for which the procedure states its window of e0 [m/s].
     constants
-        Values named in `CONSTANTS`, in this order:
-
-        * mass [kg], length [m], balance [m] and inertia [kg m²] of the bat;
-        * nominal angular rate of the bat [rad/s];
-        * distance of the rig's axis from the knob [m];
-        * offset of the line of fire from its nominal line [m];
-        * the product of the encoder's angle per count [rad] and the clock's rate relative to true
-          time;
-        * mass [kg] and e0 of the lot's mean ball;
-        * speed at which e0 is measured [m/s];
-        * slope of e0 over speed [s/m];
-        * slope of e_A over the distance from the tip [1/m];
-        * error of the correction of e_A to the aimed position, see `efficiency_at_aim`.
+        Properties of bat, rig and lot.
     ball
         Mass [kg] and e0 of the ball.
     shot
@@ -352,17 +355,17 @@ def reduce_shot(
         * rate of the recoil [counts/s].
     """
     at_aim, by_recoil, free, pivot_from_knob, ball_speed, window_speed = settings
-    M, length, z_cm, I_cm, turn_rate, rig_pivot, aim, encoder = constants[:8]
-    lot_m, lot_mean_e0, mean_speed, slope, place_slope, slope_error = constants[8:]
+    M, I_cm, z_cm, length = constants.mass, constants.inertia_cm, constants.z_cm, constants.length
+    lot_m, slope, mean_speed = constants.lot_mass, constants.slope, constants.speed
     v_in, v_out, sine_square, aimed, along, cosine, swing_rate, counts = shot
     m, mean_e0 = ball
     # The line of fire passes the axis at the distance `abreast`. A bat that is not square to this
     # line is struck farther from the axis.
-    axis = length - rig_pivot
-    struck = impact_position(aimed, aim, along)
+    axis = length - constants.pivot_from_knob
+    struck = impact_position(aimed, constants.aim, along)
     abreast = axis - struck
     b = abreast / cosine
-    v_ball, v_bat, omega = v_in * cosine, b * swing_rate, encoder * counts
+    v_ball, v_bat, omega = v_in * cosine, b * swing_rate, constants.encoder * counts
     # e_A by Eq. (2), from the rebound of the ball, and from the recoil of a bat that was at rest.
     v_f = square_rebound(v_in, v_out, cosine)
     by_ball = head_on_efficiency(collision_efficiency(v_ball, v_bat, v_f), sine_square)
@@ -370,7 +373,9 @@ def reduce_shot(
     v_f = rebound_speed_from_recoil(I_p, omega, m, b, v_in)
     by_bat = head_on_efficiency(collision_efficiency(v_in, 0.0, v_f), sine_square)
     efficiency = by_bat if by_recoil else by_ball
-    e_A = efficiency_at_aim(efficiency, struck - aimed, place_slope, slope_error)
+    e_A = efficiency_at_aim(
+        efficiency, struck - aimed, constants.place_slope, constants.slope_error
+    )
     place = aimed if at_aim else struck
     # r by Eqs. (7) to (9), about the axis that the procedure requires. e_A hardly depends on the
     # axis, so a misplaced axis only affects the angular momentum above.
@@ -384,8 +389,8 @@ def reduce_shot(
     e0 = restitution_at_speed(mean_e0, slope, v_rel - mean_speed)
     factor = bat_performance_factor(e, e0)
     # e and e_A of the lot's mean ball at the nominal relative speed
-    nominal = ball_speed + turn_rate * (axis - aimed)
-    lot_e0 = restitution_at_speed(lot_mean_e0, slope, nominal - mean_speed)
+    nominal = ball_speed + constants.turn_rate * (axis - aimed)
+    lot_e0 = restitution_at_speed(constants.lot_restitution, slope, nominal - mean_speed)
     lot_e = factor * lot_e0
     lot_e_A = efficiency_from_restitution(lot_e, lot_r)
     window_e0 = restitution_at_speed(mean_e0, slope, window_speed - mean_speed)
@@ -404,8 +409,8 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     settings
         Settings of `reduce_shot`.
     sets
-        Constants in the order of `reduce_shot`, each (laboratory, set, 1). A set is one
-        combination of values of the constants.
+        Tuple of the constants in the order of `ShotConstants`, each (laboratory, set, 1). A set is
+        one combination of values of the constants.
     balls
         Masses [kg] and e0 of the balls, each (laboratory, set, ball).
     ball
@@ -421,7 +426,7 @@ def reduce_sets(settings: Any, sets: Any, balls: Any, ball: Any, shots: Any, res
     for n in range(ball.shape[0]):
         for k in range(ball.shape[1]):
             row = (n, k, 0)
-            constants = (
+            constants = ShotConstants(
                 *(sets[0][row], sets[1][row], sets[2][row], sets[3][row], sets[4][row]),
                 *(sets[5][row], sets[6][row], sets[7][row], sets[8][row], sets[9][row]),
                 *(sets[10][row], sets[11][row], sets[12][row], sets[13][row]),
@@ -454,7 +459,7 @@ def compiled_reduction() -> Any:
         if isinstance(value, FunctionType) and value.__module__ == __name__:
             register_jitable(no_cfunc_wrapper=True)(value)
     number, index = (np.broadcast_to(np.zeros(1, kind), (2, 2, 2)) for kind in (float, np.int64))
-    settings, sets = (True,) * 3 + (0.0,) * 3, (number,) * len(CONSTANTS)
+    settings, sets = (True,) * 3 + (0.0,) * 3, (number,) * len(ShotConstants._fields)
     filled = (np.empty((1, 1, 1, 1)),) * 2
     types = map(typeof, (settings, sets, (number,) * 2, index, (number,) * 8, filled))
     return njit(tuple(types), **KERNEL, error_model="numpy")(reduce_sets)

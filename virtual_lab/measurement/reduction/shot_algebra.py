@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from virtual_lab.aligned import EVERY_FIELD, AlignedArrays
 from virtual_lab.measurement.reduction.flights import FlightModel, Flights
 from virtual_lab.measurement.reduction.kinematics import (
-    CONSTANTS,
     DETAILS,
     RESULTS,
+    ShotConstants,
     compiled_reduction,
     parallel_axis,
 )
@@ -319,24 +319,24 @@ def shot_results(
     if readings.recoil:
         counts, encoder = readings.recoil.rate, _turn(x, "encoder") * clock
     used = np.ones(balls.mass.shape[-1], dtype=bool) if used is None else used
-    constants = {
+    constants = ShotConstants(
         **{name: getattr(bat, name) for name in ("mass", "length", "z_cm", "inertia_cm")},
-        "turn_rate": settings.turn_rate(bat.length),
-        "pivot_from_knob": x["impact.pivot.from_knob"],
-        "aim": x.get("impact.cannon.along", 0.0),
-        "encoder": encoder,
-        "lot_mass": _mean_of(balls.mass, used),
-        "lot_restitution": _mean_of(balls.restitution, used),
-        "speed": balls.speed,
-        "slope": balls.slope,
-        "place_slope": x.get(PLACE_SLOPE, 0.0),
-        "slope_error": x.get(SLOPE_ERROR, 0.0),
-    }
+        turn_rate=settings.turn_rate(bat.length),
+        pivot_from_knob=x["impact.pivot.from_knob"],
+        aim=x.get("impact.cannon.along", 0.0),
+        encoder=encoder,
+        lot_mass=_mean_of(balls.mass, used),
+        lot_restitution=_mean_of(balls.restitution, used),
+        speed=balls.speed,
+        slope=balls.slope,
+        place_slope=x.get(PLACE_SLOPE, 0.0),
+        slope_error=x.get(SLOPE_ERROR, 0.0),
+    )
     shots = (
         *(flights.speed_in, flights.speed_out, _sine_square(x, bat, flights), readings.place),
         *(readings.along if "impact.cannon.along" in x else 0.0, cosine, swing_rate, counts),
     )
-    values = (*constants.values(), *shots, readings.ball)
+    values = (*constants, *shots, readings.ball)
     shape = np.broadcast_shapes(*(np.shape(each)[:-1] for each in values))
     block = (prod(shape[:-1]), prod(shape[-1:]))
     number = readings.ball.shape[-1]
@@ -355,7 +355,7 @@ def shot_results(
             *(PLACE_SLOPE in x, settings.reads == "recoil", settings.recoil == "free"),
             *(settings.pivot_from_knob, settings.ball_speed, settings.window_speed),
         ),
-        tuple(wide(constants[name], 1) for name in CONSTANTS),
+        tuple(wide(each, 1) for each in constants),
         tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, balls.restitution)),
         wide(readings.ball, number),
         tuple(wide(each, number) for each in shots),
