@@ -30,7 +30,7 @@ from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateS
 from virtual_lab.simulation.physics.beam import RigidBat
 from virtual_lab.simulation.physics.coasting import coasting, ringing
 from virtual_lab.simulation.stations.cannon_station import (
-    BallFlights,
+    FiredShots,
     RestingBatSpec,
     RestingBatStation,
     commission,
@@ -144,35 +144,35 @@ class AstmPivotStation(RestingBatStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest; the times of each shot start at its trigger."""
-        flights = self.fly(plan, specimen, draws)
+        fired = self.fire(plan, specimen, draws)
         name, slots = "astm-pivot.encoder", plan.slot
         if plan.detail is RecordDetail.SUMMED:
             clamp = of_owners(self.clamp, plan.owner)
-            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, flights, clamp)
+            rate = self._rate(specimen.bat.of_shots(plan.owner).rigid, fired, clamp)
             clock = self.gates.at(plan.owner).clock
             # The span ends with the record, or earlier when a bat without friction would reach its
             # stop.
             with np.errstate(divide="ignore"):
                 turning = self.stop.angle / np.abs(rate)
-            span = np.minimum(self.encoder.spec.duration - flights.leaving, turning) - GAP
+            span = np.minimum(self.encoder.spec.duration - fired.leaving, turning) - GAP
             streams = draws.at(plan.owner)
             encoder: Record = self.encoder.at(plan.owner).sum_up(
                 rate / clock, streams, name, slots, span=span, gap=GAP
             )
         else:
-            encoder = self.encoder.read(self._recoil(specimen, flights), draws, name, slots)
-        timed = self.record_flights(flights, plan, draws)
+            encoder = self.encoder.read(self._recoil(specimen, fired), draws, name, slots)
+        timed = self.record_flights(fired, plan, draws)
         return replace(timed, records={**timed.records, "encoder": encoder})
 
-    def _rate(self, bat: RigidBat[Any], flights: BallFlights, clamp: TrueConstant) -> Array:
+    def _rate(self, bat: RigidBat[Any], fired: FiredShots, clamp: TrueConstant) -> Array:
         """Return the angular rate of the rigid bat when the ball leaves it, (shot,) [rad/s].
 
         `clamp` is the moment of inertia of the parts that turn with the bat [kg m²], (shot,).
         """
-        axis, scenes = flights.bat.axis, flights.blows.scenes
-        impulse = scenes.ball_mass * scenes.relative_speed * (1 + flights.blows.efficiency)
-        impulse = impulse * np.cos(flights.tilt) * flights.flown.met
-        rate = impulse * (axis - scenes.impact_position) / (flights.bat.inertia + clamp)
+        axis, scenes = fired.bat.axis, fired.impacts.scenes
+        impulse = scenes.ball_mass * scenes.relative_speed * (1 + fired.impacts.efficiency)
+        impulse = impulse * np.cos(fired.tilt) * fired.flights.reached_bat
+        rate = impulse * (axis - scenes.impact_position) / (fired.bat.inertia + clamp)
         return np.asarray(rate - self._friction_loss(rate, impulse, bat, axis))
 
     def _friction_loss(self, rate: Array, impulse: Array, bat: RigidBat[Any], axis: Array) -> Array:
@@ -189,7 +189,7 @@ class AstmPivotStation(RestingBatStation):
         )
         return np.asarray(np.sign(rate) * np.minimum(loss, np.abs(rate)))
 
-    def _loose(self, impulse: Array, rate: Array, bat: RigidBat[Any]) -> tuple[Array, float]:
+    def _clearance(self, impulse: Array, rate: Array, bat: RigidBat[Any]) -> tuple[Array, float]:
         """Return the additional rate, (shot,) [rad/s], and angle [rad] in the bearing's clearance.
 
         While the bat takes up the clearance it moves like a free bat. Its angular momentum about
@@ -204,15 +204,15 @@ class AstmPivotStation(RestingBatStation):
         length = bat.inertia(bat.length - self.holder.from_knob) / (bat.mass * lever)
         return np.asarray(-reaction * yields / length), self.holder.spec.clearance / length
 
-    def _recoil(self, specimen: Specimen, flights: BallFlights) -> Callable[[slice], Array]:
+    def _recoil(self, specimen: Specimen, fired: FiredShots) -> Callable[[slice], Array]:
         """Return a function that computes true angles of the encoder, (shot, sample) [rad].
 
         It takes a slice of the shots.
         """
         body, bat = specimen.bat.body, specimen.bat.rigid
-        tilt, contact, flown = flights.tilt, flights.contact, flights.flown
-        leaving = contact + flights.blows.contact_time
-        modes, collisions = flights.blows.modes, flights.blows.collisions
+        tilt, contact, flights = fired.tilt, fired.contact, fired.flights
+        leaving = contact + fired.impacts.contact_time
+        modes, collisions = fired.impacts.modes, fired.impacts.collisions
         assert modes is not None
         assert collisions is not None
         axis = body.length - self.holder.from_knob
@@ -226,8 +226,8 @@ class AstmPivotStation(RestingBatStation):
             (modal * turn)[:, : modes.rigid].sum(axis=1) for modal in (displacements, velocities)
         )
         rate = rate * inertia / (inertia + self.clamp)  # bat and clamp share the angular momentum
-        rate = rate - self._friction_loss(rate, impulse, bat, flights.bat.axis)
-        slip, play = self._loose(impulse, rate, bat)
+        rate = rate - self._friction_loss(rate, impulse, bat, fired.bat.axis)
+        slip, play = self._clearance(impulse, rate, bat)
         shots, at_ticks = coasting(
             rate,
             ticks,
@@ -258,12 +258,12 @@ class AstmPivotStation(RestingBatStation):
             angles[:, early] *= touching**2 * (3 - 2 * touching)
             stop, over = self.stop, angles > self.stop.angle
             angles[over] = stop.angle - stop.restitution * (angles[over] - stop.angle)
-            for shot, after, change in flown.kicks:
+            for shot, after, change in flights.kicks:
                 if shot in range(*part.indices(len(contact))):
                     record = angles[shot - (part.start or 0)]
                     record += change * np.maximum(ticks - contact[shot] - after, 0.0)
-            if not np.all(flown.met):
-                angles *= np.broadcast_to(flown.met, contact.shape)[part, None]
+            if not np.all(flights.reached_bat):
+                angles *= np.broadcast_to(flights.reached_bat, contact.shape)[part, None]
             return np.asarray(angles)
 
         return angle

@@ -27,7 +27,7 @@ from virtual_lab.simulation.instruments.camera.scene import FilmedBat
 from virtual_lab.simulation.instruments.camera.shots import Course
 from virtual_lab.simulation.instruments.camera.spec import CameraSpec
 from virtual_lab.simulation.physics.beam import beam_of, outer_diameter
-from virtual_lab.simulation.stations.cannon_station import BallFlights
+from virtual_lab.simulation.stations.cannon_station import FiredShots
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -82,9 +82,9 @@ class FilmedCannonStation(BallCannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest, and time and film the ball in both directions."""
-        flights = self.fly(plan, specimen, draws)
-        timed = self.record_flights(flights, plan, draws)
-        course, bat = self.scene(flights, plan, specimen, draws)
+        fired = self.fire(plan, specimen, draws)
+        timed = self.record_flights(fired, plan, draws)
+        course, bat = self.scene(fired, plan, specimen, draws)
         clip, truth = self.camera.watch(course, draws, CLIP, plan.slot, plan.detail, bat)
         return RigOutput(records={**timed.records, "camera": clip}, truth={**timed.truth, **truth})
 
@@ -95,22 +95,22 @@ class FilmedCannonStation(BallCannonStation):
 
     def frames(self, plan: ShotPlan, specimen: Specimen, draws: Draws, count: int) -> np.ndarray:
         """Return whole frames of the first shot of a plan, (count, row, column), from 0 to 1."""
-        course, bat = self.scene(self.fly(plan, specimen, draws), plan, specimen, draws)
+        course, bat = self.scene(self.fire(plan, specimen, draws), plan, specimen, draws)
         pictures = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat, count)
         return np.stack([grey for _, grey in pictures]) / self.camera.spec.sensor.full_scale
 
     def film(self, plan: ShotPlan, specimen: Specimen, draws: Draws, folder: Path) -> None:
         """Film the first shot of a plan in whole frames, with the same events as `play`."""
-        flights = self.fly(plan, specimen, draws)
-        course, bat = self.scene(flights, plan, specimen, draws)
+        fired = self.fire(plan, specimen, draws)
+        course, bat = self.scene(fired, plan, specimen, draws)
         frames = whole_frames(self.camera, course, draws, CLIP, plan.slot, bat)
         write_films(folder / "shot-0", frames, self.camera.spec)
 
     def scene(
-        self, flown: BallFlights, plan: ShotPlan, specimen: Specimen, draws: Draws
+        self, fired: FiredShots, plan: ShotPlan, specimen: Specimen, draws: Draws
     ) -> tuple[Course, FilmedBat]:
         """Return the balls and the bat in front of the camera, in its calibrated axes."""
-        body, radius = specimen.bat.body, flown.passage.radius
+        body, radius = specimen.bat.body, fired.passage.radius
 
         def touching(place: float | np.ndarray, across: float | np.ndarray) -> np.ndarray:
             contact_distance = outer_diameter(body.profile, np.asarray(place)) / 2 + radius
@@ -118,29 +118,29 @@ class FilmedCannonStation(BallCannonStation):
 
         axis = body.length - self.holder.from_knob
         before = float(touching(self.spec.over, 0.0))  # from the ball's center to the bat's axis
-        gap = touching(flown.bat.place, flown.bat.across) - before
+        gap = touching(fired.bat.place, fired.bat.across) - before
         course = Course(
-            passage=replace(flown.passage, plane=flown.passage.plane + gap),
-            contact=flown.contact,
-            leaving=flown.leaving,
-            along=self.spec.over - flown.bat.place,
+            passage=replace(fired.passage, plane=fired.passage.plane + gap),
+            contact=fired.contact,
+            leaving=fired.leaving,
+            along=self.spec.over - fired.bat.place,
             spin_in=self._spin("in", self.spec.spin_in, plan, draws),
             spin_out=self._spin("out", self.spec.spin_out, plan, draws),
             stand=self._spin("stand", np.pi, plan, draws),
         )
         beam = beam_of(body)
-        mass, lever = specimen.balls.mass[plan.ball], axis - flown.bat.place
+        mass, lever = specimen.balls.mass[plan.ball], axis - fired.bat.place
         blow = (
             mass
-            * flown.passage.speed_in
-            * (1 + np.where(flown.flown.met, flown.blows.efficiency, -1.0))
+            * fired.passage.speed_in
+            * (1 + np.where(fired.flights.reached_bat, fired.impacts.efficiency, -1.0))
         )
         stations = np.linspace(0.0, body.length, STATIONS)
         bat = FilmedBat(
             pivot=(before, self.spec.over - axis),
             stations=axis - stations[::-1],
             half_widths=outer_diameter(body.profile, stations[::-1]) / 2,
-            contact=flown.contact,
+            contact=fired.contact,
             rate=blow * lever / beam.inertia(axis),
         )
         return course, bat

@@ -25,7 +25,7 @@ from virtual_lab.simulation.instruments.holder import Holder, HolderSpec
 from virtual_lab.simulation.instruments.light_board import LightBoards, LightBoardSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.stations.cannon_station import CannonRigSpec, CannonStation, commission
-from virtual_lab.simulation.stations.impact import contact_angle, thrown_back
+from virtual_lab.simulation.stations.impact import contact_angle, rebound_velocity
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.units import Array
@@ -134,9 +134,9 @@ class NcaaSwingStation(CannonStation):
         tilt = contact_angle(struck, axis - lever, across)
         closing = launch.speed * cosine + bat_speed
         e0 = balls.draw_hits(..., closing, streams, "ncaa-swing.hit", slots)
-        blows = station.blows(plan.detail, struck, axis - lever, closing * np.cos(tilt), e0)
-        efficiency = blows.efficiency
-        square, up = thrown_back(efficiency, tilt, closing, bat_speed)
+        impacts = station.impacts(plan.detail, struck, axis - lever, closing * np.cos(tilt), e0)
+        efficiency = impacts.efficiency
+        square, up = rebound_velocity(efficiency, tilt, closing, bat_speed)
         back = square * cosine - launch.speed * sine**2
         passage = Passage(
             speed_in=launch.speed,
@@ -150,7 +150,7 @@ class NcaaSwingStation(CannonStation):
             plane=lever * sine,
         )
         contact = station.gates.arrival(passage)
-        leaving = contact + blows.contact_time
+        leaving = contact + impacts.contact_time
         return RigOutput(
             records=self.records(passage, contact, leaving, plan, draws)
             | {"swing": station._count(plan, swing, contact, streams)},
@@ -163,7 +163,7 @@ class NcaaSwingStation(CannonStation):
                 "ball_restitution": e0,
                 "collision_efficiency": efficiency,
                 "rebound_speed": back,
-                "contact_time": blows.contact_time,
+                "contact_time": impacts.contact_time,
             },
         )
 

@@ -11,8 +11,8 @@ from virtual_lab.measurement.procedure import (
     HitWeights,
     Objective,
     Procedure,
+    hit_weights_of,
     next_shots,
-    outcomes_of,
 )
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import Reduction, reduce_block
@@ -44,7 +44,7 @@ def outcome_of(
 ) -> HitWeights:
     """Return the weights of the hits. A scan without an `objective` maximizes the metric."""
     alone, looked = np.zeros(len(place), int), objective or Objective(metric, np.ones_like(metric))
-    return outcomes_of(procedure, 1, alone, place, valid, metric, looked)
+    return hit_weights_of(procedure, 1, alone, place, valid, metric, looked)
 
 
 def next_places(

@@ -418,7 +418,7 @@ def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     from virtual_lab.studies import critique
 
     def hits(tested: lab.BlockTest) -> np.ndarray:
-        setup = tested.laboratories.setup
+        setup = tested.laboratory.setup
         return np.full(setup.count, float(setup.rules.spec.valid_hits))
 
     monkeypatch.setattr(critique, "_metrics", hits)

@@ -52,14 +52,14 @@ def _scans() -> None:
     import numpy as np
 
     from virtual_lab import catalog
-    from virtual_lab.measurement.procedure import Procedure, next_shots, outcomes_of, shortfalls
+    from virtual_lab.measurement.procedure import Procedure, hit_weights_of, next_shots, shortfalls
     from virtual_lab.measurement.procedure.metric import Objective
 
     rules = catalog.load("procedures", "bbcor", Procedure).spec
     shot = np.arange(12.0)
     owner, place, valid = shot.astype(np.intp) % 2, 0.15 + 0 * shot, shot >= 0
     next_shots(rules, np.full(2, 0.15), owner, place, valid, shot)
-    outcomes_of(rules, 2, owner, place, valid, shot, Objective(shot, shot))
+    hit_weights_of(rules, 2, owner, place, valid, shot, Objective(shot, shot))
     shortfalls(rules, 2, owner, place, valid, shot)
 
 

@@ -106,7 +106,7 @@ def by_list(page: Any, day: ServedDay) -> Keyboard:
     hands = Keyboard(page)
     for name in preparation():
         hands.do(name)
-    while day.desk.next_place is not None:
+    while day.desk.next_position is not None:
         hands.open("rig")
         hands.to("number of balls")
         hands.press(*"12")

@@ -147,7 +147,7 @@ def pressed_through(room: ServedDay, shots: int) -> tuple[int, float]:
 
     for name in preparation():
         press(name)
-    while (place := room.desk.next_place) is not None:
+    while (place := room.desk.next_position) is not None:
         stands = room.desk.day.place
         if stands is None or abs(place - stands) > 1e-6:
             press("set-place", place=f"{place * 1e3:.3f}")

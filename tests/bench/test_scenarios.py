@@ -77,7 +77,7 @@ def to_two_undecided_hits(look: Callable[[], Desk]) -> Iterator[Action]:
     yield from map(action_of, preparation())
     while len(look().waiting) < 2:
         if look().needs_position:
-            yield action_of("set-place", {"place": round((look().next_place or 0.0) * 1e3, 3)})
+            yield action_of("set-place", {"place": round((look().next_position or 0.0) * 1e3, 3)})
         yield action_of("load-ball", {"ball": look().next_ball + 1})
         yield from map(action_of, (*ready_steps(look().day), "fire"))
 
@@ -100,7 +100,7 @@ def test_a_college_day_shows_its_rules_and_the_hits_that_hold_the_scan() -> None
     for shot in held.waiting:
         action = action_of("accept", {"shot": shot + 1})
         accepted = accepted.after(do_action(machines, accepted.day, action))
-    assert accepted.next_place == held.with_waiting_accepted.next_place
+    assert accepted.next_position == held.with_waiting_accepted.next_position
     assert "Undecided hits do not count" not in day_page(accepted, told.briefing())
 
     reduced = accepted.after(do_action(machines, accepted.day, action_of("reduce")))

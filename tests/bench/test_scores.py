@@ -346,7 +346,7 @@ def test_the_u_of_a_cost_comes_from_the_hits_that_differ() -> None:
     def desk(weights: list[float]) -> Any:
         return SimpleNamespace(
             reduced=SimpleNamespace(
-                outcome=SimpleNamespace(weights=np.array(weights)),
+                hit_weights=SimpleNamespace(weights=np.array(weights)),
                 shot_metric=metric,
                 valid=valid,
             )

@@ -95,8 +95,8 @@ def gates(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
 @contextmanager
 def encoder_that_sums() -> Iterator[None]:
     """Make the encoder alone record summary values, while all other records are in full."""
-    names = ("fly", "timed", "play")
-    plan_at = {"fly": 0, "timed": 1, "play": 0}
+    names = ("fire", "record_flights", "play")
+    plan_at = {"fire": 0, "record_flights": 1, "play": 0}
 
     def changed(name: str) -> Callable[..., Any]:
         method, detail = getattr(AstmPivotStation, name), SUMMED if name == "play" else FULL
@@ -140,7 +140,7 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
     begin = time.process_time()
     block = certify_block(replace(setup, number=np.arange(few)))
     cost = (time.process_time() - begin) / few
-    sound = np.flatnonzero(block.certified.some & ~block.certified.invalid).tolist()
+    sound = np.flatnonzero(block.certified.sound).tolist()
     linear = [block.certified.results["metric"].row(at) for at in sound]
     u = np.array([each.u for each in linear])
     yield (
@@ -156,7 +156,7 @@ def uncertainties(laboratories: int) -> Iterator[tuple[str, bool, Found]]:
         for at, each in zip(sound, linear, strict=True):
             certification, reduced = block.of(at).certification, block.certified.reduced.row(at)
             result = propagate_metric(
-                method, reduced, certification.readings, certification.outcome, each, draws
+                method, reduced, certification.readings, certification.hit_weights, each, draws
             )
             half.append(np.ptp(result.interval) / 2)
         seconds = cost + (time.process_time() - begin) / few

@@ -28,7 +28,7 @@ import virtual_lab as vl
 from tests.benchmarks.machine import Work, processor_seconds
 from tests.benchmarks.rows import Row, tell
 from virtual_lab import catalog
-from virtual_lab.lab import RoundRobin, by_the_book, certify_block
+from virtual_lab.lab import RoundRobin, certify_block, run_test
 from virtual_lab.measurement.procedure import Curve, metric_of
 from virtual_lab.measurement.reduction.observations import observe_balls, observe_impact
 from virtual_lab.measurement.reduction.shot_algebra import (
@@ -138,7 +138,7 @@ def certify_blocks(procedure: str) -> Work:
 def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
     """Return a work that plays and reduces the next block."""
     laboratory = RoundRobin.of(BATS.get(procedure, "r161"), procedure).laboratory(1)
-    tested = by_the_book(laboratory).of(0).certification
+    tested = run_test(laboratory).of(0).certification
     session = tested.session
     reduced, _ = reduce_block(tested.block)
     constants = {name: constant.value[0] for name, constant in reduced.constants.items()}
@@ -152,7 +152,7 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         slot=np.arange(shots),
         ball=np.arange(shots) % rules.balls,
         speed=np.full(shots, rules.ball_speed),
-        place=np.full(shots, tested.outcome.place[0]),
+        place=np.full(shots, tested.hit_weights.place[0]),
         turn_rate=float(rules.turn_rate(bat.length)),
         detail=detail,
     )

@@ -163,14 +163,14 @@ def ends(y: Any) -> Numbers:
 def budget() -> Iterator[Row]:
     """Yield the time of an astm-f1881 budget per laboratory of a block, the best of nine rounds."""
     arguments: list[Any] = []
-    whole = certification.evaluate
+    whole = certification.certify_reduction
 
     def kept(*args: Any) -> Any:
         arguments[:] = args
         return whole(*args)
 
     setup = RoundRobin.of("r161", "astm-f1881").setup
-    with patch.object(test_day, "evaluate", kept):
+    with patch.object(test_day, "certify_reduction", kept):
         certify_block(replace(setup, seed=1, number=np.arange(LABORATORIES)))
     budgets, spent = certification._results, []
 

@@ -38,7 +38,7 @@ def test_a_row_is_the_laboratory_of_its_number_and_day(made: Path, repeat: int) 
     with catalog.sheets_in_place({("instruments", "pivot-gates"): changed_gates(0.1)}):
         setup = lab.RoundRobin.of("r161", "astm-f1881").setup
         setup = replace(setup, seed=5, number=3, test=repeat or None)
-        tested = lab.by_the_book(lab.Laboratory.open(setup)).of(0)
+        tested = lab.run_test(lab.Laboratory.open(setup)).of(0)
     found = vl.Campaign.open(made).table
     (row,) = found[
         (found["repeat"] == repeat) & (found["laboratory"] == 3) & (found[COLUMN] == 0.1)

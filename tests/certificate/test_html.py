@@ -624,7 +624,7 @@ def test_the_choice_of_a_position_raises_the_result_and_says_so() -> None:
     """The value is the mean of new hits plus the expected advantage of a neighbor."""
     chosen = scanned("bbcor")
     document = certificate(chosen)
-    mean = chosen.shot_metric[chosen.outcome.used].mean()
+    mean = chosen.shot_metric[chosen.hit_weights.used].mean()
     assert document.choice is not None
     raised = document.choice.correction
     assert raised > 0

@@ -38,11 +38,11 @@ def block_of(procedure: str, bat: str, first: int, last: int) -> lab.BlockTest:
 
 
 def row_of(block: lab.BlockTest, case: Case, one: int, scenes: int) -> Row:
-    found, some = block.certified, bool(block.certified.some[one])
+    found, has_result = block.certified, bool(block.certified.has_result[one])
     metric = found.results["metric"]
 
     def of(values: Array) -> float:
-        return float(values[one]) if some else np.nan
+        return float(values[one]) if has_result else np.nan
 
     return Row(
         kind=case.kind,
@@ -96,7 +96,7 @@ def test_a_test_of_a_block_is_printed_as_that_of_its_laboratory_alone(procedure:
     shared = round_robin(procedure, bat_of(procedure))
     block = block_of(procedure, bat_of(procedure), 0, 20)
     for number in (0, 13):
-        alone = lab.by_the_book(shared.laboratory(SEED, number)).of(0)
+        alone = lab.run_test(shared.laboratory(SEED, number)).of(0)
         beside = block.of(number)
         assert bits(beside) == bits(alone)
         for name in ("metric", "quantities", "bat", "flags", "pairs", "reasons", "verdict"):
@@ -115,7 +115,7 @@ def test_individual_bats_of_a_block_are_those_of_their_laboratories(
     (block,) = shared.blocks(3, SEED)
     assert block.certified.block.laboratories == 3
     for number in (1, 2):
-        alone = lab.by_the_book(shared.laboratory(SEED, number)).of(0)
+        alone = lab.run_test(shared.laboratory(SEED, number)).of(0)
         assert bits(block.of(number)) == bits(alone)
         one, other = (each.sealed.document() for each in (block.of(number), alone))
         assert repr((one["bat"], one["bat_properties"])) == repr(
@@ -163,9 +163,9 @@ def test_lots_of_another_level_and_stiffness_are_those_of_such_a_sheet() -> None
             return lab.certify_block(replace(setup, seed=SEED, number=np.atleast_1d(number)))
 
     many = block(np.arange(3), **{"restitution.value_u": 0.003, "stiffness_spread": "5 %"})
-    lots = many.laboratories.specimen.balls.spec
+    lots = many.laboratory.specimen.balls.spec
     assert np.ptp(lots.stiffness) > 1e5
-    assert many.laboratories.collision.box is None
+    assert many.laboratory.collision.box is None
     for number, (level, stiffness) in enumerate(
         zip(lots.restitution.value, lots.stiffness, strict=True)
     ):
@@ -186,7 +186,7 @@ class BrokenError(Exception):
 @pytest.mark.parametrize(
     "name",
     [
-        "simulation.stations.cannon_station.blows_of",
+        "simulation.stations.cannon_station.compute_impacts",
         "lab.test_day.wall_plan",
         "lab.test_day.prepare",
         "measurement.session_reduction.next_shots",
@@ -219,7 +219,7 @@ def test_a_block_of_another_day_is_the_second_tests_of_its_laboratories() -> Non
     one = "impact.gates.distance_0"
     for at, number in enumerate(range(3, 6)):
         own = lab.Laboratory.open(replace(setup, seed=SEED, number=number))
-        tested = lab.by_the_book(own).of(0)
+        tested = lab.run_test(own).of(0)
         metric = tested.certification.metric
         assert metric is not None
         found = block.certified.results["metric"]

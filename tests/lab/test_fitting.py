@@ -86,7 +86,7 @@ def test_another_rig_that_fits_is_taken(tmp_path: Path) -> None:
     tested = certify("r161", procedure=slow, rig="astm-pivot", reality=Reality.IDEAL, seed=1)
     found, true = tested.certification, tested.sealed.measurand
     assert found.session.rigs["impact"] == "astm-pivot"
-    assert found.outcome.reasons == ("",)
+    assert found.hit_weights.reasons == ("",)
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
 

@@ -65,7 +65,7 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     """With perfect instruments and nominal individuals only algebra remains, to 1e-9."""
     tested = played(bat, Reality.IDEAL, procedure=procedure)
     found, true = tested.certification, tested.sealed.measurand
-    assert found.outcome.reasons == ("",)
+    assert found.hit_weights.reasons == ("",)
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
     beside = {"metric", CONTINUOUS, WIDTH_KEY}
@@ -290,7 +290,7 @@ def test_attempts_run_out(tmp_path: Path) -> None:
     assert result.verdict is Verdict.INVALID
     assert result.metric is None
     assert result.quantities == {}
-    assert result.other is None
+    assert result.other_support is None
     assert not result.marginal
     assert [line for line in said if "round" in line] == [
         "impact rig: round 1, 6 shots",
@@ -555,7 +555,7 @@ def test_a_lot_that_cannot_be_drawn_is_refused(choices: dict[str, int], said: st
 def test_a_bat_that_stops_the_ball_near_its_tip_is_scanned_all_the_same(bat: str) -> None:
     """At 3 in e_A is below 0.05, so the ball does not return to the boards."""
     tested = certify(bat, procedure="bbcor", seed=0, reality=Reality.IDEAL)
-    assert tested.certification.outcome.reasons == ("",)
+    assert tested.certification.hit_weights.reasons == ("",)
     assert tested.certification.metric is not None
     assert tested.certification.metric.value == pytest.approx(
         tested.sealed.measurand["metric"], rel=1e-9

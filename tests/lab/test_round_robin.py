@@ -50,7 +50,7 @@ def played(procedure: str, numbers: Iterable[int]) -> Bits:
     """Return the hashes of the laboratories of a separate round robin, played in turn."""
     round_robin = RoundRobin.of(BATS.get(procedure, "r161"), procedure)
     return {
-        number: bits(lab.by_the_book(round_robin.laboratory(1, number)).of(0)) for number in numbers
+        number: bits(lab.run_test(round_robin.laboratory(1, number)).of(0)) for number in numbers
     }
 
 
@@ -129,8 +129,8 @@ def test_earlier_tests_change_nothing(procedure: str) -> None:
         support = Pinned(body.length - from_knob)
         round_robin.setup.collision.efficiencies([(body, slice(None))], support, far)
     for number in (8, 5):
-        lab.by_the_book(round_robin.laboratory(1, number))
-    assert bits(lab.by_the_book(round_robin.laboratory(1, 3)).of(0)) == alone
+        lab.run_test(round_robin.laboratory(1, number))
+    assert bits(lab.run_test(round_robin.laboratory(1, 3)).of(0)) == alone
 
 
 class AskedError(Exception):

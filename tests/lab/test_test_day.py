@@ -25,15 +25,15 @@ def same(one: dict[str, dict[str, Record]], other: dict[str, dict[str, Record]])
 
 def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
     """With the wall first, the scale last and single shots, metric and all records are equal."""
-    by_the_book = certified(seed=3).certification
+    run_test = certified(seed=3).certification
     day = lab.TestDay.begin(opened("r161", procedure=PROCEDURE, seed=3))
     day = day.hit_wall().measure_bat().prepare()
     while (asked := day.next_shots()).owner.size:
         day = day.fire(NextShots(asked.owner[:1], asked.place[:1])).judge()
     found = day.finish().of(0).certification
     assert len(day.rounds) > 5
-    assert same(dict(found.session.records), dict(by_the_book.session.records))
-    assert found.metric == by_the_book.metric
+    assert same(dict(found.session.records), dict(run_test.session.records))
+    assert found.metric == run_test.metric
 
 
 def test_the_true_lot_is_the_one_that_the_wall_left() -> None:

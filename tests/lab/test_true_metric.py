@@ -22,7 +22,7 @@ from tests.measurement.reduction.planted import plant
 from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
-from virtual_lab.lab import by_the_book
+from virtual_lab.lab import run_test
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _of_continuous, true_curve
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
@@ -214,7 +214,7 @@ def test_corrections_agree_with_hand_calculations(method: str, by_hand: float) -
         recoil_factor=np.array([0.2]),
         place=np.array([0.15]),
     )
-    assert curve.metric(control=1.04)[0] == pytest.approx(by_hand, rel=1e-14)
+    assert curve.metric(control_ratio=1.04)[0] == pytest.approx(by_hand, rel=1e-14)
 
 
 def test_a_shell_that_gives_back_less_than_the_ball_is_taken_for_a_rigid_one() -> None:
@@ -255,13 +255,13 @@ def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatc
     """A wrong Eq. (6) shows in an ideal laboratory, and in the scores of eight real ones."""
     plant(monkeypatch, "restitution_from_efficiency", lambda e_A, r: e_A * (1 + 0.9 * r) + 0.9 * r)
     ideal = opened("r161", procedure=procedure, seed=1, reality=Reality.IDEAL)
-    tested = by_the_book(ideal).of(0)
+    tested = run_test(ideal).of(0)
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - tested.sealed.measurand["metric"]) > 1e-4
     if procedure == "astm-f1881":
         scores = []
         for seed in range(8):
-            tested = by_the_book(opened("r161", procedure=procedure, seed=seed)).of(0)
+            tested = run_test(opened("r161", procedure=procedure, seed=seed)).of(0)
             metric = tested.certification.metric
             assert metric is not None
             scores.append((metric.value - tested.sealed.measurand["metric"]) / metric.u)
@@ -278,8 +278,8 @@ def test_a_reduction_that_takes_the_largest_besr_is_detected(
     assert wrong != rules.text
     setup = replace(laboratory.setup, rules=replace(rules, text=wrong))
     misread = replace(laboratory, setup=setup)
-    tested = by_the_book(misread).of(0)
-    right = by_the_book(laboratory).of(0).sealed.measurand["metric"]
+    tested = run_test(misread).of(0)
+    right = run_test(laboratory).of(0).sealed.measurand["metric"]
     assert tested.certification.metric is not None
     assert abs(tested.certification.metric.value - right) > 5e-3
 

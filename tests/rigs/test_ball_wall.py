@@ -67,7 +67,7 @@ def test_ideal_balls_do_not_age() -> None:
 def test_the_lot_as_found_has_each_balls_mean_loss() -> None:
     ball = catalog.load("balls", "baseball-2003", BallSpec).spec
     lot = draw_balls(ball, 4, Reality.IDEAL.draws(0))
-    found = lot.as_found(TURNS, np.array([0, 0, 0.01, 0.02, 0, 0.01]))
+    found = lot.after_hits(TURNS, np.array([0, 0, 0.01, 0.02, 0, 0.01]))
     assert found.restitution == pytest.approx([0.545, 0.55, 0.54, 0.55], abs=1e-12)
 
 

@@ -191,11 +191,11 @@ def test_a_lot_of_a_block_is_that_of_the_laboratory() -> None:
     """A lot is drawn, fired at the wall, and selected from the block."""
     block, loss = Laboratories.of("ball-wall", NUMBERS[:9]), 0.01 * np.arange(9.0 * SHOTS)
     lots = block.specimen.balls
-    found = lots.as_found(block.plan.ball, loss, block.plan.owner)
+    found = lots.after_hits(block.plan.ball, loss, block.plan.owner)
     for at in (0, 8):
         alone = Laboratories.of("ball-wall", int(NUMBERS[at]))
         own, lost = alone.specimen.balls, loss[at * SHOTS : (at + 1) * SHOTS]
-        for taken, lot in ((lots, own), (found, own.as_found(alone.plan.ball, lost))):
+        for taken, lot in ((lots, own), (found, own.after_hits(alone.plan.ball, lost))):
             assert taken.of(at).spec == lot.spec
             assert np.array_equal(taken.of(at).mass, lot.mass)
             assert np.array_equal(taken.of(at).restitution, lot.restitution)

@@ -34,7 +34,7 @@ def test_a_radar_guns_constants_are_in_the_budget() -> None:
     """
     tested = certify("r161", procedure="bbcor", rig="radar-range", seed=1)
     parts = {part.name: part.contribution for part in tested.certification.metric.components}
-    shots, mask = tested.certification.shots, tested.certification.outcome.used
+    shots, mask = tested.certification.shots, tested.certification.hit_weights.used
     e_A, r, e, e0, v = (
         getattr(shots, name)[mask].mean()
         for name in (

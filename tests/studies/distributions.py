@@ -32,7 +32,7 @@ def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
     """Return number, true value and both intervals of each test with a result."""
     rows = []
     for block in rules.blocks(tests, SEED, first):
-        for at in np.flatnonzero(block.certified.some & ~block.certified.invalid).tolist():
+        for at in np.flatnonzero(block.certified.sound).tolist():
             rng = np.random.default_rng([SEED, first + at])
             linear = block.certified.results["metric"].row(at)
             true = block.measurands["metric"][at]
@@ -42,7 +42,7 @@ def intervals(rules: RoundRobin, first: int, tests: int) -> list[list[float]]:
                 continue
             own = block.of(at).certification
             reduced = block.certified.reduced.row(at)
-            model, inputs = model_of(reduced, own.readings, own.outcome, linear)
+            model, inputs = model_of(reduced, own.readings, own.hit_weights, linear)
             drawn = {}
             for name, each in inputs.items():
                 finite = np.isfinite(each.dof)

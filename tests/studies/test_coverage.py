@@ -48,7 +48,7 @@ def laboratory(
     return SimpleNamespace(
         certified=SimpleNamespace(
             invalid=np.array([verdict == "INVALID"]),
-            outcome=SimpleNamespace(place=np.array([PLACE]), used=hits),
+            hit_weights=SimpleNamespace(place=np.array([PLACE]), used=hits),
             results=dict.fromkeys(names, budgets),
             reduced=SimpleNamespace(
                 owner=np.zeros(6, dtype=int),

@@ -38,7 +38,9 @@ def test_draws_have_the_u_of_t_distributions(bat: str, procedure: str) -> None:
     widened = [1 if dof == inf else dof / (dof - 2) for dof in dofs]
     u = sqrt(sum(w * part.contribution**2 for w, part in zip(widened, parts, strict=True)))
     reduced, readings = reduce_session(certification.session)
-    by = partial(propagate_metric, reduced=reduced, readings=readings, outcome=reduced.outcome)
+    by = partial(
+        propagate_metric, reduced=reduced, readings=readings, hit_weights=reduced.hit_weights
+    )
     drawn = by("monte-carlo", linear=linear, draws=65_536)
     assert drawn.u == pytest.approx(u, rel=0.02)
     assert drawn.value == pytest.approx(linear.value + linear.shift, abs=0.02 * u)

@@ -218,11 +218,13 @@ def _columns(tested: BlockTest) -> Columns:
     square, _ = metric.components.lines()
     for name, column in zip(metric.components.line_names, np.sqrt(square).T, strict=True):
         columns[f"{CONTRIBUTION}{name}", unit] = column
-    flags = np.full(certified.some.size, "", object)
+    flags = np.full(certified.has_result.size, "", object)
     for name, where in certified.checked.flagged.items():
         flags[where] = [f"{earlier_flags} {name}".strip() for earlier_flags in flags[where]]
     verdicts = np.array([verdict.value for verdict in certified.verdicts], object)
-    blanked = {key: np.where(certified.some, values, np.nan) for key, values in columns.items()}
+    blanked = {
+        key: np.where(certified.has_result, values, np.nan) for key, values in columns.items()
+    }
     return {("verdict", ""): verdicts, ("flag_names", ""): flags, **blanked}
 
 

@@ -236,8 +236,8 @@ SHOTS = (
         "value",
         InPrint("", symbol="metric", otherwise="–"),
     ),
-    _C("weight", "weight of the hit in the result", lambda c: c.outcome.weights),
-    _C("used", "whether the hit counts in the result", lambda c: c.outcome.used, "used"),
+    _C("weight", "weight of the hit in the result", lambda c: c.hit_weights.weights),
+    _C("used", "whether the hit counts in the result", lambda c: c.hit_weights.used, "used"),
     _C("valid", "whether the hit is valid", lambda c: c.judgement.valid),
     _C(
         "reason",

@@ -102,9 +102,9 @@ def certificate(
         SHA-256 of ``session.json``, which names the records; None if this file was not written.
     """
     session, procedure = certification.session, certification.procedure
-    metric, outcome = certification.metric, certification.outcome
+    metric, weights = certification.metric, certification.hit_weights
     recoil, judgement = certification.readings.recoil, certification.judgement
-    speed = certification.shots.relative_speed[outcome.used]
+    speed = certification.shots.relative_speed[weights.used]
     stated = {
         name: _fill_stated(certification.quantities.get(name))
         for name in QUANTITIES
@@ -159,13 +159,15 @@ def certificate(
         **stated,
         recoil=RecoilStated(
             which=procedure.recoil,
-            other=OtherRecoil(**asdict(certification.other)) if certification.other else None,
+            other=OtherRecoil(**asdict(certification.other_support))
+            if certification.other_support
+            else None,
         ),
         ball_correction=_correction(certification),
         nominal_speed_mph=procedure.ball_speed / MPH,
         nominal_bat_speed_mph=(procedure.bat_speed or 0.0) / MPH,
         v_rel_mph=float(speed.mean() / MPH) if speed.size else None,
-        impact_position_in=_finite_or_none(outcome.place[0] / INCH),
+        impact_position_in=_finite_or_none(weights.place[0] / INCH),
         width_m=_width(certification.width),
         swing_range=tuple(_swing(result) for result in certification.swings),
         places=tuple(_places(certification)) if procedure.scan else (),
@@ -173,7 +175,7 @@ def certificate(
         findings=tuple(RuleFinding(**asdict(each)) for each in certification.findings),
         flags=tuple(FlagRaised(**asdict(each)) for each in certification.flags),
         not_checked=certification.not_checked,
-        incomplete=outcome.reasons[0],
+        incomplete=weights.reasons[0],
         reasons=certification.reasons,
         valid_hits=int(judgement.valid.sum()),
         rejected_hits=tuple(
@@ -264,7 +266,7 @@ def _metric(certification: Certification) -> MetricStated:
         u_type_b=metric.u_type_b if metric else None,
         unit=METRICS[procedure.metric].si_unit,
         limit=procedure.metric_limit,
-        impact_position_in=float(certification.outcome.place[0] / INCH) if metric else None,
+        impact_position_in=float(certification.hit_weights.place[0] / INCH) if metric else None,
     )
 
 
@@ -335,11 +337,11 @@ def _along(certification: Certification) -> AlongBarrel | None:
                 curve=tuple(np.round(fitted, 6).tolist()),
             )
         )
-    outcome = certification.outcome
+    weights = certification.hit_weights
     top = curve_of(
         certification.procedure,
         certification.readings.place,
-        outcome.used,
+        weights.used,
         certification.shot_metric,
     )
     read_at, read = (np.array([]), np.array([])) if top is None else top.linspace(21)

@@ -5,7 +5,7 @@ from virtual_lab.lab.certify import certify_bat, certify_block
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.round_robin import RoundRobin
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import TestDay, by_the_book, prepare_day
+from virtual_lab.lab.test_day import TestDay, prepare_day, run_test
 
 __all__ = [
     "BatTest",
@@ -14,8 +14,8 @@ __all__ = [
     "RoundRobin",
     "TestDay",
     "TestSetup",
-    "by_the_book",
     "certify_bat",
     "certify_block",
     "prepare_day",
+    "run_test",
 ]

@@ -34,7 +34,7 @@ class BatTest:
 class BlockTest:
     """The certifications of a block of laboratories, or of one, with their sealed truth."""
 
-    laboratories: Laboratory
+    laboratory: Laboratory
     certified: Certifications
     measurands: Mapping[str, Array]  # ``metric`` and the quantities keyed by name, (laboratory,)
     bench: Mapping[str, Array]  # true properties of the bats
@@ -43,55 +43,55 @@ class BlockTest:
     control: BatTest | None = None
     film: Callable[[Path], None] | None = None
 
-    def of(self, laboratory: int) -> BatTest:
+    def of(self, index: int) -> BatTest:
         """Return the test of one laboratory, ready to print and seal."""
         return BatTest(
-            certification=self.certified.row(laboratory, self._session_of),
-            sealed=self._seal_truth(laboratory),
+            certification=self.certified.row(index, self._session_of),
+            sealed=self._seal_truth(index),
             control=self.control,
             film=self.film,
         )
 
-    def _session_of(self, one: SessionBlock) -> Session:
-        of_all = self.laboratories
-        motion = _motion_report(of_all.setup.motion)
-        models = {"collision": of_all.collision.report(), "motion": motion}
-        session = of_all.session_of(one, models)
+    def _session_of(self, block: SessionBlock) -> Session:
+        laboratory = self.laboratory
+        motion = _motion_report(laboratory.setup.motion)
+        models = {"collision": laboratory.collision.report(), "motion": motion}
+        session = laboratory.session_of(block, models)
         if self.control is None:
             return session
         return replace(session, control_sha256=pack(self.control.certification.session).digest)
 
-    def _seal_truth(self, laboratory: int) -> SealedTruth:
-        of_all, reduced = self.laboratories, self.certified.reduced
-        rows = reduced.owner == laboratory
-        setup, balls = of_all.setup, of_all.specimen.balls
-        hits = np.arange(next(iter(self.wall.values())).size).reshape(setup.count, -1)[laboratory]
+    def _seal_truth(self, index: int) -> SealedTruth:
+        laboratory, reduced = self.laboratory, self.certified.reduced
+        rows = reduced.owner == index
+        setup, balls = laboratory.setup, laboratory.specimen.balls
+        hits = np.arange(next(iter(self.wall.values())).size).reshape(setup.count, -1)[index]
 
-        def one(values: Any) -> float:
-            return float(np.broadcast_to(values, setup.count)[laboratory])
+        def value_of(values: Any) -> float:
+            return float(np.broadcast_to(values, setup.count)[index])
 
         constants = {
-            constant_name(stage, name): one(value)
-            for stage, station in of_all.stations.items()
+            constant_name(stage, name): value_of(value)
+            for stage, station in laboratory.stations.items()
             for name, value in station.true_constants.items()
         }
         return SealedTruth(
-            seed=of_all.seed,
-            number=int(np.broadcast_to(setup.number, setup.count)[laboratory]),
-            salt=of_all.salt,
+            seed=laboratory.seed,
+            number=int(np.broadcast_to(setup.number, setup.count)[index]),
+            salt=laboratory.salt,
             reality=setup.reality.value,
-            bat=of_all.specimen.bat.of(laboratory),
+            bat=laboratory.specimen.bat.of(index),
             bat_properties={
-                name: np.array(values[laboratory] if values.ndim else values)
+                name: np.array(values[index] if values.ndim else values)
                 for name, values in self.bench.items()
             },
-            balls=balls.of(laboratory) if setup.shape else balls,
+            balls=balls.of(index) if setup.shape else balls,
             constants=constants
-            | ({CONTROL: of_all.control} if setup.rules.spec.controlled else {}),
+            | ({CONTROL: laboratory.control_ratio} if setup.rules.spec.controlled else {}),
             measurand={
-                name: float(values[laboratory])
+                name: float(values[index])
                 for name, values in self.measurands.items()
-                if np.isfinite(values[laboratory])
+                if np.isfinite(values[index])
             },
             place=reduced.place[rows],
             shots={name: values[rows] for name, values in self.shots.items()},

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab.bat_test import BatTest, BlockTest
-from virtual_lab.lab.fitting import require_places
+from virtual_lab.lab.fitting import require_positions
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.lab.test_day import by_the_book
+from virtual_lab.lab.test_day import run_test
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
@@ -51,18 +51,18 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
         if control_bat is not None:
             allowed = f"{rules.name} does not correct by a control bat; leave it out"
             raise InputError("", "control bat", control_bat.spec.name, allowed)
-        return by_the_book(laboratory, progress)
+        return run_test(laboratory, progress)
     if control_bat is None:
         allowed = f"is missing: {rules.name} corrects its balls by one"
         raise InputError("", "control bat", None, allowed)
     assert rules.correction is not None
     bat, standard = control_bat.spec, rules.correction.standard
-    require_places(rules, bat)
+    require_positions(rules, bat)
     tests = () if setup.test is None else (setup.test,)
     draws = setup.draws(laboratory.seed, *tests, CONTROL_TEST)
     progress(f"control bat {bat.name}, with the same balls")
     collision = collision_of(bat, setup.ball.spec, rules, setup.collision_model)
-    control = by_the_book(
+    control = run_test(
         replace(
             laboratory,
             setup=replace(
@@ -88,9 +88,9 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
     corrected = replace(
         laboratory,
         calibration=_with_ratio(laboratory, ratio),
-        control=control.sealed.measurand["restitution"] / standard,
+        control_ratio=control.sealed.measurand["restitution"] / standard,
     )
-    return replace(by_the_book(corrected, progress), control=control)
+    return replace(run_test(corrected, progress), control=control)
 
 
 def _with_ratio(laboratory: Laboratory, ratio: Estimate) -> dict[str, Estimates]:

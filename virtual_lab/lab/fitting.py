@@ -8,7 +8,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Procedure, aimed_place
+from virtual_lab.measurement.procedure import Procedure, percussion_position
 from virtual_lab.records import BallRecord
 from virtual_lab.records.particulars import InstrumentIdentity
 from virtual_lab.simulation.physics.beam import beam_of
@@ -16,7 +16,7 @@ from virtual_lab.simulation.stations.rig import MotionModel, MotionRig, Rig, Sta
 from virtual_lab.units import INCH, OUNCE
 
 
-def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
+def nominal_positions(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
     """Return the lowest and the highest impact position that a procedure plans for a bat [m].
 
     Positions are distances from the barrel tip. If the procedure has no scan, both are the center
@@ -26,7 +26,9 @@ def nominal_places(procedure: Procedure, bat: BatSpec) -> tuple[float, float]:
         return procedure.scan.low, procedure.scan.high
     beam = beam_of(bat.body)
     properties = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
-    centre = aimed_place(properties | {"inertia_cm": beam.inertia_cm}, procedure.pivot_from_knob)
+    centre = percussion_position(
+        properties | {"inertia_cm": beam.inertia_cm}, procedure.pivot_from_knob
+    )
     return centre, centre
 
 
@@ -80,7 +82,7 @@ def require_camera(rig: Rig) -> None:
         raise InputError("", "rig", rig.name, allowed)
 
 
-def require_places(procedure: Procedure, bat: BatSpec) -> None:
+def require_positions(procedure: Procedure, bat: BatSpec) -> None:
     """Raise `InputError` unless a scan stays between the barrel tip and the pivot of a bat.
 
     A procedure without a scan is always accepted.

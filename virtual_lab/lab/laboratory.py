@@ -14,11 +14,11 @@ import numpy as np
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.fitting import (
-    nominal_places,
+    nominal_positions,
     require_ball,
     require_camera,
     require_motion,
-    require_places,
+    require_positions,
     require_rig,
 )
 from virtual_lab.lab.setup import TestSetup
@@ -65,7 +65,7 @@ class Laboratory:
     stations: Mapping[Stage, Station]
     specimen: Specimen
     calibration: Mapping[str, Estimates]  # constants before the first measurement
-    control: float = 1.0  # ratio of the control bat's true e with these balls to its known e
+    control_ratio: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 
     @classmethod
     def open(cls, setup: TestSetup) -> Laboratory:
@@ -85,12 +85,12 @@ class Laboratory:
         require_motion(rig, setup.motion)
         if setup.film:
             require_camera(rig)
-        require_places(rules, bat)
+        require_positions(rules, bat)
         require_ball(rules, ball)
         seed = secrets.randbits(SEED_BITS) if setup.seed is None else setup.seed
         draws = setup.draws(seed)
         test_draws = draws if setup.test is None else setup.draws(seed, setup.test)
-        bats = (draws if setup.same_bat else test_draws) if setup.made else Quiet()
+        bats = (draws if setup.same_bat else test_draws) if setup.random_bat else Quiet()
         ideal = setup.reality is Reality.IDEAL
         stations = {
             stage: setup.faults.station(stage, find_rig(name, stage).commission(draws, ideal=ideal))
@@ -203,7 +203,7 @@ def collision_of(
     return Ladder(
         nominal=bat.body,
         support=Pinned(bat.body.length - rules.pivot_from_knob),
-        probe=probing_scenes(ball, speed, nominal_places(rules, bat)),
+        probe=probing_scenes(ball, speed, nominal_positions(rules, bat)),
         standard_uncertainty=EFFICIENCY_U,
         model_name=model_name,
     )

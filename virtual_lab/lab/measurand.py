@@ -32,7 +32,7 @@ def measurands(
     specimen: Specimen,
     reduced: Reduction,
     weights: Array,
-    control: float = 1.0,
+    control_ratio: float = 1.0,
 ) -> dict[str, Array]:
     """Return the true results of each laboratory's test, keyed by name, (laboratory,) [SI].
 
@@ -61,7 +61,7 @@ def measurands(
     weights
         Weights of the hits in the result on the certificate, (shot,), on the same axis. NaN counts
         as 0.
-    control
+    control_ratio
         True e of the control bat divided by its known e.
     """
     procedure, owner = reduced.procedure, reduced.owner
@@ -82,7 +82,7 @@ def measurands(
         for name, values in curve.quantities.items()
     }
     visited = Visits(owner, reduced.place, reduced.valid)
-    true = curve.objective(control)[inverse], curve.metric(control)[inverse]
+    true = curve.objective(control_ratio)[inverse], curve.metric(control_ratio)[inverse]
     true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.normalized:
         plain = replace(curve, procedure=procedure.as_found)
@@ -95,8 +95,8 @@ def measurands(
         true_values |= _of_continuous(
             procedure.scan,
             along,
-            smooth.objective(control).reshape(shape),
-            smooth.metric(control).reshape(shape),
+            smooth.objective(control_ratio).reshape(shape),
+            smooth.metric(control_ratio).reshape(shape),
         )
     return {name: np.where(has_result, values, np.nan) for name, values in true_values.items()}
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.lab.setup import TestSetup
-from virtual_lab.measurement.procedure import NextShots, Procedure, to_set
+from virtual_lab.measurement.procedure import NextShots, Procedure, round_to_setting
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
@@ -86,7 +86,7 @@ def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> Shot
         slot=slot,
         ball=turn[owner, slot % counts[owner]],
         speed=np.full(slot.shape, setup.rules.spec.ball_speed),
-        place=to_set(shots.place - before.along[owner], exact=exact),
+        place=round_to_setting(shots.place - before.along[owner], exact=exact),
         turn_rate=before.turn_rate[owner],
         owner=owner if setup.shape else ...,
         detail=setup.detail,

@@ -26,7 +26,7 @@ from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.bat_test import BatTest, BlockTest
 from virtual_lab.lab.certify import certify_block
-from virtual_lab.lab.fitting import nominal_places
+from virtual_lab.lab.fitting import nominal_positions
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.measurement.procedure import Procedure
@@ -61,7 +61,7 @@ class RoundRobin:
         """
         detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
         setup = TestSetup.of(bat, procedure=procedure, detail=detail)
-        return cls.with_common_model(replace(setup, made=individual or not summed))
+        return cls.with_common_model(replace(setup, random_bat=individual or not summed))
 
     @classmethod
     def with_common_model(cls, setup: TestSetup) -> Self:
@@ -71,7 +71,7 @@ class RoundRobin:
         balls varies.
         """
         rules, ball, bat = setup.rules.spec, setup.ball.spec, setup.bat.spec
-        if setup.made or ball.stiffness_spread:
+        if setup.random_bat or ball.stiffness_spread:
             return cls(setup=setup)
         collision = collision_of(bat, ball, rules).with_box(box_of(rules, bat, ball))
         return cls(setup=replace(setup, collision=collision))
@@ -96,7 +96,7 @@ class RoundRobin:
     @property
     def _share(self) -> int:
         """Number of laboratories per block."""
-        if self.setup.made or not self.in_blocks:
+        if self.setup.random_bat or not self.in_blocks:
             return INDIVIDUALS
         return SCANS if self.setup.rules.spec.scan else BLOCK
 
@@ -196,7 +196,7 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
     # The scatter is that of the cannons in data/instruments; with other cannons more collisions are
     # outside the range. The scatter of the position [m] includes the uncertainty of the center of
     # percussion.
-    place = np.array(nominal_places(procedure, bat)) + sigmas * 1.7e-3 * either
+    place = np.array(nominal_positions(procedure, bat)) + sigmas * 1.7e-3 * either
     axis = bat.body.length - procedure.pivot_from_knob
     bat_speed = procedure.turn_rate(bat.body.length) * (axis - place[::-1])
     speed = procedure.ball_speed + bat_speed + sigmas * 0.2 * either  # m/s

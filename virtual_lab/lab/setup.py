@@ -37,7 +37,7 @@ class TestSetup:
     ball: Entry[BallSpec]
     rules: Entry[Procedure]
     rig: str
-    doubtful_rigs: Mapping[str, str]  # number of unverified values of the rigs, by data sheet
+    unverified_rigs: Mapping[str, str]  # number of unverified values of the rigs, by data sheet
     seed: int | None = None  # None draws a seed that only the sealed truth contains
     # number of the laboratory in the study of this seed; shape (n,) for a block
     number: int | Slots = 0
@@ -52,7 +52,7 @@ class TestSetup:
     control_bat: Entry[BatSpec] | None = None
     detail: RecordDetail = RecordDetail.FULL
     film: bool = False  # whether the first shot is filmed
-    made: bool = True  # whether the bat is drawn at random; False: the nominal bat
+    random_bat: bool = True  # whether the bat is drawn at random; False: the nominal bat
     same_bat: bool = False  # whether all tests of a laboratory use the same bat
     collision: CollisionLaw | None = None  # collision models shared by many laboratories
     particulars: Particulars = NOTHING_STATED  # statements of the certificate beside the results
@@ -130,7 +130,7 @@ class TestSetup:
             ball=catalog.load("balls", rules.spec.ball, BallSpec),
             rules=rules,
             rig=rig,
-            doubtful_rigs=unverified_rigs(_rigs(rig).values()),
+            unverified_rigs=unverified_rigs(_rigs(rig).values()),
             seed=seed,
             number=number,
             reality=reality,
@@ -170,20 +170,20 @@ class TestSetup:
     @property
     def unverified(self) -> dict[str, str]:
         """Number of unverified values that the simulation uses, by data sheet."""
-        counts = _doubtful(f"bats/{self.bat.spec.name}", self.bat)
+        counts = _count_unverified(f"bats/{self.bat.spec.name}", self.bat)
         if self.control_bat:
-            counts |= _doubtful(f"bats/{self.control_bat.spec.name}", self.control_bat)
-        counts |= _doubtful(f"balls/{self.ball.spec.name}", self.ball)
-        return {**counts, **self.doubtful_rigs}
+            counts |= _count_unverified(f"bats/{self.control_bat.spec.name}", self.control_bat)
+        counts |= _count_unverified(f"balls/{self.ball.spec.name}", self.ball)
+        return {**counts, **self.unverified_rigs}
 
 
 def _rigs(impact: str) -> dict[Stage, str]:
     return {Stage.BENCH: "bench", Stage.BALLS: "ball-wall", Stage.IMPACT: impact}
 
 
-def _doubtful(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, str]:
-    doubtful = sum(not datum.verified for datum in entry.sheet)
-    return {where: f"{doubtful} of {len(entry.sheet)}"} if doubtful else {}
+def _count_unverified(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, str]:
+    unverified = sum(not datum.verified for datum in entry.sheet)
+    return {where: f"{unverified} of {len(entry.sheet)}"} if unverified else {}
 
 
 def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:

@@ -1,6 +1,6 @@
 """A test as a sequence of steps. Each step returns the day with new records and truth.
 
-An operator chooses the steps and their order; `by_the_book` follows the procedure. The random
+An operator chooses the steps and their order; `run_test` follows the procedure. The random
 numbers of a step depend on the number of its reading or shot, so its records do not depend on the
 steps before it. The laboratories of a block take each step together, and each fires the shots that
 it still needs.
@@ -20,7 +20,7 @@ from virtual_lab.lab.filming import film_of
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.lab.measurand import measurands
 from virtual_lab.lab.plans import BeforeShots, bench_plan, impact_plan, stage_records, wall_plan
-from virtual_lab.measurement.certification import evaluate
+from virtual_lab.measurement.certification import certify_reduction
 from virtual_lab.measurement.procedure import Acceptance, NextShots
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.session_reduction import (
@@ -73,7 +73,7 @@ class TestDay:
         plan = wall_plan(setup.rules.spec, setup.detail, setup.shape)
         wall = laboratory.play(Stage.BALLS, plan)
         specimen = laboratory.specimen
-        balls = specimen.balls.as_found(plan.ball, wall.truth["restitution_loss"], plan.owner)
+        balls = specimen.balls.after_hits(plan.ball, wall.truth["restitution_loss"], plan.owner)
         return replace(
             self,
             laboratory=replace(laboratory, specimen=replace(specimen, balls=balls)),
@@ -157,16 +157,16 @@ class TestDay:
         assert self.wall is not None
         assert reduced is not None, "fire() and judge() come first"
         readings = self.readings or observe_hits(sessions, reduced.preparation)
-        certified = evaluate(sessions, reduced, readings)
+        certified = certify_reduction(sessions, reduced, readings)
         true = measurands(
             laboratory.impact,
             laboratory.specimen,
             reduced,
-            certified.outcome.weights,
-            laboratory.control,
+            certified.hit_weights.weights,
+            laboratory.control_ratio,
         )
         return BlockTest(
-            laboratories=laboratory,
+            laboratory=laboratory,
             certified=certified,
             measurands=true,
             bench=self.bench.truth,
@@ -197,7 +197,7 @@ class TestDay:
         return np.concatenate([np.zeros(0, dtype=np.intp), *owners])
 
 
-def by_the_book(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
+def run_test(laboratory: Laboratory, progress: Progress = quiet) -> BlockTest:
     """Return the finished tests of a block of laboratories, carried out as the procedure requires.
 
     The block may be a single laboratory. Bats and balls are measured first. Then balls are fired

@@ -40,13 +40,13 @@ class TrueCurve:
             "ball_restitution": self.ball_restitution,
         }
 
-    def metric(self, control: float = 1.0) -> Array:
+    def metric(self, control_ratio: float = 1.0) -> Array:
         """Return the metric at each position, (place,) [SI].
 
-        `control` is the ratio of e of the control bat to its known e.
+        `control_ratio` is the ratio of e of the control bat to its known e.
         """
         procedure = self.procedure
-        e, efficiency = self._with_standard_ball(control)
+        e, efficiency = self._with_standard_ball(control_ratio)
         match procedure.metric:
             case "restitution":
                 return e
@@ -57,12 +57,12 @@ class TrueCurve:
             case "batted_speed":
                 return self._batted_speed(efficiency)
 
-    def objective(self, control: float = 1.0) -> Array:
+    def objective(self, control_ratio: float = 1.0) -> Array:
         """Return the quantity that a scan maximizes: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
-            return self._batted_speed(self._with_standard_ball(control)[1])
-        return self.metric(control)
+            return self._batted_speed(self._with_standard_ball(control_ratio)[1])
+        return self.metric(control_ratio)
 
     def _batted_speed(self, efficiency: Array) -> Array:
         """Return v_f [m/s], computed in the frame of the bat."""
@@ -87,13 +87,13 @@ class TrueCurve:
         bat = bat / np.broadcast_to(heavier, bat.shape) ** game.exponent
         return np.asarray(bat + efficiency * (game.pitch_speed + bat))
 
-    def _with_standard_ball(self, control: float) -> tuple[Array, Array]:
+    def _with_standard_ball(self, control_ratio: float) -> tuple[Array, Array]:
         """Return e and e_A converted to the standard ball by the rules."""
         correction, e, e0 = self.procedure.correction, self.restitution, self.ball_restitution
         if correction is None or correction.method == "none":
             return e, self.collision_efficiency
         if correction.method == "control-bat":
-            e = e / control
+            e = e / control_ratio
         elif correction.method == "ratio":
             e = correction.standard * (e / e0)
         else:  # the ball's share of the lost energy is proportional to 1 - e0²

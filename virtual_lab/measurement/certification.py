@@ -37,13 +37,13 @@ from virtual_lab.measurement.procedure import (
     Reason,
     SetAside,
     Verdict,
+    add_shortfall,
     findings,
     sentences_of,
     set_aside,
     shortfalls,
     unmet_rules,
     verdicts_of,
-    with_choice,
 )
 from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
@@ -87,7 +87,7 @@ class Certification:
     shot_metric: Array  # (shot,)
     readings: ImpactReadings
     judgement: Judgement
-    outcome: HitWeights
+    hit_weights: HitWeights
     metric: Budget | None  # budget of the metric; None if too few hits were valid
     first_order: Budgets | None  # the metric's components as arrays, a block of one
     # budgets by the keys of QUANTITIES, and AS_FOUND with a correction for the balls; {}: no metric
@@ -97,7 +97,7 @@ class Certification:
     refined: Propagated | None  # result of second order or Monte Carlo; None: first order only
     width: Width | None  # peak width; None without a metric, a width rule or enough positions
     swings: tuple[SwingResult, ...]  # results by each swing law, if the rules name several
-    other: OtherSupport | None
+    other_support: OtherSupport | None
     camera: CameraComparison | None  # comparison with the camera, if it filmed the hits
     set_aside: tuple[SetAside, ...]  # balls that the rules do not admit
     # requirements of the rules for a bat before it is hit, met or not
@@ -130,7 +130,7 @@ def certify_session(session: Session) -> Certification:
     Raises `InputError` for a record, calibration or procedure that is missing or cannot be used.
     """
     block = SessionBlock.of(session)
-    return evaluate(block, *reduce_block(block)).row(0, lambda _: session)
+    return certify_reduction(block, *reduce_block(block)).row(0, lambda _: session)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,8 +140,8 @@ class Certifications:
     block: SessionBlock
     reduced: Reduction
     readings: ImpactReadings  # readings of all shots, in the order in which they were fired
-    outcome: HitWeights
-    some: Mask  # mask of the laboratories with a result, (laboratory,)
+    hit_weights: HitWeights
+    has_result: Mask  # mask of the laboratories with a result, (laboratory,)
     results: Mapping[str, Budgets]  # keys: ``metric``, AS_FOUND, and those of QUANTITIES
     checked: Checked
     reason_table: tuple[Reason, ...]  # reasons for the verdicts INVALID and FAIL
@@ -157,14 +157,18 @@ class Certifications:
         return np.array([each is Verdict.INVALID for each in self.verdicts])
 
     @property
+    def sound(self) -> Mask:
+        """Whether the test of each laboratory has a result and is not INVALID, (laboratory,)."""
+        return self.has_result & ~self.invalid
+
+    @property
     def variances(self) -> dict[str, HitVariance]:
         """Variance of a hit in each result. An INVALID test has 0 degrees of freedom."""
-        sound = self.some & ~self.invalid
         by_result = {}
         for name, budgets in self.results.items():
             assert budgets.scatter is not None
             variance = budgets.scatter.variance
-            by_result[name] = replace(variance, dof=np.where(sound, variance.dof, 0.0))
+            by_result[name] = replace(variance, dof=np.where(self.sound, variance.dof, 0.0))
         return by_result
 
     def reasons(self, laboratory: int) -> tuple[str, ...]:
@@ -179,10 +183,12 @@ class Certifications:
         block, reduced = self.block.row(laboratory), self.reduced.row(laboratory)
         session, procedure = session_of(block), self.procedure
         mask = self.reduced.owner == laboratory
-        readings, outcome = self.readings.select(mask), self.outcome.row(laboratory, mask)
+        readings, hit_weights = self.readings.select(mask), self.hit_weights.row(laboratory, mask)
         rows = slice(laboratory, laboratory + 1)
         budgets = {
-            name: each.select(rows) for name, each in self.results.items() if self.some[laboratory]
+            name: each.select(rows)
+            for name, each in self.results.items()
+            if self.has_result[laboratory]
         }
         quantities = {name: each.row(0) for name, each in budgets.items()}
         metric, finer = quantities.pop("metric", None), None
@@ -195,7 +201,7 @@ class Certifications:
         method = session.uncertainty
         drawable = method != MONTE_CARLO or not (metric and low_dof_source(metric))
         if metric and variances and method != FIRST and drawable:
-            finer = propagate_metric(method, reduced, readings, outcome, metric)
+            finer = propagate_metric(method, reduced, readings, hit_weights, metric)
             metric = replace(metric, u=finer.u, dof=finer.dof, interval_95=finer.interval)
         shots, hits, preparation = reduced.shots, reduced.shot_metric, reduced.preparation
         bat = preparation.bat.select((0, 0, 0))
@@ -209,7 +215,7 @@ class Certifications:
             shot_metric=hits,
             readings=readings,
             judgement=reduced.judgement(readings),
-            outcome=outcome,
+            hit_weights=hit_weights,
             metric=metric,
             first_order=budgets.get("metric"),
             quantities=quantities,
@@ -217,8 +223,8 @@ class Certifications:
             refined=finer,
             width=width_of(procedure, reduced.place, reduced.valid, hits) if metric else None,
             swings=swing_range(reduced, readings) if metric else (),
-            other=other_support(procedure, shots, bat, outcome) if metric else None,
-            camera=compare_camera(block, reduced, readings, outcome),
+            other_support=other_support(procedure, shots, bat, hit_weights) if metric else None,
+            camera=compare_camera(block, reduced, readings, hit_weights),
             set_aside=set_aside(procedure, preparation.lot.select((0, 0))),
             findings=findings(procedure, bat),
             flags=(
@@ -232,15 +238,17 @@ class Certifications:
         )
 
 
-def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) -> Certifications:
+def certify_reduction(
+    block: SessionBlock, reduced: Reduction, readings: ImpactReadings
+) -> Certifications:
     """Return results, uncertainties, flags and verdicts of a block, one test per laboratory.
 
-    `readings` are the readings of all shots in `reduced`, (shot,). The mask `Certifications.some`,
-    (laboratory,), marks the laboratories with a result. In any other laboratory the verdict is
-    INVALID, and its numbers must not be used.
+    `readings` are the readings of all shots in `reduced`, (shot,). The mask
+    `Certifications.has_result`, (laboratory,), marks the laboratories with a result. In any other
+    laboratory the verdict is INVALID, and its numbers must not be used.
     """
-    rules, outcome, owner = reduced.procedure, reduced.outcome, reduced.owner
-    laboratories, mask = block.laboratories, outcome.used
+    rules, hit_weights, owner = reduced.procedure, reduced.hit_weights, reduced.owner
+    laboratories, mask = block.laboratories, hit_weights.used
     hits = number_shots(owner, mask, laboratories)
 
     def at_hits(values: Array) -> Array:
@@ -248,17 +256,17 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
 
     variants = Variants.of(reduced.constants)
     earlier = {name: HitVariance.of(estimates) for name, estimates in block.history.items()}
-    weighing = Weighing(
+    result_hits = ResultHits(
         hits=hits,
-        weights=at_hits(outcome.weights),
-        effects=at_hits(outcome.effects),
+        weights=at_hits(hit_weights.weights),
+        effects=at_hits(hit_weights.effects),
         places=at_hits(np.round(reduced.place, 6)),
     )
     size = max(CACHED // (variants.sets * hits.shape[1]), 1)
     parts = [
-        _results(reduced, readings, *part) for part in _split(weighing, earlier, variants, size)
+        _results(reduced, readings, *part) for part in _split(result_hits, earlier, variants, size)
     ]
-    results, apart = parts[0] if len(parts) == 1 else _join(parts)
+    results, efficiency_gap = parts[0] if len(parts) == 1 else _join(parts)
     has_result = np.bincount(owner, mask, laboratories) > 0
     shortfall = shortfalls(
         rules,
@@ -269,31 +277,31 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
         reduced.shot_metric,
     )
     for name in DECIDING & results.keys():
-        results[name] = with_choice(results[name], shortfall)
+        results[name] = add_shortfall(results[name], shortfall)
     metric = results["metric"]
     checked = check(
         Evidence(
             block=block,
             reduced=reduced,
             readings=readings,
-            outcome=outcome,
+            hit_weights=hit_weights,
             metric=metric,
-            some=has_result,
+            has_result=has_result,
             variants=variants,
             hits=hits,
-            apart=apart,
+            efficiency_gap=efficiency_gap,
         )
     )
     reason_table = (
-        *_invalidating(rules, outcome, has_result, metric.u, checked),
+        *_invalidating(rules, hit_weights, has_result, metric.u, checked),
         *unmet_rules(rules, reduced.preparation.bat, np.where(has_result, metric.value, np.nan)),
     )
     return Certifications(
         block=block,
         reduced=reduced,
         readings=readings,
-        outcome=outcome,
-        some=has_result,
+        hit_weights=hit_weights,
+        has_result=has_result,
         results=results,
         checked=checked,
         reason_table=reason_table,
@@ -302,7 +310,7 @@ def evaluate(block: SessionBlock, reduced: Reduction, readings: ImpactReadings) 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Weighing(AlignedArrays):
+class ResultHits(AlignedArrays):
     """The hits from which the results of a block are computed, arrays (laboratory, hit)."""
 
     hits: NDArray[np.intp]  # numbers of the shots; negative: no hit
@@ -314,32 +322,32 @@ class Weighing(AlignedArrays):
 
 
 def _split(
-    weighing: Weighing, earlier: Mapping[str, HitVariance], variants: Variants, size: int
-) -> Iterator[tuple[slice, Weighing, Mapping[str, HitVariance], Variants]]:
+    result_hits: ResultHits, earlier: Mapping[str, HitVariance], variants: Variants, size: int
+) -> Iterator[tuple[slice, ResultHits, Mapping[str, HitVariance], Variants]]:
     """Yield the slice and the arguments of `_results` for `size` laboratories at a time."""
-    laboratories = len(weighing.hits)
+    laboratories = len(result_hits.hits)
     if laboratories <= size:  # not copied
-        yield slice(None), weighing, earlier, variants
+        yield slice(None), result_hits, earlier, variants
         return
     for first in range(0, laboratories, size):
         rows = slice(first, first + size)
         history = {name: each.select(rows) for name, each in earlier.items()}
-        yield rows, weighing.select(rows), history, variants.select(rows)
+        yield rows, result_hits.select(rows), history, variants.select(rows)
 
 
 def _join(parts: Sequence[tuple[dict[str, Budgets], Array]]) -> tuple[dict[str, Budgets], Array]:
     """Return the results of `_results` for the laboratories of all parts, in order."""
-    results, apart = zip(*parts, strict=True)
+    results, efficiency_gap = zip(*parts, strict=True)
     names = results[0]
     budgets = {name: Budgets.concatenate([each[name] for each in results]) for name in names}
-    return budgets, np.concatenate(apart)
+    return budgets, np.concatenate(efficiency_gap)
 
 
 def _results(
     reduced: Reduction,
     readings: ImpactReadings,
     rows: slice,
-    weighing: Weighing,
+    result_hits: ResultHits,
     earlier: Mapping[str, HitVariance],
     variants: Variants,
 ) -> tuple[dict[str, Budgets], Array]:
@@ -348,7 +356,7 @@ def _results(
     `rows` are the laboratories to which the other arguments belong. A difference is e_A from recoil
     minus e_A from rebound. The array has the shape (laboratory, k, hit), with k sets of constants.
     """
-    model = reduced.model(readings, weighing.hits, rows)
+    model = reduced.model(readings, result_hits.hits, rows)
     columns = variants.columns
     bat = bat_properties(columns)
     shots = model.shots(columns, bat)
@@ -356,9 +364,9 @@ def _results(
         name: means_of_hits(
             variants,
             values,
-            weighing.weights,
-            weighing.places,
-            weighing.effects if name in DECIDING else weighing.weights,
+            result_hits.weights,
+            result_hits.places,
+            result_hits.effects if name in DECIDING else result_hits.weights,
             earlier.get(name),
         )
         for name, values in model.quantities(columns, bat, shots).items()
@@ -367,11 +375,15 @@ def _results(
 
 
 def _invalidating(
-    procedure: Procedure, outcome: HitWeights, has_result: Mask, metric_u: Array, checked: Checked
+    procedure: Procedure,
+    hit_weights: HitWeights,
+    has_result: Mask,
+    metric_u: Array,
+    checked: Checked,
 ) -> Iterator[Reason]:
     """Yield the reasons why tests are INVALID."""
-    none = np.array([bool(reason) for reason in outcome.reasons])
-    yield Reason(Verdict.INVALID, none, lambda i: outcome.reasons[i])
+    none = np.array([bool(reason) for reason in hit_weights.reasons])
+    yield Reason(Verdict.INVALID, none, lambda i: hit_weights.reasons[i])
     printed, most = METRICS[procedure.metric], procedure.largest_metric_u
 
     def too_large(i: int) -> str:

@@ -23,11 +23,11 @@ from virtual_lab.measurement.procedure import (
     Procedure,
     accept_hits,
     admit_balls,
+    hit_weights_of,
     judge,
     metric_of,
     next_shots,
     objective_of,
-    outcomes_of,
 )
 from virtual_lab.measurement.procedure.model import CONTROL, MeasurementModel
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER, measured_density
@@ -138,9 +138,9 @@ class Reduction(AlignedArrays):
         return number_shots(self.owner, mask, self.preparation.laboratories)
 
     @property
-    def outcome(self) -> HitWeights:
+    def hit_weights(self) -> HitWeights:
         """The weights of the hits by the procedure's rules."""
-        return outcomes_of(
+        return hit_weights_of(
             self.procedure,
             self.preparation.laboratories,
             self.owner,
@@ -233,7 +233,7 @@ class Reduction(AlignedArrays):
 
 
 @contextmanager
-def constants_known() -> Iterator[None]:
+def name_missing_constants() -> Iterator[None]:
     """Convert a `KeyError` within the context to an `InputError` about a missing constant.
 
     The message names the constant and ``session.json``. The function can also be used as a
@@ -262,7 +262,7 @@ def reduce_block(block: SessionBlock) -> tuple[Reduction, ImpactReadings]:
     return reduce_shots(block, preparation, readings), readings
 
 
-@constants_known()
+@name_missing_constants()
 def prepare(block: SessionBlock) -> Preparation:
     """Return the measured bat, balls and constants, as known before the first impact.
 
@@ -295,7 +295,7 @@ def prepare(block: SessionBlock) -> Preparation:
     )
 
 
-@constants_known()
+@name_missing_constants()
 def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReadings:
     """Return the readings of the shots at the bat, in the order of firing, (shot,).
 
@@ -307,7 +307,7 @@ def observe_hits(block: SessionBlock, preparation: Preparation) -> ImpactReading
     return observe_impact(block)
 
 
-@constants_known()
+@name_missing_constants()
 def reduce_shots(
     block: SessionBlock, preparation: Preparation, readings: ImpactReadings
 ) -> Reduction:
@@ -333,7 +333,7 @@ def reduce_shots(
         rules.reduction_settings,
         used=preparation.used[owner],
     )
-    metric = metric_of(rules, control=best.get(CONTROL, 1.0))(Curve.from_shots(results), bat)
+    metric = metric_of(rules, control_ratio=best.get(CONTROL, 1.0))(Curve.from_shots(results), bat)
     objective = objective_of(rules, metric, alone.place, bat)
     targets = (each[owner, None, None] for each in (preparation.percussion, preparation.turn_rate))
     valid = accept_hits(rules, results, alone, *targets)

@@ -30,7 +30,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
     printed, procedure = METRICS[certification.procedure.metric], certification.procedure
     values, place = certification.shot_metric / printed.unit_si, certification.readings.place / INCH
     across = 1 + np.arange(values.size) if procedure.scan is None else place
-    valid, in_result = certification.judgement.valid, certification.outcome.used
+    valid, in_result = certification.judgement.valid, certification.hit_weights.used
     with page_figure(2.6) as figure:
         axes = figure.add_subplot()
         for kind, marker, color, fill, label in (
@@ -60,7 +60,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
             along, heights = curve.linspace()
             axes.plot(along / INCH, heights, color="black", linestyle=":", label="fitted curve")
             axes.plot(
-                certification.outcome.place / INCH,
+                certification.hit_weights.place / INCH,
                 value,
                 "+",
                 color="black",

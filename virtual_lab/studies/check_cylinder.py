@@ -16,7 +16,7 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Laboratory, TestSetup, by_the_book
+from virtual_lab.lab import Laboratory, TestSetup, run_test
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.observations import along_of
@@ -65,7 +65,7 @@ def check_cylinder(
         detail=RecordDetail.FULL if faults else RecordDetail.SUMMED,
     )
     laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
-    tested = by_the_book(laboratory).of(0).certification
+    tested = run_test(laboratory).of(0).certification
     session, preparation = tested.session, prepare(tested.block)
     place = tested.readings.place[0] - along_of(session)
     # Complete records are reduced day by day, summed records all at once.

@@ -165,7 +165,7 @@ def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
     session = with_records(day.session, stage, [play])
     block = SessionBlock.of(session)
     reduced, readings = reduce_block(block)
-    camera = compare_camera(block, reduced, readings, reduced.outcome)
+    camera = compare_camera(block, reduced, readings, reduced.hit_weights)
     assert camera is not None
     if not reduced.valid[0]:
         return np.full((len(QUANTITIES), 3), np.nan)

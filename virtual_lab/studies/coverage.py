@@ -373,12 +373,12 @@ def sample(tested: BlockTest) -> Sample:
     aim = certified.block.calibration.get("impact.cannon.along")
     along = marks.along.reshape(count, -1)
     deviation = along - (aim.value[:, None] if aim else 0.0)
-    in_result = certified.outcome.used
+    in_result = certified.hit_weights.used
     return Sample(
         sound=~certified.invalid,
         fired=np.bincount(owner, minlength=count),
         valid=np.bincount(owner, reduced.valid, count),
-        place=certified.outcome.place,
+        place=certified.hit_weights.place,
         stray=deviation.var(axis=1, ddof=1),
         beside=np.mean(deviation**2, axis=1),
         scatter=variances_within(

@@ -397,7 +397,7 @@ def _exact(bat: str, procedure: str) -> float:
 def _metrics(tested: BlockTest) -> Array:
     """Return the metric of each laboratory [SI], shape (laboratory,); NaN if INVALID or missing."""
     certified = tested.certified
-    return np.where(certified.some & ~certified.invalid, certified.results["metric"].value, np.nan)
+    return np.where(certified.sound, certified.results["metric"].value, np.nan)
 
 
 def _mean(values: Array) -> float:

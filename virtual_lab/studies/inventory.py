@@ -87,9 +87,9 @@ class SlowestRebound:
         kinds = {"light-gate": LightGateSpec, "light-board": LightBoardSpec}
         spec: type[LightGateSpec | LightBoardSpec] = kinds[kind]
         gates = catalog.load("instruments", name, spec).spec
-        slowest = (slowest_within(gates.distances, gates.room) / MPH).tolist()
+        slowest = (slowest_within(gates.distances, gates.detected_depth) / MPH).tolist()
         return cls(
-            fall_mm=gates.room * 1e3,
+            fall_mm=gates.detected_depth * 1e3,
             at_gates=[
                 {"distance_m": distance, "speed_mph": speed}
                 for distance, speed in zip(gates.distances, slowest, strict=True)

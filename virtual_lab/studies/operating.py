@@ -201,8 +201,8 @@ def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Arra
     for block in round_robin.blocks(laboratories, seed):
         certified = block.certified
         error = certified.results["metric"].value - block.measurands["metric"]
-        errors.append(np.where(certified.some, error, 0.0))
-        valid.append(certified.some & ~certified.invalid)
+        errors.append(np.where(certified.has_result, error, 0.0))
+        valid.append(certified.sound)
     return np.concatenate(errors), np.concatenate(valid)
 
 

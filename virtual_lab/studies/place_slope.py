@@ -11,7 +11,7 @@ from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.lab.measurand import true_curve
-from virtual_lab.measurement.procedure import Procedure, aimed_place
+from virtual_lab.measurement.procedure import Procedure, percussion_position
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
@@ -117,7 +117,7 @@ def _slope(bat: str, procedure: str) -> Slope:
         )
     beam = beam_of(specimen.bat.body)
     inertial = {name: getattr(beam, name) for name in ("mass", "length", "z_cm", "inertia_cm")}
-    place = aimed_place(inertial, rules.pivot_from_knob)
+    place = percussion_position(inertial, rules.pivot_from_knob)
     step = 4e-3  # distance to either side [m]
     ends = place + step * np.array([-1.0, 1.0])
     curve = true_curve(laboratory.impact, specimen, rules, ends)

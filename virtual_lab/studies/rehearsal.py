@@ -26,12 +26,12 @@ from virtual_lab.measurement.procedure import (
     Curve,
     Objective,
     Procedure,
+    hit_weights_of,
     metric_of,
     next_shots,
     objective_of,
-    outcomes_of,
+    round_to_setting,
     shortfalls,
-    to_set,
 )
 from virtual_lab.measurement.reduction.kinematics import restitution_from_efficiency
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
@@ -139,14 +139,14 @@ class Rehearsal:
             shots = next_shots(rules, percussion, owner, place, valid, target.value)
             if not shots.owner.size:
                 break
-            places = to_set(shots.place, exact=False)
+            places = round_to_setting(shots.place, exact=False)
             shot = fired[shots.owner] + shot_numbers(shots.owner)
             beside, noise = random[shots.owner, :, shot].T
             measured = self.metric(places, straying.along * beside) + straying.scatter * noise
             fired = fired + np.bincount(shots.owner, minlength=many)
             owner = np.append(owner, shots.owner)
             place, metric = np.append(place, places), np.append(metric, measured)
-        weights = outcomes_of(rules, many, owner, place, valid, metric, target).weights
+        weights = hit_weights_of(rules, many, owner, place, valid, metric, target).weights
         shortfall = shortfalls(rules, many, owner, place, valid, metric).mean
         results = np.bincount(owner, metric * weights, many) + shortfall
         exact = self.metric(place)

@@ -153,7 +153,7 @@ def _rows(
 ) -> list[dict[str, Any]]:
     certified, verdicts, rows = tested.certified, tested.certified.verdicts, []
     for index in range(len(verdicts)):
-        has_result = bool(certified.some[index])
+        has_result = bool(certified.has_result[index])
         results = {
             name: (float(each.value[index]), float(each.u[index]), float(each.dof[index]))
             for name, each in certified.results.items()

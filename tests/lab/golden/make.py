@@ -26,7 +26,7 @@ from virtual_lab.bench.day.operators import HABITS, operator_of
 from virtual_lab.bench.day.scenario import load_scenario
 from virtual_lab.bench.machines.stored_day import StoredDay
 from virtual_lab.catalog.faults import FaultSheet
-from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, by_the_book, certify_bat
+from virtual_lab.lab import Laboratory, RoundRobin, TestSetup, certify_bat, run_test
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.simulation.physics.truth import SealedTruth
 from virtual_lab.simulation.stations import flights
@@ -149,7 +149,7 @@ def _round_robin(bat: str, procedure: str) -> RoundRobin:
 def _tested(case: Case) -> tuple[Certification, SealedTruth]:
     if case.kind == "summed":
         setup = _round_robin(case.bat, case.procedure).setup
-        done = by_the_book(Laboratory.open(replace(setup, seed=SEED, number=case.number))).of(0)
+        done = run_test(Laboratory.open(replace(setup, seed=SEED, number=case.number))).of(0)
     else:
         faults = (case.what,) if case.kind == "fault" else ()
         setup = TestSetup.of(

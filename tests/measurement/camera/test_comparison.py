@@ -121,7 +121,7 @@ def test_the_scatter_due_to_the_heights_is_the_stated_one(
             passages, heights=passages.heights + noise, heights_u=np.full(noise.shape, u)
         )
         readings = replace(measured, flights=replace(measured.flights, passages=risen))
-        camera = compare_camera(block, reduced, readings, certification.outcome)
+        camera = compare_camera(block, reduced, readings, certification.hit_weights)
         assert camera is not None
         return camera
 
@@ -193,7 +193,7 @@ def test_the_certificate_states_both_results(certifications: list[Certification]
     document = certificate(certification)
     camera = document.second_witness
     assert camera is not None
-    assert camera.hits + camera.missed == int(certification.outcome.used.sum())
+    assert camera.hits + camera.missed == int(certification.hit_weights.used.sum())
     assert camera.collision_efficiency is not None
     assert camera.collision_efficiency.agree
     gates, stated = camera.collision_efficiency.gates, document.collision_efficiency

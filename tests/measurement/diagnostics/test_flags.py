@@ -660,7 +660,7 @@ def test_the_p_value_of_a_trend_is_that_of_a_regression(side: float) -> None:
     laboratory = SimpleNamespace(
         measured_balls=SimpleNamespace(restitution=lot(side * steep)[None, None]),
         reduced=SimpleNamespace(preparation=SimpleNamespace(balls=balls)),
-        some=np.zeros(1, dtype=bool),
+        has_result=np.zeros(1, dtype=bool),
         metric=SimpleNamespace(u=np.zeros(1)),
         sensitivities={},
     )

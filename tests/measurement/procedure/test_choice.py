@@ -8,7 +8,7 @@ from scipy import integrate, stats
 
 from tests.one_laboratory import outcome_of
 from virtual_lab import catalog
-from virtual_lab.measurement.procedure import CHOICE, Procedure, shortfalls, with_choice
+from virtual_lab.measurement.procedure import CHOICE, Procedure, add_shortfall, shortfalls
 from virtual_lab.measurement.procedure.choice import Shortfalls
 from virtual_lab.uncertainty.budget import HITS, combine_components, type_a_component
 from virtual_lab.uncertainty.scatter import Scatter
@@ -36,32 +36,32 @@ def test_the_shortfall_is_the_mean_of_a_truncated_normal() -> None:
     u = sqrt(2 * variance / 6)
     behind = np.array([1.2, 3.0]) * u
     metric = 0.5 + np.concatenate([hits - behind[0], hits, hits - behind[1]])
-    lost = of_one(place, metric)
+    shortfall = of_one(place, metric)
 
     def moment(power: int) -> float:
-        def lost(x: float, gap: float) -> float:
+        def shortfall(x: float, gap: float) -> float:
             return x**power * float(stats.norm.pdf(x, -gap, u))
 
-        return sum(integrate.quad(lost, 0, 10 * u, args=(gap,))[0] for gap in behind)
+        return sum(integrate.quad(shortfall, 0, 10 * u, args=(gap,))[0] for gap in behind)
 
-    assert lost.mean[0] == pytest.approx(moment(1), rel=1e-6)
-    assert lost.rms[0] ** 2 == pytest.approx(moment(2), rel=1e-6)
-    assert lost.u[0] == pytest.approx(sqrt(moment(2) - moment(1) ** 2), rel=1e-6)
+    assert shortfall.mean[0] == pytest.approx(moment(1), rel=1e-6)
+    assert shortfall.rms[0] ** 2 == pytest.approx(moment(2), rel=1e-6)
+    assert shortfall.u[0] == pytest.approx(sqrt(moment(2) - moment(1) ** 2), rel=1e-6)
 
 
 def test_the_result_is_raised_by_the_mean_shortfall() -> None:
     """√(rms² - mean²) is one component; without a shortfall the budget is unchanged."""
-    lost = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
+    shortfall = Shortfalls(mean=np.array([3e-4, 0.0]), rms=np.array([5e-4, 0.0]))
     budgets = combine_components(
         np.array([0.5, 0.5]), type_a_component("other", np.full(2, 0.5), np.zeros(2))
     )
-    block = with_choice(budgets, lost)
+    block = add_shortfall(budgets, shortfall)
     raised, unchanged = block.row(0), block.row(1)
     assert raised.value == pytest.approx(0.5003)
     assert raised.u == pytest.approx(4e-4)
     assert [part.name for part in raised.components] == [CHOICE]
     assert unchanged == budgets.row(1)
-    assert with_choice(budgets, Shortfalls(np.zeros(2), np.zeros(2))) is budgets
+    assert add_shortfall(budgets, Shortfalls(np.zeros(2), np.zeros(2))) is budgets
 
 
 def test_the_interval_misses_the_truth_equally_often_on_both_sides() -> None:
@@ -85,7 +85,7 @@ def test_the_interval_misses_the_truth_equally_often_on_both_sides() -> None:
         scatter = Scatter.of_hits(metric[None, mask], weights[None], place[None, mask], nothing)
         value = np.array([metric[mask] @ weights])
         result = combine_components(value, type_a_component(HITS, value, scatter.u, scatter.dof))
-        low, high = with_choice(result, of_one(place, metric)).row(0).interval_95
+        low, high = add_shortfall(result, of_one(place, metric)).row(0).interval_95
         true = curve(np.unique(PLACES), top).max()
         above, below = above + (true > high), below + (true < low)
     few, many = stats.binom.ppf([0.001, 0.999], RUNS, 0.025)

@@ -10,7 +10,7 @@ from tests.laboratories import opened
 from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.lab import by_the_book
+from virtual_lab.lab import run_test
 from virtual_lab.lab.laboratory import Laboratory
 from virtual_lab.measurement.procedure import Procedure, admit_balls, set_aside
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
@@ -73,7 +73,7 @@ def lively() -> Laboratory:
 
 
 def test_balls_set_aside_are_not_fired_and_the_certificate_names_them(lively: Laboratory) -> None:
-    tested = by_the_book(lively).of(0)
+    tested = run_test(lively).of(0)
     certification = tested.certification
     assert {each.ball for each in certification.set_aside} == {3, 7}
     assert not set(certification.readings.ball) & {3, 7}

@@ -107,7 +107,9 @@ def test_corrections_for_a_ball_with_low_e0_agree_with_hand_calculations() -> No
     sprung = sqrt((0.25 * stiffer + 1) / (stiffer + 1))
     assert corrected("trampoline", 0.5, 0.49) == pytest.approx(sprung, rel=1e-12)
     assert sprung - 0.5 == pytest.approx(0.0097, abs=5e-5)
-    assert corrected("control-bat", 0.5, 0.49, control=np.array(0.98)) == pytest.approx(0.5 / 0.98)
+    assert corrected("control-bat", 0.5, 0.49, control_ratio=np.array(0.98)) == pytest.approx(
+        0.5 / 0.98
+    )
 
 
 @pytest.mark.parametrize(

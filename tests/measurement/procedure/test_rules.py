@@ -15,10 +15,10 @@ from virtual_lab.measurement.procedure import (
     Procedure,
     Reason,
     Verdict,
-    aimed_place,
     judge,
+    percussion_position,
+    round_to_setting,
     sentences_of,
-    to_set,
     unmet_rules,
     verdicts_of,
 )
@@ -232,7 +232,7 @@ BAT["inertia_cm"] = 2539 * OUNCE * 0.0254**2
 def test_the_aimed_position_of_the_papers_bat_is_its_centre_of_percussion() -> None:
     """Aim z_cm - I/(M d), d = 34 - 6 - 11.3 = 16.7 in: 11.3 - 2539/(31 x 16.7) = 6.3956 in."""
     by_hand = (11.3 - 2539 / (31 * 16.7)) * 0.0254
-    exact = aimed_place(BAT, 6 * 0.0254)
+    exact = percussion_position(BAT, 6 * 0.0254)
     assert exact == pytest.approx(by_hand, rel=1e-12)
     # center of percussion: I_p/(M d) from the pivot, where a hit leaves the pivot at rest
     d = 16.7 * 0.0254
@@ -242,9 +242,9 @@ def test_the_aimed_position_of_the_papers_bat_is_its_centre_of_percussion() -> N
 
 def test_the_aimed_position_is_set_in_half_millimetres() -> None:
     """6.3956 in is 162.45 mm, so the operator sets 162.5 mm."""
-    place = np.array([aimed_place(BAT, 6 * 0.0254)])
-    assert to_set(place, exact=False) == pytest.approx(0.1625, abs=1e-12)
-    assert to_set(place, exact=True) is place
+    place = np.array([percussion_position(BAT, 6 * 0.0254)])
+    assert round_to_setting(place, exact=False) == pytest.approx(0.1625, abs=1e-12)
+    assert round_to_setting(place, exact=True) is place
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.one_laboratory import next_places, outcome_of
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Procedure, to_set
+from virtual_lab.measurement.procedure import Procedure, round_to_setting
 from virtual_lab.measurement.procedure.rules import Scan
 from virtual_lab.measurement.procedure.scan_kernel import find_final_hits
 from virtual_lab.measurement.procedure.schedule import scan_rules
@@ -37,7 +37,7 @@ class Test:
         self.place, self.valid, self.metric = np.zeros(0), np.zeros(0, dtype=bool), np.zeros(0)
         self.rounds: list[np.ndarray] = []
         while (places := next_places(procedure, 0.15, self.place, self.valid, self.metric)).size:
-            fired = to_set(places, exact=exact)
+            fired = round_to_setting(places, exact=exact)
             self.rounds.append(fired)
             shots = np.arange(self.place.size, self.place.size + fired.size)
             self.place = np.concatenate([self.place, fired])

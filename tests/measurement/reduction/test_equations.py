@@ -65,11 +65,11 @@ class Numbers(NamedTuple):
     @classmethod
     def of(cls, reduced: Reduction) -> "Numbers":
         """Return the weighted means over the hits of a result."""
-        outcome = reduced.outcome
+        outcome = reduced.hit_weights
         mask, weights = outcome.used, outcome.weights
         means = (
             float(values[mask] @ weights[mask])
-            for values in (reduced.shot_metric, reduced.shots.asked_recoil_factor)
+            for values in (reduced.shot_metric, reduced.shots.aimed_recoil_factor)
         )
         return cls(*means, place=float(reduced.preparation.percussion[0]))
 

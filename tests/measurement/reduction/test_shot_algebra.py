@@ -267,7 +267,7 @@ def test_e_belongs_to_the_struck_position_and_the_printed_r_to_the_aimed_one() -
     e_A = got.collision_efficiency[0]
     assert got.recoil_factor[0] == pytest.approx(recoil, rel=1e-11)
     assert got.restitution[0] == pytest.approx(e_A * (1 + recoil) + recoil, rel=1e-11)
-    assert got.asked_recoil_factor[0] == pytest.approx(M * B**2 / I_P, rel=1e-11)
+    assert got.aimed_recoil_factor[0] == pytest.approx(M * B**2 / I_P, rel=1e-11)
     e = got.lot_restitution[0]
     lot_e_A = (e - got.lot_recoil_factor[0]) / (1 + got.lot_recoil_factor[0])
     assert got.lot_collision_efficiency[0] == pytest.approx(lot_e_A, rel=1e-11)

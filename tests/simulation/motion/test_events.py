@@ -24,13 +24,13 @@ from virtual_lab.simulation.stations.cannon_station import RestingBatStation
 from virtual_lab.simulation.stations.flights import (
     AHEAD,
     RECORD,
-    FlownShots,
     RestingBat,
     Surroundings,
-    fly,
+    TrueFlights,
     scene_of,
+    simulate_flights,
 )
-from virtual_lab.simulation.stations.impact import thrown_back
+from virtual_lab.simulation.stations.impact import rebound_velocity
 from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 from virtual_lab.units import INCH
 
@@ -58,10 +58,10 @@ class WeakShots(NamedTuple):
     def scene(self) -> ShotScene:
         return scene_of(self.passage, self.bat, self.around, RECORD)
 
-    def flown(self) -> FlownShots:
+    def flown(self) -> TrueFlights:
         every = np.arange(len(self.bat.place))
         plan = ShotPlan(slot=every, ball=every, speed=self.passage.speed_in, place=self.bat.place)
-        return fly(self.passage, plan, self.bat, self.around)
+        return simulate_flights(self.passage, plan, self.bat, self.around)
 
 
 def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterator[WeakShots]:
@@ -79,7 +79,7 @@ def weak_shots(count: int, stops: Sequence[dict[str, float]] = STOPS) -> Iterato
             mass, across = ball.mass * rng.uniform(0.98, 1.02, count), rng.normal(0, 3e-3, count)
             place, efficiency = rng.uniform(2, 6, count) * INCH, rng.uniform(-0.03, 0.04, count)
             tilt = np.arcsin(across / (ball.radius + outer_diameter(body.profile, place) / 2))
-            back, up = thrown_back(efficiency, tilt, speed, 0.0)
+            back, up = rebound_velocity(efficiency, tilt, speed, 0.0)
             passage = Passage(
                 speed_in=speed,
                 speed_out=back,
@@ -149,8 +149,10 @@ def test_no_shot_depends_on_its_neighbours() -> None:
             for out in (False, True):
                 ways = np.hstack([each.passage.trajectory_rows(out=out) for each in parts])
                 assert ways.tobytes() == whole.passage.trajectory_rows(out=out).tobytes()
-            late = [np.broadcast_to(each.late, (size,)) for each in parts]
-            assert np.hstack(late).tobytes() == np.broadcast_to(whole.late, (21,)).tobytes()
+            late = [np.broadcast_to(each.separation_time, (size,)) for each in parts]
+            assert (
+                np.hstack(late).tobytes() == np.broadcast_to(whole.separation_time, (21,)).tobytes()
+            )
             kicks = [
                 (number * size + shot, *more)
                 for number, each in enumerate(parts)
@@ -198,7 +200,9 @@ def test_flights_are_read_from_the_contacts() -> None:
     for shots in weak_shots(40, STOPS[:2]):  # no post behind the bat
         scene, flown = shots.scene(), shots.flown()
         flights, pieces = flown.passage, play_events(scene).pieces
-        late, met = (np.broadcast_to(each, (40,)) for each in (flown.late, flown.met))
+        late, met = (
+            np.broadcast_to(each, (40,)) for each in (flown.separation_time, flown.reached_bat)
+        )
         kicks: list[tuple[float, ...]] = []
         for shot in np.unique(pieces.shot):
             shot_pieces = pieces.part(pieces.shot == shot)
@@ -207,8 +211,8 @@ def test_flights_are_read_from_the_contacts() -> None:
             expected = {
                 "speed_out": -state.vx[back],
                 "slope_out": -state.vy[back] / state.vx[back],
-                "parted_plane": contact - state.x[back],
-                "parted_height": state.y[back] - up,
+                "release_plane": contact - state.x[back],
+                "release_height": state.y[back] - up,
                 "plane": contact - state.x[first],
             }
             if first == 1:
@@ -220,8 +224,10 @@ def test_flights_are_read_from_the_contacts() -> None:
             assert late[shot] == pytest.approx(
                 shot_pieces.time[back] - shot_pieces.time[first], rel=1e-12
             )
-            if flights.reach is not None and np.isfinite(flights.reach[shot]):
-                assert flights.reach[shot] == pytest.approx(contact - state.x[frame], rel=1e-9)
+            if flights.frame_distance is not None and np.isfinite(flights.frame_distance[shot]):
+                assert flights.frame_distance[shot] == pytest.approx(
+                    contact - state.x[frame], rel=1e-9
+                )
                 counts["stopped"] += 1
             for k in np.flatnonzero(shot_pieces.struck == Target.BAT_AGAIN):
                 after, change = (

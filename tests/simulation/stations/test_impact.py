@@ -12,7 +12,11 @@ from virtual_lab.simulation.collision.scene import Scenes
 from virtual_lab.simulation.physics.ball import wall_contact
 from virtual_lab.simulation.physics.beam import Pinned, beam_of
 from virtual_lab.simulation.physics.truth import TrueOutcome, draw_balls, make_bat
-from virtual_lab.simulation.stations.impact import error_free, thrown_back, wall_restitution
+from virtual_lab.simulation.stations.impact import (
+    rebound_velocity,
+    true_outcome,
+    wall_restitution,
+)
 from virtual_lab.simulation.stations.rig import ShotPlan, Specimen
 from virtual_lab.streams import Quiet
 
@@ -35,7 +39,7 @@ def truth_of(specimen: Specimen) -> TrueOutcome:
     speed = np.full(PLACES.size, 40.0)
     plan = ShotPlan(slot=np.arange(PLACES.size), ball=first, speed=speed, place=PLACES)
     support = Pinned(specimen.bat.body.length - FROM_KNOB)
-    return error_free(plan, specimen, support, FROM_KNOB)
+    return true_outcome(plan, specimen, support, FROM_KNOB)
 
 
 @pytest.mark.parametrize("bat", ["r161", "ea70", "barrel-loaded", "knob-loaded"])
@@ -87,7 +91,7 @@ def test_the_work_of_a_wall_contact_is_the_kinetic_energy() -> None:
 def test_a_tilted_hit_keeps_the_speed_along_the_surface(tilt: float) -> None:
     """In the bat's frame e_A applies to the normal speed; the tangential speed is unchanged."""
     efficiency, speed = np.array([0.2, -0.1]), 40.0
-    back, slope = thrown_back(efficiency, np.array(tilt), np.array(speed), 3.0)
+    back, slope = rebound_velocity(efficiency, np.array(tilt), np.array(speed), 3.0)
     normal = np.array([-np.cos(tilt), np.sin(tilt)])  # bat to ball; ball along +x
     surface = np.array([np.sin(tilt), np.cos(tilt)])
     for e, x, rise in zip(efficiency, back, slope, strict=True):
@@ -101,7 +105,7 @@ def test_scatter_across_the_axis_lowers_bpf_as_computed_by_hand(sd: float, loss:
     """Mean over a normal scatter [in] by Gauss-Hermite quadrature; radii 1.45 in and 1.25 in."""
     x, weight = np.polynomial.hermite_e.hermegauss(20)
     tilt = np.arcsin(sd * x / (1.45 + 1.25))
-    back, _ = thrown_back(np.full(20, 0.2), tilt, np.ones(20), 0.0)
+    back, _ = rebound_velocity(np.full(20, 0.2), tilt, np.ones(20), 0.0)
     lost = 0.2 - float(weight @ back / weight.sum())
     bpf = lost * (1 + 0.22) / 0.5  # change of BPF by Eqs. (5) and (6), with r = 0.22 and e0 = 0.5
     assert bpf == pytest.approx(loss, rel=0.15, abs=7e-5)

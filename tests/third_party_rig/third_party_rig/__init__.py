@@ -17,7 +17,7 @@ from virtual_lab.simulation.instruments.light_gate import LightGates, LightGateS
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.physics.truth import TrueOutcome
-from virtual_lab.simulation.stations.impact import error_free, scenes_of
+from virtual_lab.simulation.stations.impact import scenes_of, true_outcome
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -110,7 +110,7 @@ class SpeedGunStation(FittedStation):
 
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return the measurand at the plan's positions, for this bat and the lot's mean ball."""
-        return error_free(plan, specimen, _support(specimen), PIVOT_FROM_KNOB)
+        return true_outcome(plan, specimen, _support(specimen), PIVOT_FROM_KNOB)
 
 
 def _support(specimen: Specimen) -> Pinned:

@@ -22,7 +22,12 @@ from virtual_lab.simulation.instruments.cannon import Cannon, CannonSpec
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.physics.truth import TrueOutcome
-from virtual_lab.simulation.stations.impact import contact_angle, error_free, scenes_of, thrown_back
+from virtual_lab.simulation.stations.impact import (
+    contact_angle,
+    rebound_velocity,
+    scenes_of,
+    true_outcome,
+)
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
 from virtual_lab.streams import Draws
 from virtual_lab.uncertainty.estimate import Estimate
@@ -101,7 +106,7 @@ class RadarStation(FittedStation):
         scenes = scenes_of(specimen, plan.ball, place, launch.speed * np.cos(tilt), e0)
         support = Pinned(body.length - PIVOT_FROM_KNOB)
         efficiency = specimen.collision(body, support).collide(scenes).collision_efficiency
-        back, _ = thrown_back(efficiency, tilt, launch.speed, 0.0)
+        back, _ = rebound_velocity(efficiency, tilt, launch.speed, 0.0)
         passage = Passage(
             speed_in=launch.speed,
             speed_out=back,
@@ -122,7 +127,7 @@ class RadarStation(FittedStation):
     def outcome(self, plan: ShotPlan, specimen: Specimen) -> TrueOutcome:
         """Return the measurand at the plan's positions, for this bat and the lot's mean ball."""
         support = Pinned(specimen.bat.body.length - PIVOT_FROM_KNOB)
-        return error_free(plan, specimen, support, PIVOT_FROM_KNOB)
+        return true_outcome(plan, specimen, support, PIVOT_FROM_KNOB)
 
 
 RIG = RadarPivot()

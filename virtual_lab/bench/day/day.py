@@ -244,10 +244,10 @@ Changes = Mapping[str, Any]  # fields of a day
 
 def _set_position(day: Day, arguments: Changes) -> Changes:
     from virtual_lab.measurement.procedure import (
-        to_set,
+        round_to_setting,
     )  # a slow import, not needed for the first page
 
-    place = float(to_set(arguments["place"] / 1e3, exact=False))
+    place = float(round_to_setting(arguments["place"] / 1e3, exact=False))
     return {"place": place, "ready": day.ready - {"wait-rest"}}
 
 

@@ -18,7 +18,7 @@ from virtual_lab.bench.day.entries import record_of
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Judgement, Procedure, to_set
+from virtual_lab.measurement.procedure import Judgement, Procedure, round_to_setting
 from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.estimate import Estimate
@@ -162,9 +162,9 @@ class Desk:
 
     @cached_property
     def certification(self) -> Certification:
-        from virtual_lab.measurement.certification import evaluate
+        from virtual_lab.measurement.certification import certify_reduction
 
-        certifications = evaluate(self.block, self.reduced, self.readings)
+        certifications = certify_reduction(self.block, self.reduced, self.readings)
         return certifications.row(0, lambda _: self.session)
 
     @property
@@ -242,7 +242,7 @@ class Desk:
         return ""
 
     @cached_property
-    def next_place(self) -> float | None:
+    def next_position(self) -> float | None:
         """Next impact position by the rules [m from the tip]; None if no hit is needed.
 
         Raises `InputError` with the name of a missing record.
@@ -252,7 +252,7 @@ class Desk:
         following = self.reduced.next_shots if self.day.fired else self.preparation.first_shots
         positions = following().place
         return (
-            float(to_set(positions[:1] - along_of(self.session), exact=False)[0])
+            float(round_to_setting(positions[:1] - along_of(self.session), exact=False)[0])
             if positions.size
             else None
         )
@@ -283,7 +283,7 @@ class Desk:
     @property
     def needs_position(self) -> bool:
         """Whether the impact position must still be set for the next shot."""
-        position, rule = self.next_place, self.day.place
+        position, rule = self.next_position, self.day.place
         return position is not None and (rule is None or abs(position - rule) > 1e-6)
 
     @property

@@ -135,7 +135,7 @@ def _arguments_of(name: str, habits: Habits) -> Mapping[str, object]:
 
 def _hits(look: Look, habits: Habits) -> Iterator[Action]:
     """Yield shots and decisions until the rules need no further hit."""
-    while not look().missing and (place := look().next_place) is not None:
+    while not look().missing and (place := look().next_position) is not None:
         shot = len(look().day.fired)
         if look().needs_position:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})

@@ -83,7 +83,7 @@ class Firing:
             before, play = self._age_balls(walls - 1), self.wall(walls - 1)
             log: Any = play.records["log"]
             loss = play.truth["restitution_loss"]
-            balls = before.specimen.balls.as_found(log.ball.astype(int), loss)
+            balls = before.specimen.balls.after_hits(log.ball.astype(int), loss)
             specimen = replace(before.specimen, balls=balls)
             self.after_walls[walls] = replace(before, specimen=specimen)
         return self.after_walls[walls]

@@ -106,8 +106,11 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
     if not isinstance(station, RestingBatStation):
         return None
     plan, specimen = laboratory.setup.faults.apply(Stage.IMPACT, requested, laboratory.specimen)
-    fired = station.fly(plan, specimen, laboratory.draws)
-    long_motion = fired.flown.kicks or not np.all(fired.flown.met) or np.any(fired.flown.late)
+    fired = station.fire(plan, specimen, laboratory.draws)
+    flights = fired.flights
+    long_motion = (
+        flights.kicks or not np.all(flights.reached_bat) or np.any(flights.separation_time)
+    )
     surroundings = station.surroundings(specimen.balls.spec.radius)
     scene = scene_of(
         fired.passage, fired.bat, surroundings, 0.5 if long_motion else FILM.after

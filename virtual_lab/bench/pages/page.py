@@ -276,7 +276,7 @@ def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
 def _steps(desk: Desk) -> list[Step]:
     day, sheets, rules = desk.day, action_table().actions, desk.rules.spec
     counted = sum(each.accepted for each in day.decisions.values())
-    enough_hits = bool(day.fired) and not desk.missing and desk.next_place is None
+    enough_hits = bool(day.fired) and not desk.missing and desk.next_position is None
     is_done = {name: desk.last(name) is not None for name in preparation()} | {
         "set-place": day.place is not None,
         "fire": enough_hits or day.reduced,
@@ -384,7 +384,7 @@ def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
     """Return the next impact position and ball as printed; empty while a record is missing."""
     if desk.missing:
         return {"place": "", "ball": ""}
-    place = desk.next_place
+    place = desk.next_position
     return {
         "place": "" if place is None else _length(place, briefing),
         "ball": str(desk.next_ball + 1),
@@ -393,14 +393,14 @@ def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
 
 def _undecided_note(desk: Desk, briefing: Mapping[str, Any]) -> str:
     """Return the note that undecided hits prevent the next position; empty if they do not."""
-    if not desk.waiting or desk.next_place is None:
+    if not desk.waiting or desk.next_position is None:
         return ""
-    following_position = desk.with_waiting_accepted.next_place
-    if following_position == desk.next_place:
+    following_position = desk.with_waiting_accepted.next_position
+    if following_position == desk.next_position:
         return ""
     unit = _units(briefing)[0]
     count = f"{len(desk.waiting)} undecided hit{'s' if len(desk.waiting) > 1 else ''}"
-    position = f"{_length(desk.next_place, briefing)} {unit}"
+    position = f"{_length(desk.next_position, briefing)} {unit}"
     if following_position is None:
         consequence = "no further hit is needed"
     else:

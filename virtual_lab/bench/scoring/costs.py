@@ -124,7 +124,7 @@ def _scatter(day: Desk, corrected: Desk) -> float:
     It is 0 with fewer than two valid hits.
     """
     first, second = (desk.reduced for desk in (day, corrected))
-    weights = first.outcome.weights - second.outcome.weights
+    weights = first.hit_weights.weights - second.hit_weights.weights
     metric = first.shot_metric[first.valid]
     if metric.size < 2 or not np.isfinite(weights).all():
         return 0.0

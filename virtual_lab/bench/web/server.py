@@ -376,7 +376,7 @@ def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
         raise InputError("", "next ball", None, f"is not known yet: {day.desk.missing}")
     for _ in range(shots):
         if "accept" in fields:
-            place = day.desk.next_place
+            place = day.desk.next_position
             if place is None:
                 return
             if day.desk.needs_position:

@@ -27,15 +27,15 @@ class OtherSupport:
 
 
 def other_support(
-    procedure: Procedure, shots: ShotResults, bat: BatProperties, outcome: HitWeights
+    procedure: Procedure, shots: ShotResults, bat: BatProperties, hit_weights: HitWeights
 ) -> OtherSupport:
     """Return the mean r, e and BPF of one bat for the other support, free or pivoted.
 
     If the procedure computes with a pivoted bat, the results are for a free bat, and vice versa.
     `OtherSupport.which` names the support. r is the recoil factor, e the bat-ball restitution, and
     BPF the bat performance factor; each is dimensionless. They are computed from the measured
-    collision efficiency e_A. Each result is the weighted mean over the hits of `outcome`, and 0 if
-    there are none.
+    collision efficiency e_A. Each result is the weighted mean over the hits of `hit_weights`, and 0
+    if there are none.
     """
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # mass of the lot's mean ball, computed back from the recoil factor of the rules' support
@@ -47,8 +47,8 @@ def other_support(
     recoil = np.asarray(recoil_factor(ball, inverse_M_eff))
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))
     factor = np.asarray(bat_performance_factor(restitution, shots.lot_ball_restitution))
-    mask = outcome.used
-    weights = outcome.weights[mask]
+    mask = hit_weights.used
+    weights = hit_weights.weights[mask]
     return OtherSupport(
         which=which,
         recoil_factor=float(recoil[mask] @ weights),

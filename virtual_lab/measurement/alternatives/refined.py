@@ -33,18 +33,18 @@ def propagate_metric(
     method: Propagation,
     reduced: Reduction,
     readings: ImpactReadings,
-    outcome: HitWeights,
+    hit_weights: HitWeights,
     linear: Budget,
     draws: int | None = None,
 ) -> Propagated:
     """Return the metric of one test, its u and its 95 % interval, propagated by `method` [SI].
 
-    `readings` and `outcome` must belong to the same test as `reduced`, and `linear` is its
+    `readings` and `hit_weights` must belong to the same test as `reduced`, and `linear` is its
     first-order budget. `draws` is the number of Monte Carlo draws. By default, draws are added
     until two digits of u are correct. Raises `InputError` if too many draws are needed, or if
     second order does not converge.
     """
-    model, inputs = model_of(reduced, readings, outcome, linear)
+    model, inputs = model_of(reduced, readings, hit_weights, linear)
     return propagate_inputs(model, inputs, method=method, draws=draws)
 
 
@@ -63,7 +63,7 @@ def low_dof_source(linear: Budget) -> Component | None:
 
 
 def model_of(
-    reduced: Reduction, readings: ImpactReadings, outcome: HitWeights, linear: Budget
+    reduced: Reduction, readings: ImpactReadings, hit_weights: HitWeights, linear: Budget
 ) -> tuple[Callable[..., Array], dict[InputName, Any]]:
     """Return a function that computes the metric of one test, and its inputs keyed by name.
 
@@ -72,8 +72,8 @@ def model_of(
     reduction, and one error for each component of `linear` that is not such a constant. The value
     of an error is 0.
     """
-    indices = np.flatnonzero(outcome.used)
-    model, effects = reduced.model(readings, indices[None]), outcome.effects[indices]
+    indices = np.flatnonzero(hit_weights.used)
+    model, effects = reduced.model(readings, indices[None]), hit_weights.effects[indices]
     inputs: dict[str, Any] = {name: each.row(0) for name, each in reduced.constants.items()}
     errors = {
         part.name: Input(0.0, part.u, part.dof, evaluation="A")

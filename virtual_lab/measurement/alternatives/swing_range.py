@@ -11,8 +11,8 @@ from virtual_lab.measurement.procedure import (
     HitWeights,
     Objective,
     Procedure,
+    hit_weights_of,
     metric_of,
-    outcomes_of,
 )
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
@@ -52,11 +52,11 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
         variant_rules = replace(rules, game=replace(rules.game, exponent=exponent))
         hits = metric_of(variant_rules)(curve, measured)
         objective = Objective(hits, np.ones_like(hits))
-        outcome = outcomes_of(
+        hit_weights = hit_weights_of(
             variant_rules, 1, reduced.owner, reduced.place, reduced.valid, hits, objective
         )
-        others[exponent] = variant_rules, outcome
-    if not all(np.isfinite(outcome.weights).all() for _, outcome in others.values()):
+        others[exponent] = variant_rules, hit_weights
+    if not all(np.isfinite(hit_weights.weights).all() for _, hit_weights in others.values()):
         return ()
 
     variants = Variants.of(reduced.constants)
@@ -64,13 +64,15 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     bat = bat_properties(columns)
     variant_curve = Curve.from_shots(reduced.model(readings).shots(columns, bat))
     results = []
-    for exponent, (variant_rules, outcome) in others.items():
-        mask = outcome.used
+    for exponent, (variant_rules, hit_weights) in others.items():
+        mask = hit_weights.used
         hits, places = (
             metric_of(variant_rules)(variant_curve, bat)[..., mask],
             np.round(reduced.place[mask], 6),
         )
-        weights = outcome.weights[None, mask]
+        weights = hit_weights.weights[None, mask]
         budget = means_of_hits(variants, hits, weights, places[None], weights).row(0)
-        results.append(SwingResult(exponent=exponent, place=float(outcome.place[0]), budget=budget))
+        results.append(
+            SwingResult(exponent=exponent, place=float(hit_weights.place[0]), budget=budget)
+        )
     return tuple(results)

@@ -25,7 +25,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     drag_of,
     of_ball,
 )
-from virtual_lab.measurement.session_reduction import Reduction, best_values, constants_known
+from virtual_lab.measurement.session_reduction import Reduction, best_values, name_missing_constants
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.budget import Budget, Variants, means_of_hits
@@ -73,7 +73,7 @@ class CameraComparison:
     u: Mapping[str, Array]
 
 
-@constants_known()
+@name_missing_constants()
 def compare_camera(
     block: SessionBlock, reduced: Reduction, readings: ImpactReadings, outcome: HitWeights
 ) -> CameraComparison | None:

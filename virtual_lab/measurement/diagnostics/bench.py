@@ -482,7 +482,7 @@ def wall_drift(evidence: Evidence) -> Iterator[Pairs]:
     effects = evidence.sensitivities
     shared = sum(
         (effects[name] for name in restitution_names(e0.shape[1]) if name in effects),
-        np.where(evidence.some & (evidence.metric.u > 0), 0.0, np.nan),
+        np.where(evidence.has_result & (evidence.metric.u > 0), 0.0, np.nan),
     )
     yield pairs(
         "wall-drift",

@@ -27,13 +27,13 @@ class Evidence:
     block: SessionBlock
     reduced: Reduction
     readings: ImpactReadings
-    outcome: HitWeights
+    hit_weights: HitWeights
     metric: Budgets  # budgets of the results
-    some: Mask  # mask of the laboratories with a result, (laboratory,)
+    has_result: Mask  # mask of the laboratories with a result, (laboratory,)
     variants: Variants  # constants, each shifted up and down by its u
     hits: NDArray[np.intp]  # numbers of the shots in a result, (laboratory, hit); negative: none
     # e_A from recoil minus e_A from rebound of these hits, for all variants, (laboratory, k, hit)
-    apart: Array
+    efficiency_gap: Array
 
     @property
     def procedure(self) -> Procedure:
@@ -75,7 +75,7 @@ class Evidence:
 
         NaN without a result.
         """
-        certain = self.some & (self.metric.u > 0)
+        certain = self.has_result & (self.metric.u > 0)
         u = np.where(certain, self.metric.u, np.nan)
         parts = self.metric.components
         return dict(zip(parts.names, parts.sensitivity.T / u, strict=True))

@@ -167,11 +167,13 @@ def encoder_halves(evidence: Evidence) -> Iterator[Pairs]:
         fit = getattr(evidence.readings, which)
         if fit is None or not np.isfinite(fit.by_half).any():
             continue
-        lever = evidence.outcome.effects * _by_rate(
+        lever = evidence.hit_weights.effects * _by_rate(
             evidence, which
         )  # 0 if the result depends only on the ball
         mask = (lever != 0) & np.isfinite(lever) & np.isfinite(fit.by_half)
-        compared = evidence.some & (evidence.metric.u > 0) & (evidence.per_laboratory(mask) > 0)
+        compared = (
+            evidence.has_result & (evidence.metric.u > 0) & (evidence.per_laboratory(mask) > 0)
+        )
         if not compared.any():
             continue
         with np.errstate(divide="ignore"):
@@ -314,7 +316,7 @@ def _variant_differences(evidence: Evidence, both: Mask) -> tuple[NDArray[np.int
     """
     hits = number_shots(evidence.owner, both, evidence.laboratories)
     if np.isin(hits[hits >= 0], evidence.hits).all():
-        return evidence.hits, evidence.apart
+        return evidence.hits, evidence.efficiency_gap
     model = evidence.reduced.model(evidence.readings, hits)
     columns = evidence.variants.columns
     results = model.shots(columns, bat_properties(columns))

@@ -3,9 +3,9 @@
 from virtual_lab.measurement.procedure.choice import (
     CHOICE,
     Shortfalls,
+    add_shortfall,
     shortfalls,
     variances_within,
-    with_choice,
 )
 from virtual_lab.measurement.procedure.eligibility import Finding, findings
 from virtual_lab.measurement.procedure.judge import (
@@ -22,7 +22,7 @@ from virtual_lab.measurement.procedure.outcome import (
     Reason,
     Verdict,
     curve_of,
-    outcomes_of,
+    hit_weights_of,
     sentences_of,
     unmet_rules,
     verdicts_of,
@@ -30,9 +30,9 @@ from virtual_lab.measurement.procedure.outcome import (
 from virtual_lab.measurement.procedure.rules import Procedure, Windows
 from virtual_lab.measurement.procedure.schedule import (
     NextShots,
-    aimed_place,
     next_shots,
-    to_set,
+    percussion_position,
+    round_to_setting,
 )
 
 __all__ = [
@@ -51,22 +51,22 @@ __all__ = [
     "Verdict",
     "Windows",
     "accept_hits",
+    "add_shortfall",
     "admit_balls",
-    "aimed_place",
     "curve_of",
     "findings",
+    "hit_weights_of",
     "judge",
     "metric_of",
     "next_shots",
     "objective_of",
-    "outcomes_of",
+    "percussion_position",
+    "round_to_setting",
     "sentences_of",
     "set_aside",
     "shortfalls",
-    "to_set",
     "unmet_rules",
     "variances_within",
     "verdicts_of",
-    "with_choice",
     "worst_misfit",
 ]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.measurement.procedure.rules import Procedure
-from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
+from virtual_lab.measurement.procedure.schedule import scan_rules, sort_by_laboratory
 from virtual_lab.uncertainty.budget import Budgets, combine_components, type_a_component
 from virtual_lab.units import Array, Mask
 
@@ -58,31 +58,33 @@ def shortfalls(
     * the hits do not scatter;
     * the procedure does not average final hits at one position.
 
-    The parameters are described in `outcomes_of`.
+    The parameters are described in `hit_weights_of`.
     """
     scan, mean, square = procedure.scan, *np.zeros((2, laboratories))
     if scan is not None and scan.final_hits:
         from virtual_lab.measurement.procedure.scan_kernel import shortfalls_of_block
 
-        order, starts = in_turn_of(owner, laboratories)
+        order, starts = sort_by_laboratory(owner, laboratories)
         columns = place[order], valid[order], metric[order]
         shortfalls_of_block(starts, *columns, scan_rules(procedure, scan), mean, square)
     return Shortfalls(mean, np.sqrt(square))
 
 
-def with_choice(metric: Budgets, lost: Shortfalls) -> Budgets:
+def add_shortfall(metric: Budgets, shortfall: Shortfalls) -> Budgets:
     """Return the budgets of a block, with the mean shortfall of each laboratory added to its value.
 
     The procedure chooses the impact position with the best measured metric. A neighboring position
     may truly be better. The shortfall is the amount by which it is better, in the unit of the
-    metric, or 0. `lost` holds the mean and the uncertainty of each shortfall, see `shortfalls`.
-    This standard uncertainty becomes the component `CHOICE` of each budget. If all shortfalls are
-    0, the budgets are returned unchanged.
+    metric, or 0. `shortfall` holds the mean and the uncertainty of each shortfall, see
+    `shortfalls`. This standard uncertainty becomes the component `CHOICE` of each budget. If all
+    shortfalls are 0, the budgets are returned unchanged.
     """
-    if not (lost.rms > 0).any():
+    if not (shortfall.rms > 0).any():
         return metric
-    components = metric.components + type_a_component(CHOICE, lost.mean, lost.u)
-    return replace(combine_components(metric.value + lost.mean, components), scatter=metric.scatter)
+    components = metric.components + type_a_component(CHOICE, shortfall.mean, shortfall.u)
+    return replace(
+        combine_components(metric.value + shortfall.mean, components), scatter=metric.scatter
+    )
 
 
 def variances_within(

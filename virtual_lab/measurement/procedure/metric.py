@@ -45,7 +45,7 @@ class Curve:
 
 
 def metric_of(
-    procedure: Procedure, *, control: Array | float = 1.0
+    procedure: Procedure, *, control_ratio: Array | float = 1.0
 ) -> Callable[[Curve, BatProperties], Array]:
     """Return a function that computes the procedure's metric along the barrel of a bat [SI].
 
@@ -57,13 +57,13 @@ def metric_of(
     procedure
         Test procedure. Only its metric, its ball correction, and its speeds of pitch and bat are
         used.
-    control
+    control_ratio
         Measured e of the control bat with the test's lot of balls, divided by the known e of the
         control bat. Only the correction ``control-bat`` uses it.
     """
 
     def metric(curve: Curve, bat: BatProperties) -> Array:
-        e = _convert_to_standard_ball(procedure.correction, curve, control)
+        e = _convert_to_standard_ball(procedure.correction, curve, control_ratio)
         if procedure.metric == "restitution":
             return np.asarray(e)
         if procedure.metric == "bat_performance_factor":
@@ -137,14 +137,14 @@ def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
 
 
 def _convert_to_standard_ball(
-    correction: BallCorrection | None, curve: Curve, control: Array | float
+    correction: BallCorrection | None, curve: Curve, control_ratio: Array | float
 ) -> Array:
     """Return e converted to the standard ball."""
     e, e0 = curve.restitution, curve.ball_restitution
     if correction is None or correction.method == "none":
         return e
     if correction.method == "control-bat":
-        return e / control
+        return e / control_ratio
     if correction.method == "ratio":
         return e * correction.standard / e0
     return np.asarray(restitution_of_standard_ball(e, e0, correction.standard))

@@ -24,7 +24,7 @@ QUANTITIES: Mapping[str, str] = {  # name in a certificate: field of the shots t
     "bat_performance_factor": "bat_performance_factor",
     "collision_efficiency": "lot_collision_efficiency",
     "restitution": "lot_restitution",
-    "recoil_factor": "asked_recoil_factor",
+    "recoil_factor": "aimed_recoil_factor",
     "ball_restitution": "lot_ball_restitution",
 }
 AS_FOUND = "metric_as_found"  # metric with the balls of the lot, if the rules correct for them
@@ -58,15 +58,15 @@ class MeasurementModel:
         curve = Curve.from_shots(shots)
         if self.rules.normalized:
             values[AS_FOUND] = metric_of(self.rules.as_found)(curve, bat)
-        return values | {"metric": metric_of(self.rules, control=control)(curve, bat)}
+        return values | {"metric": metric_of(self.rules, control_ratio=control)(curve, bat)}
 
     def shots(
         self,
         constants: Mapping[str, Array],
         bat: BatProperties,
-        flown: FlightModel | None = None,
+        flight_model: FlightModel | None = None,
     ) -> SetResults:
-        """Return the results of the shots, with flights from the readings or from `flown`."""
+        """Return the results of the shots. By default, `readings` are the source of the flights."""
         return shot_results(
             SetResults,
             constants,
@@ -74,6 +74,6 @@ class MeasurementModel:
             measured_balls(constants, self.balls),
             self.readings,
             self.rules.reduction_settings,
-            flown,
+            flight_model,
             self.used,
         )

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from virtual_lab.measurement.procedure.eligibility import bat_rules
 from virtual_lab.measurement.procedure.metric import Objective
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure, Scan
-from virtual_lab.measurement.procedure.schedule import in_turn_of, scan_rules
+from virtual_lab.measurement.procedure.schedule import scan_rules, sort_by_laboratory
 from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.shot_algebra import BatProperties
 from virtual_lab.output.metrics import METRICS
@@ -69,7 +69,7 @@ class HitWeights:
         )
 
 
-def outcomes_of(
+def hit_weights_of(
     procedure: Procedure,
     laboratories: int,
     owner: NDArray[np.intp],
@@ -140,7 +140,7 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
         above=np.empty(laboratories, bool),
         result=np.empty(laboratories, np.int64),
     )
-    order, starts = in_turn_of(shots.owner, laboratories)
+    order, starts = sort_by_laboratory(shots.owner, laboratories)
     columns = shots.place[order], shots.valid[order], shots.objective.value[order]
     chosen, mask = np.empty((2, order.size), dtype=bool)
     scans_of_block(starts, *columns, scan_rules(procedure, scan), scans, chosen)

@@ -33,7 +33,7 @@ class ScanRules(NamedTuple):
     consecutive: bool
     valid_hits: int  # number of hits per position
     attempts: int
-    reach: float  # half a setting step
+    tolerance: float  # half a setting step
 
 
 @njit(cache=True)
@@ -44,12 +44,12 @@ def max_scan_shots(rules: ScanRules) -> int:
 
 
 @njit(cache=True)
-def is_at(place: float, at: float, reach: float) -> bool:
-    """Return whether a shot at `place` is at most `reach` away from the position `at` [m].
+def is_at(place: float, at: float, tolerance: float) -> bool:
+    """Return whether a shot at `place` is at most `tolerance` away from the position `at` [m].
 
-    The comparison allows for rounding errors. A distance of exactly `reach` gives True.
+    The comparison allows for rounding errors. A distance of exactly `tolerance` gives True.
     """
-    return bool(abs(place - at) < reach + LEAST)
+    return bool(abs(place - at) < tolerance + LEAST)
 
 
 @njit(cache=True)
@@ -64,24 +64,24 @@ def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) 
         if valid[shot]:
             before = 0
             for earlier in range(shot):
-                if valid[earlier] and is_at(place[earlier], place[shot], rules.reach):
+                if valid[earlier] and is_at(place[earlier], place[shot], rules.tolerance):
                     before += 1
             counted[shot] = before < rules.valid_hits
 
 
 @njit(cache=True)
 def mean_at(
-    at: float, most: int, place: Array, valid: Mask, objective: Array, reach: float
+    at: float, most: int, place: Array, valid: Mask, objective: Array, tolerance: float
 ) -> tuple[int, float]:
     """Return the number of hits used at a position, and the mean of `objective` over these hits.
 
     `objective` is the quantity that the procedure maximizes. The used hits are valid and within
-    `reach` [m] of the position `at` [m]. At most `most` hits are used, in the order of firing.
+    `tolerance` [m] of the position `at` [m]. At most `most` hits are used, in the order of firing.
     Without hits the mean is 0. The arrays are (shot,).
     """
     count, total = 0, 0.0
     for shot in range(place.size):
-        if count < most and valid[shot] and is_at(place[shot], at, reach):
+        if count < most and valid[shot] and is_at(place[shot], at, tolerance):
             count += 1
             total += objective[shot]
     return count, total / max(count, 1)
@@ -93,7 +93,7 @@ def best_of(
 ) -> int:
     """Return the index of the position in `among` with the largest mean objective.
 
-    The mean is over the first `most` valid hits within `rules.reach` [m] of the position. A
+    The mean is over the first `most` valid hits within `rules.tolerance` [m] of the position. A
     position without hits has the mean 0. The index is 0 if `among` is empty. All positions are
     distances from the barrel tip [m].
 
@@ -110,7 +110,7 @@ def best_of(
     """
     best, top = 0, -np.inf
     for k in range(among.size):
-        _, mean = mean_at(among[k], most, place, valid, objective, rules.reach)
+        _, mean = mean_at(among[k], most, place, valid, objective, rules.tolerance)
         if mean > top:
             best, top = k, mean
     return best
@@ -130,7 +130,7 @@ def find_final_hits(
     """
     count, of_scan = 0, 0
     for shot in range(place.size):
-        if not is_at(place[shot], best, rules.reach):
+        if not is_at(place[shot], best, rules.tolerance):
             continue
         if valid[shot] and of_scan < rules.valid_hits:
             of_scan += 1
@@ -151,15 +151,15 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
     elements as `max_scan_shots` returns. Elements beyond the number are not overwritten.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
-    coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.reach)
-    lacking = _lacking(coarse, rules.coarse_hits, place, valid, rules.reach, out)
+    coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.tolerance)
+    lacking = _lacking(coarse, rules.coarse_hits, place, valid, rules.tolerance, out)
     if lacking or not coarse.size:
         return lacking
     middle = coarse[best_of(coarse, rules.coarse_hits, place, valid, objective, rules)]
     below = int((middle - rules.low + LEAST) / rules.fine_step)
     above = int((rules.high - middle + LEAST) / rules.fine_step)
     fine = middle + rules.fine_step * np.arange(-below, above + 1)
-    fine = _hopeful(fine, rules.valid_hits, place, objective, rules.reach)
+    fine = _hopeful(fine, rules.valid_hits, place, objective, rules.tolerance)
     # The fit of a curve needs more positions than the two neighbors of the best one.
     rings = 1 if rules.final_hits else 2
     settled = False
@@ -167,7 +167,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
         for ring in range(rings):
             limit = rules.fine_step if ring == 0 else rules.fit_half_width
             around = fine[np.abs(fine - middle) < limit + LEAST]
-            lacking = _lacking(around, rules.valid_hits, place, valid, rules.reach, out)
+            lacking = _lacking(around, rules.valid_hits, place, valid, rules.tolerance, out)
             if lacking:
                 return lacking
             # The result refers to the best of all positions.
@@ -288,7 +288,7 @@ def scans_of_block(
             mine[fresh[max(count - rules.final_hits, 0) : count]] = True
         else:
             for shot in range(at.size):
-                is_near = abs(at[shot] - best) < rules.fit_half_width + 4 * rules.reach
+                is_near = abs(at[shot] - best) < rules.fit_half_width + 4 * rules.tolerance
                 mine[shot] = counted[shot] and is_near
         scans.result[laboratory] = mine.sum()
 
@@ -391,11 +391,11 @@ def _select_complete(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array
 def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
     """Return a mask of the complete positions next to the best one."""
     distance = np.abs(complete - best)
-    return (distance > 1e-6) & (distance < rules.fine_step + 4 * rules.reach)
+    return (distance > 1e-6) & (distance < rules.fine_step + 4 * rules.tolerance)
 
 
 @njit(cache=True)
-def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: float) -> Array:
+def _hopeful(places: Array, hits: int, place: Array, objective: Array, tolerance: float) -> Array:
     """Return the positions at which the maximum can be.
 
     A position is left out if at least `hits` balls did not rebound there and at most as many did.
@@ -405,7 +405,7 @@ def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: fl
     for k in range(places.size):
         misses, rebounds = 0, 0
         for shot in range(place.size):
-            if is_at(place[shot], places[k], reach):
+            if is_at(place[shot], places[k], tolerance):
                 is_rebound = np.isfinite(objective[shot])
                 rebounds += is_rebound
                 misses += not is_rebound
@@ -414,19 +414,21 @@ def _hopeful(places: Array, hits: int, place: Array, objective: Array, reach: fl
 
 
 @njit(cache=True)
-def _hits(at: float, place: Array, valid: Mask, reach: float) -> int:
+def _hits(at: float, place: Array, valid: Mask, tolerance: float) -> int:
     count = 0
     for shot in range(place.size):
-        count += valid[shot] and is_at(place[shot], at, reach)
+        count += valid[shot] and is_at(place[shot], at, tolerance)
     return count
 
 
 @njit(cache=True)
-def _lacking(places: Array, hits: int, place: Array, valid: Mask, reach: float, out: Array) -> int:
+def _lacking(
+    places: Array, hits: int, place: Array, valid: Mask, tolerance: float, out: Array
+) -> int:
     """Fill `out` with each position that lacks hits, once per missing hit. Return their number."""
     count = 0
     for at in places:
-        for _ in range(hits - _hits(at, place, valid, reach)):
+        for _ in range(hits - _hits(at, place, valid, tolerance)):
             out[count] = at
             count += 1
     return count
@@ -436,5 +438,5 @@ def _lacking(places: Array, hits: int, place: Array, valid: Mask, reach: float, 
 def _complete(places: Array, place: Array, valid: Mask, rules: ScanRules) -> Array:
     full = np.empty(places.size, np.bool_)
     for k in range(places.size):
-        full[k] = _hits(places[k], place, valid, rules.reach) >= rules.valid_hits
+        full[k] = _hits(places[k], place, valid, rules.tolerance) >= rules.valid_hits
     return places[full]

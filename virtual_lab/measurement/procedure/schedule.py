@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.procedure.scan_kernel import ScanRules
 
 
-def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
+def percussion_position(bat: Mapping[str, float], pivot_from_knob: float) -> float:
     """Return the distance of the center of percussion from the barrel tip [m].
 
     `bat` holds the measured `mass`, `length`, `z_cm` and `inertia_cm` [SI]. `pivot_from_knob` is
@@ -30,7 +30,7 @@ def aimed_place(bat: Mapping[str, float], pivot_from_knob: float) -> float:
     return float(centre_of_percussion(bat["z_cm"], bat["inertia_cm"], bat["mass"], axis))
 
 
-def to_set(places: Array, *, exact: bool) -> Array:
+def round_to_setting(places: Array, *, exact: bool) -> Array:
     """Return positions [m] rounded to multiples of 0.5 mm, the resolution of the rig's setting.
 
     With `exact` they are returned unchanged. The result has the shape of `places`.
@@ -79,7 +79,7 @@ def next_shots(
         return NextShots(laboratories.repeat(number), percussion.repeat(number))
     from virtual_lab.measurement.procedure.scan_kernel import next_hits_of_block
 
-    order, starts = in_turn_of(owner, fired.size)
+    order, starts = sort_by_laboratory(owner, fired.size)
     number, out = np.empty(fired.size, np.int64), np.empty((fired.size, procedure.attempts))
     columns = place[order], valid[order], objective[order]
     next_hits_of_block(starts, *columns, scan_rules(procedure, procedure.scan), number, out)
@@ -87,7 +87,7 @@ def next_shots(
     return NextShots(laboratories.repeat(number), out[mask])
 
 
-def in_turn_of(
+def sort_by_laboratory(
     owner: NDArray[np.intp], laboratories: int
 ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
     """Return the indices that sort shots by laboratory, and where each laboratory begins.
@@ -114,5 +114,5 @@ def scan_rules(procedure: Procedure, scan: Scan) -> ScanRules:
         consecutive=scan.consecutive,
         valid_hits=procedure.valid_hits,
         attempts=procedure.attempts,
-        reach=SETTING_STEP / 2,
+        tolerance=SETTING_STEP / 2,
     )

@@ -25,7 +25,7 @@ from virtual_lab.units import KERNEL
 Floats = float | NDArray[np.float64]
 # names of the results of `reduce_shot`: RESULTS for every set of constants, DETAILS for the best
 RESULTS = (
-    *("place", "lot_ball_restitution", "lot_recoil_factor", "asked_recoil_factor"),
+    *("place", "lot_ball_restitution", "lot_recoil_factor", "aimed_recoil_factor"),
     *("bat_performance_factor", "lot_restitution", "lot_collision_efficiency"),
     *("rebound_efficiency", "recoil_efficiency"),
 )
@@ -382,7 +382,7 @@ def reduce_shot(
     axis = length - pivot_from_knob
     inverse_M_eff = inverse_effective_mass(free, M, I_cm, z_cm, axis, place)
     r, lot_r = recoil_factor(m, inverse_M_eff), recoil_factor(lot_m, inverse_M_eff)
-    asked_r = recoil_factor(lot_m, inverse_effective_mass(free, M, I_cm, z_cm, axis, aimed))
+    aimed_r = recoil_factor(lot_m, inverse_effective_mass(free, M, I_cm, z_cm, axis, aimed))
     # e by Eq. (6) and BPF by Eq. (5), with e0 at the relative speed
     e = restitution_from_efficiency(e_A, r)
     v_rel = v_ball + v_bat
@@ -396,7 +396,7 @@ def reduce_shot(
     window_e0 = restitution_at_speed(mean_e0, slope, window_speed - mean_speed)
     place = place + abreast - b
     return (
-        (place, lot_e0, lot_r, asked_r, factor, lot_e, lot_e_A, by_ball, by_bat),
+        (place, lot_e0, lot_r, aimed_r, factor, lot_e, lot_e_A, by_ball, by_bat),
         (m, v_bat, v_rel, omega, r, e0, window_e0, e_A, e),
     )
 

@@ -222,7 +222,7 @@ def observe_impact(block: SessionBlock) -> ImpactReadings:
         block,
         "swing",
         raw.contact,
-        lambda r, t: fit_swing(r, t, _reach(block, log, raw.speed_in)),
+        lambda r, t: fit_swing(r, t, _time_per_count(block, log, raw.speed_in)),
     )
     return ImpactReadings(
         ball=log.ball.astype(np.intp),
@@ -234,7 +234,7 @@ def observe_impact(block: SessionBlock) -> ImpactReadings:
     )
 
 
-def _reach(block: SessionBlock, log: ShotLog, speed: Array) -> Array:
+def _time_per_count(block: SessionBlock, log: ShotLog, speed: Array) -> Array:
     """Return the time in which the ball travels as far as the bat moves per count, (shot,) [s]."""
     constants, owner = block.calibration, block.owner
     length = _read_repeats(block, "length").mean(axis=1)

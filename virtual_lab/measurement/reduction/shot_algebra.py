@@ -81,7 +81,7 @@ class SetResults(AlignedArrays):
     # this ball and speed.
     lot_ball_restitution: Array
     lot_recoil_factor: Array  # recoil factor r with the support named by the procedure
-    asked_recoil_factor: Array  # lot_recoil_factor at the aimed position
+    aimed_recoil_factor: Array  # lot_recoil_factor at the aimed position
     bat_performance_factor: Array
     lot_restitution: Array
     lot_collision_efficiency: Array
@@ -150,13 +150,13 @@ def _inertia_cm(x: Constants, mass: Array, length: Array, z_cm: Array) -> Array:
     lever = length - x["bench.pendulum.pivot_from_knob"] - z_cm
     sets = _sets_of(x, ("bench.pendulum.amplitude_offset", "bat.first", "bat.last"), ())
     first, last, offset = (
-        sets.chosen(x[name])
+        sets.select(x[name])
         for name in ("bat.first_amplitude", "bat.last_amplitude", "bench.pendulum.amplitude_offset")
     )
     swings = int(x["bat.swings"].flat[0])
     longer = mean_amplitude_factor(first, last, swings)
     longer = longer / mean_amplitude_factor(first - offset, last - offset, swings)
-    period = x["bat.period"] / x["bench.pendulum.clock"] * sets.spread(longer)
+    period = x["bat.period"] / x["bench.pendulum.clock"] * sets.expand(longer)
     moment = mass * lever + x["bench.pendulum.clamp_moment"]
     total = inertia_from_period(period, moment, x["hall.gravity"])
     return total - x["bench.pendulum.clamp_inertia"] - parallel_axis(0.0, mass, lever)
@@ -183,8 +183,8 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
     mass = ball_masses(x, readings)
     sets = _sets_of(x, AT_WALL, ADDED)
-    at_wall = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_WALL)}
-    drag = of_ball(drag_of(at_wall, sets.chosen(mass)), np.maximum(readings.ball, 0))
+    at_wall = {name: sets.select(value) for name, value in x.items() if name.startswith(AT_WALL)}
+    drag = of_ball(drag_of(at_wall, sets.select(mass)), np.maximum(readings.ball, 0))
     flights = readings.flights.correct(at_wall, drag)
     with np.errstate(all="ignore"):  # the slope is NaN for a single nominal speed
         means, faster, nominal, slope = balls_of_sets(
@@ -197,10 +197,10 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
     speed = nominal[..., :1, None] if nominal.ndim else nominal
     slopes = x["ball.restitution_slope"]
     if SLOPE_REPEATABILITY in x:
-        slopes = sets.spread(slope[..., None]) + x[SLOPE_REPEATABILITY]
+        slopes = sets.expand(slope[..., None]) + x[SLOPE_REPEATABILITY]
     errors = (np.atleast_1d(x[error]) for error in restitution_names(mass.shape[-1]))
     scattered = np.concatenate(np.broadcast_arrays(*errors), axis=-1)
-    restitution = sets.spread(means) - slopes * sets.spread(faster) + scattered
+    restitution = sets.expand(means) - slopes * sets.expand(faster) + scattered
     return MeasuredBalls(
         mass=np.broadcast_to(mass, restitution.shape),
         restitution=restitution,
@@ -210,12 +210,12 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
 
 
 class Sets(NamedTuple):
-    """Selection of different sets of constants (..., k, 1), and the way back to all sets."""
+    """The different sets of constants among all k sets (..., k, 1)."""
 
     rows: NDArray[np.intp] | None  # indices of the selected sets; None: all
-    back: NDArray[np.intp]
+    inverse: NDArray[np.intp]  # row of each of the k sets in `rows`
 
-    def chosen(self, values: Array) -> Array:
+    def select(self, values: Array) -> Array:
         """Return the values for the selected sets only."""
         if self.rows is None or np.ndim(values) < 2:
             return values
@@ -223,9 +223,9 @@ class Sets(NamedTuple):
             return values[..., : self.rows.size, :]
         return np.take(values, self.rows, axis=-2)
 
-    def spread(self, values: Array) -> Array:
+    def expand(self, values: Array) -> Array:
         """Return the values for all sets, (..., k, n), from the values for the selected sets."""
-        return values if self.rows is None else np.take(values, self.back, axis=-2)
+        return values if self.rows is None else np.take(values, self.inverse, axis=-2)
 
 
 def is_broadcast(values: Array) -> bool:
@@ -261,9 +261,9 @@ def _sets_of(x: Constants, names: tuple[str, ...], others: tuple[str, ...]) -> S
     rows = np.flatnonzero(mask)
     if mask[1:].all():
         return Sets(None, every)
-    back = np.zeros(mask.size, dtype=np.intp)
-    back[rows] = np.arange(1, rows.size + 1)
-    return Sets(np.append(0, rows), back)
+    inverse = np.zeros(mask.size, dtype=np.intp)
+    inverse[rows] = np.arange(1, rows.size + 1)
+    return Sets(np.append(0, rows), inverse)
 
 
 def of_ball(values: Array, ball: NDArray[np.intp]) -> Array:
@@ -285,7 +285,7 @@ def shot_results(
     balls: MeasuredBalls,
     readings: ImpactReadings,
     settings: ReductionSettings,
-    flown: FlightModel | None = None,
+    flight_model: FlightModel | None = None,
     used: Mask | None = None,
 ) -> R:
     """Return the results of the shots, computed by `kinematics.reduce_shot`, (..., shot) [SI].
@@ -299,15 +299,15 @@ def shot_results(
         Calibration constants, and the properties of bat and balls measured with these constants.
     readings, settings
         Readings of the shots, and the settings of the procedure.
-    flown
+    flight_model
         Function that returns the flights measured by another instrument. By default the flights of
         `readings` are used.
     used
         Mask of the balls whose mean is the mean ball of the lot, (..., ball). By default all balls
         are used.
     """
-    if flown:
-        flights = flown(x, drag_of(x, of_ball(balls.mass, readings.ball)))
+    if flight_model:
+        flights = flight_model(x, drag_of(x, of_ball(balls.mass, readings.ball)))
     else:
         flights = _flights(x, balls, readings)
     cosine, swing_rate, counts, encoder = (np.asarray(each) for each in (1.0, 0.0, np.nan, 1.0))
@@ -383,13 +383,13 @@ def _mean_of(values: Array, mask: Mask) -> Array:
 def _flights(x: Constants, balls: MeasuredBalls, readings: ImpactReadings) -> Flights:
     """Return the flights, computed only for sets that differ in a constant of the flight."""
     sets = _sets_of(x, AT_BAT, HELD)
-    at_bat = {name: sets.chosen(value) for name, value in x.items() if name.startswith(AT_BAT)}
-    mass = of_ball(sets.chosen(balls.mass), readings.ball)
+    at_bat = {name: sets.select(value) for name, value in x.items() if name.startswith(AT_BAT)}
+    mass = of_ball(sets.select(balls.mass), readings.ball)
     flights = readings.flights.correct(at_bat, drag_of(at_bat, mass))
     if sets.rows is None:
         return flights
     names = [each.name for each in fields(Flights)]
-    return Flights(**{name: sets.spread(getattr(flights, name)) for name in names})
+    return Flights(**{name: sets.expand(getattr(flights, name)) for name in names})
 
 
 def drag_of(x: Constants, mass: Array) -> Array:

@@ -16,7 +16,7 @@ from virtual_lab.units import Array
 DEGREE = 3
 
 
-def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
+def fit_swing(record: EncoderRecord, contact: Array, delay: Array) -> RateFit:
     """Return rate [counts/s] and angle [counts] of a swung bat at contact in each shot, (shot,).
 
     The results of a shot are NaN if the gates did not detect the ball, or if the ball came too
@@ -30,7 +30,7 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     contact
         Time of contact with a bat that is square to the ball, shape (shot,) [s]. It is computed
         from the gate times, without calibration corrections.
-    reach
+    delay
         Distance that the bat moves during one encoder count at the impact position, divided by the
         speed of the ball, shape (shot,) [s].
 
@@ -52,7 +52,7 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     for number in np.unique(samples[enough]):
         shots = enough & (samples == number)
         before = record.counts[shots, :number]
-        fitted[:, shots] = _fit(record.times[:number], before, contact[shots], reach[shots])
+        fitted[:, shots] = _fit(record.times[:number], before, contact[shots], delay[shots])
     rate, rate_u, angle, residual, by_half, by_half_u, span = fitted
     return RateFit(
         rate=rate,
@@ -70,7 +70,7 @@ def fit_swing(record: EncoderRecord, contact: Array, reach: Array) -> RateFit:
     )
 
 
-def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Array, ...]:
+def _fit(times: Array, counts: Array, contact: Array, delay: Array) -> tuple[Array, ...]:
     """Return the results at contact for records with common times, each (shot,).
 
     The results are rate, u of the rate, angle, residual, rate from the later half of the record, u
@@ -88,7 +88,7 @@ def _fit(times: Array, counts: Array, contact: Array, reach: Array) -> tuple[Arr
         return (beyond**powers * coefficients).sum(axis=0), (row * coefficients).sum(axis=0), row
 
     angle, rate, _ = at(contact)
-    sooner = reach * angle / (1 + rate * reach)  # because ball and bat approach each other
+    sooner = delay * angle / (1 + rate * delay)  # because ball and bat approach each other
     angle, rate, row = at(contact - sooner)
     leverage = (np.linalg.solve(triangle.T, row) ** 2).sum(axis=0)
     variance = square / (times.size - DEGREE - 1)

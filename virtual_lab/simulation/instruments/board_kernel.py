@@ -31,7 +31,7 @@ class Boards(NamedTuple):
 
 @njit(cache=True, fastmath=FAST, error_model="numpy")
 def write_edges(
-    records: Array, flights: Array, start: Array, out: bool, boards: Boards, reach: Array
+    records: Array, flights: Array, start: Array, out: bool, boards: Boards, trip_distance: Array
 ) -> None:
     """Compute the times at which the balls break and clear each beam, in place.
 
@@ -53,7 +53,7 @@ def write_edges(
         True for the rebounding ball, False for the incoming ball.
     boards
         True constants of the boards.
-    reach
+    trip_distance
         Distance from the ball's center at which each beam trips, (board, beam) [m].
     """
     sign, edges = 1.0 if out else -1.0, 2 * boards.beams
@@ -71,7 +71,9 @@ def write_edges(
                 pace[:], drag[:] = flight[WAY.pace, i], flight[WAY.drag, i]
                 for beam in range(boards.beams):
                     above = bottom - boards.pitch * beam
-                    root = (steep[i] * above) ** 2 - lean * (above**2 - reach[board, beam] ** 2)
+                    root = (steep[i] * above) ** 2 - lean * (
+                        above**2 - trip_distance[board, beam] ** 2
+                    )
                     half = sign * sqrt(root) / lean if root > 0 else nan
                     middle = ahead - steep[i] * above / lean
                     path[2 * beam], path[2 * beam + 1] = middle - half, middle + half

@@ -23,7 +23,7 @@ from virtual_lab.simulation.instruments.light_gate import (
     BallGates,
     GateSheet,
     WatchedBatch,
-    each_shot,
+    per_shot,
 )
 from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.streams import Draws, Slots
@@ -77,7 +77,7 @@ class LightBoardSpec(GateSheet):
         return self.lowest + (self.beams - 1) * self.pitch
 
     @property
-    def room(self) -> float:
+    def detected_depth(self) -> float:
         """Depth below the line of fire at which a ball's upper half still breaks beams [m]."""
         return -self.lowest
 
@@ -171,9 +171,9 @@ class LightBoards(BallGates[LightBoardSpec]):
         return Boards(
             distances=self.rows("distance", shots),
             heights=self.rows("height", shots),
-            clock=each_shot(self.clock, shots),
-            gravity=each_shot(passage.gravity, shots),
-            radius=each_shot(passage.radius / spec.pitch, shots),
+            clock=per_shot(self.clock, shots),
+            gravity=per_shot(passage.gravity, shots),
+            radius=per_shot(passage.radius / spec.pitch, shots),
             tick=spec.tick,
             lowest=spec.lowest,
             pitch=spec.pitch,

@@ -71,7 +71,7 @@ class GateSheet(CalibratedSpec):
         } | {"clock": stated_constant(1 + self.clock_fast, self.clock_u)}
 
 
-def each_shot(constant: TrueConstant, shots: int) -> Array:
+def per_shot(constant: TrueConstant, shots: int) -> Array:
     """Return a constant, given once or per shot, as a new array with one value per shot, (shot,).
 
     `constant` is a number or an array (shot,). Raises `ValueError` for another shape.
@@ -143,7 +143,9 @@ class BallGates(CalibratedInstrument[G], ABC):
         record = self.edges if detail is RecordDetail.FULL else self.sums
         written = record(WatchedBatch(passage, contact, leaving, draws, name, slots))
         return (
-            written if passage.reach is None else passage.without_unreached(written, self.distances)
+            written
+            if passage.frame_distance is None
+            else passage.without_unreached(written, self.distances)
         )
 
     @abstractmethod
@@ -181,7 +183,7 @@ class LightGateSpec(GateSheet):
         return numbers
 
     @property
-    def room(self) -> float:
+    def detected_depth(self) -> float:
         """Largest depth of a ball's center below the line of fire that is still detected [m]."""
         return self.half_height
 
@@ -218,8 +220,8 @@ class LightGates(BallGates[LightGateSpec]):
         spec, shots = self.spec, slots.size
         gates = Gates(
             distances=self.rows("distance", shots),
-            clock=each_shot(self.clock, shots),
-            gravity=each_shot(passage.gravity, shots),
+            clock=per_shot(self.clock, shots),
+            gravity=per_shot(passage.gravity, shots),
             half_height=spec.half_height,
         )
         jitter = sqrt((spec.edge_jitter**2 + spec.tick**2 / 12) / 2)

@@ -35,7 +35,7 @@ class Passage:
     # position at the release, if it differs from that at first touch [m]
     height_out: Array | None = None
     plane_out: Array | None = None
-    reach: Array | None = None  # distance at which a frame stops the rebound [m]
+    frame_distance: Array | None = None  # distance at which a frame stops the rebound [m]
 
     def inbound(self, distance: Array) -> tuple[Array, Array]:
         """Return time before contact [s] and height [m] at `distance` (shot or 1, …)."""
@@ -45,18 +45,18 @@ class Passage:
 
     def outbound(self, distance: Array) -> tuple[Array, Array]:
         """Return time after release [s], NaN without a rebound, and height [m]."""
-        path = distance - _column(self.parted_plane, distance)
+        path = distance - _column(self.release_plane, distance)
         speed = np.where(self.speed_out > 0, self.speed_out, np.nan)
         time = time_after(path, _column(speed, distance), _column(self.drag, distance))
-        return time, self._height(self.parted_height, path, time, self.slope_out)
+        return time, self._height(self.release_height, path, time, self.slope_out)
 
     @property
-    def parted_plane(self) -> Array | float:
+    def release_plane(self) -> Array | float:
         """Position at which the rebound begins, measured like `plane` [m]."""
         return self.plane if self.plane_out is None else self.plane_out
 
     @property
-    def parted_height(self) -> Array | float:
+    def release_height(self) -> Array | float:
         """Height at which the rebound begins [m]."""
         return self.height if self.height_out is None else self.height_out
 
@@ -65,12 +65,12 @@ class Passage:
 
         `distances` are the distances of the gates from the target, (gate,) or (shot, gate) [m].
         """
-        assert self.reach is not None, "no frame stopped a ball"
-        plane = np.broadcast_to(self.plane, self.reach.shape)
-        rows = np.flatnonzero(np.isfinite(self.reach) | (plane >= distances.min(axis=-1)))
+        assert self.frame_distance is not None, "no frame stopped a ball"
+        plane = np.broadcast_to(self.plane, self.frame_distance.shape)
+        rows = np.flatnonzero(np.isfinite(self.frame_distance) | (plane >= distances.min(axis=-1)))
         gates = np.broadcast_to(distances, (plane.size, distances.shape[-1]))[rows]
         never = gates < plane[rows, None]
-        is_unreached = np.stack([never, never | (gates > self.reach[rows, None])], axis=1)
+        is_unreached = np.stack([never, never | (gates > self.frame_distance[rows, None])], axis=1)
         columns = {name: getattr(record, name).copy() for name in record.columns}
         for values in columns.values():
             hidden = is_unreached.reshape(
@@ -92,9 +92,9 @@ class Passage:
                 np.broadcast_arrays(
                     np.where(speed > 0, 1 / speed, np.nan),
                     self.drag if out else -self.drag,
-                    self.parted_height if out else self.height,
+                    self.release_height if out else self.height,
                     self.slope_out if out else self.slope_in,
-                    self.parted_plane if out else self.plane,
+                    self.release_plane if out else self.plane,
                 )
             )
 

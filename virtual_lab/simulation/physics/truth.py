@@ -147,7 +147,7 @@ class TrueBalls:
         """Return a number for each shot's ball that is unique over all laboratories, (shot,)."""
         return np.arange(self.mass.size).reshape(self.mass.shape)[owner, ball]
 
-    def as_found(self, ball: NDArray[np.int_], loss: Array, owner: Owner = ...) -> TrueBalls:
+    def after_hits(self, ball: NDArray[np.int_], loss: Array, owner: Owner = ...) -> TrueBalls:
         """Return the lot with the e0 of each ball reduced by its mean `loss` over its hits."""
         number, size = self.numbers(owner, ball), self.mass.size
         hits = np.bincount(number, minlength=size)

@@ -25,14 +25,19 @@ from virtual_lab.simulation.instruments.passage import Passage
 from virtual_lab.simulation.motion.scene import FrameSpec, StopSpec
 from virtual_lab.simulation.physics.beam import Pinned
 from virtual_lab.simulation.physics.truth import TrueOutcome
-from virtual_lab.simulation.stations.flights import FlownShots, RestingBat, Surroundings, fly
+from virtual_lab.simulation.stations.flights import (
+    RestingBat,
+    Surroundings,
+    TrueFlights,
+    simulate_flights,
+)
 from virtual_lab.simulation.stations.impact import (
-    Blows,
-    blows_of,
+    Impacts,
+    compute_impacts,
     contact_angle,
-    error_free,
+    rebound_velocity,
     scenes_of,
-    thrown_back,
+    true_outcome,
 )
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen
 from virtual_lab.streams import Draws
@@ -89,11 +94,11 @@ def commission(
     }
 
 
-class BallFlights(NamedTuple):
+class FiredShots(NamedTuple):
     """True flights of the balls of a plan, arrays (shot,)."""
 
-    flown: FlownShots
-    blows: Blows
+    flights: TrueFlights
+    impacts: Impacts
     tilt: Array  # angle between the line of centers and the line of fire [rad]
     contact: Array  # time at which the ball meets the bat [s]
     leaving: Array  # time at which it leaves the bat [s]
@@ -102,12 +107,12 @@ class BallFlights(NamedTuple):
 
     @property
     def passage(self) -> Passage:
-        return self.flown.passage
+        return self.flights.passage
 
     @property
     def efficiency(self) -> Array:
         """e_A, NaN for a ball that did not reach the bat."""
-        return np.where(self.flown.met, self.blows.efficiency, np.nan)
+        return np.where(self.flights.reached_bat, self.impacts.efficiency, np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +152,7 @@ class CannonStation(FittedStation):
         """
         nominal = self.holder.spec.nominal_from_knob
         hung = self.holder.spec.from_knob if self.ideal else nominal
-        return error_free(plan, specimen, Pinned(specimen.bat.body.length - hung), nominal)
+        return true_outcome(plan, specimen, Pinned(specimen.bat.body.length - hung), nominal)
 
     def records(
         self, passage: Passage, contact: Array, leaving: Array, plan: ShotPlan, draws: Draws
@@ -168,9 +173,9 @@ class CannonStation(FittedStation):
             "aim": self.cannon.mark(draws, f"{name}.aim"),
         }
 
-    def blows(
+    def impacts(
         self, detail: RecordDetail, struck: Specimen, place: Array, speed: Array, e0: Array
-    ) -> Blows:
+    ) -> Impacts:
         """Return the collisions of the shots, (shot,), on a station with one entry per shot.
 
         `place` is the impact position [m], `speed` the normal relative speed [m/s], and `e0` the
@@ -178,7 +183,7 @@ class CannonStation(FittedStation):
         """
         scenes = scenes_of(struck, ..., place, speed, e0)
         nominal = self.holder.spec.nominal_from_knob
-        return blows_of(struck, detail, scenes, self.holder.from_knob, nominal)
+        return compute_impacts(struck, detail, scenes, self.holder.from_knob, nominal)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,14 +195,14 @@ class RestingBatStation(CannonStation):
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Fire at the bat at rest and time the ball through all gates, inbound and rebound."""
-        return self.record_flights(self.fly(plan, specimen, draws), plan, draws)
+        return self.record_flights(self.fire(plan, specimen, draws), plan, draws)
 
     def surroundings(self, radius: TrueConstant) -> Surroundings:
         """Return the objects around the bat, for balls of a radius [m]."""
         view = self.gates.spec.view(radius)
         return Surroundings(self.frame, self.stop, self.gates.distances, view)
 
-    def fly(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> BallFlights:
+    def fire(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> FiredShots:
         """Fire at the bat at rest, and return the true flights."""
         station, streams, struck = self.at(plan.owner), draws.at(plan.owner), specimen.at(plan)
         name, slots, balls = self.name, plan.slot, struck.balls
@@ -206,8 +211,8 @@ class RestingBatStation(CannonStation):
         place = plan.place + launch.along
         across = launch.across - station.holder.height
         tilt = contact_angle(struck, place, across)
-        blows = station.blows(plan.detail, struck, place, launch.speed * np.cos(tilt), e0)
-        speed_out, slope_out = thrown_back(blows.efficiency, tilt, launch.speed, 0.0)
+        impacts = station.impacts(plan.detail, struck, place, launch.speed * np.cos(tilt), e0)
+        speed_out, slope_out = rebound_velocity(impacts.efficiency, tilt, launch.speed, 0.0)
         passage = Passage(
             speed_in=launch.speed,
             speed_out=speed_out,
@@ -220,21 +225,21 @@ class RestingBatStation(CannonStation):
         )
         rigid, profile = struck.bat.rigid, struck.bat.body.profile
         axis = np.broadcast_to(rigid.length - station.holder.from_knob, place.shape)
-        inertia, efficiency = rigid.inertia(axis), blows.efficiency
+        inertia, efficiency = rigid.inertia(axis), impacts.efficiency
         bat = RestingBat(profile, axis, inertia, place, across, efficiency, balls.mass)
-        shots = fly(passage, plan, bat, station.surroundings(balls.spec.radius))
+        shots = simulate_flights(passage, plan, bat, station.surroundings(balls.spec.radius))
         contact = station.gates.arrival(shots.passage)
-        return BallFlights(
-            flown=shots,
-            blows=blows,
+        return FiredShots(
+            flights=shots,
+            impacts=impacts,
             tilt=tilt,
             contact=contact,
-            leaving=contact + blows.contact_time + shots.late,
+            leaving=contact + impacts.contact_time + shots.separation_time,
             bat=bat,
             ball_restitution=e0,
         )
 
-    def record_flights(self, fired: BallFlights, plan: ShotPlan, draws: Draws) -> RigOutput:
+    def record_flights(self, fired: FiredShots, plan: ShotPlan, draws: Draws) -> RigOutput:
         """Return the records and the true values of balls in flight."""
         return RigOutput(
             records=self.records(fired.passage, fired.contact, fired.leaving, plan, draws),
@@ -245,6 +250,6 @@ class RestingBatStation(CannonStation):
                 "ball_restitution": fired.ball_restitution,
                 "collision_efficiency": fired.efficiency,
                 "rebound_speed": fired.passage.speed_out,
-                "contact_time": fired.blows.contact_time,
+                "contact_time": fired.impacts.contact_time,
             },
         )

@@ -41,7 +41,7 @@ class Surroundings(NamedTuple):
     # lowest and highest position of a ball's center that a gate can detect [m]
     view: tuple[TrueConstant, TrueConstant]
 
-    def hiding(self, radius: TrueConstant) -> Array:
+    def blocking_frames(self, radius: TrueConstant) -> Array:
         """Return the distances [m] of the frames that can stop a rebounding ball before its gate.
 
         The far frame is left out if it only stops balls that its own gate cannot detect.
@@ -67,17 +67,19 @@ class RestingBat(NamedTuple):
     mass: Array  # mass of the ball [kg]
 
 
-class FlownShots(NamedTuple):
+class TrueFlights(NamedTuple):
     """Flights, with further results of shots that were simulated as scenes."""
 
     passage: Passage
-    late: Array | float = 0.0  # time from first contact to final separation [s]
-    met: NDArray[np.bool_] | bool = True  # whether the ball reached the bat
+    separation_time: Array | float = 0.0  # time from first contact to final separation [s]
+    reached_bat: NDArray[np.bool_] | bool = True  # whether the ball reached the bat
     # shot, time after the contact [s], and change of the bat's rate [rad/s] by each second contact
     kicks: tuple[tuple[int, float, float], ...] = ()
 
 
-def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings) -> FlownShots:
+def simulate_flights(
+    passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings
+) -> TrueFlights:
     """Return the flights of the balls at a pivoted bat at rest, one flight per shot.
 
     If the plan requests pymunk, all shots are simulated by pymunk. Otherwise the flights are
@@ -100,29 +102,29 @@ def fly(passage: Passage, plan: ShotPlan, bat: RestingBat, around: Surroundings)
         passage = _stop_at_frames(passage, around, framed & ~beyond)
     shots = np.arange(count) if pymunk else np.flatnonzero(beyond)
     if not shots.size:
-        return FlownShots(passage)
+        return TrueFlights(passage)
     subset = replace(
         passage, **_columns(passage, count, shots), **_common_constants(passage, shots)
     )
     # Without obstacles on the way back one millisecond is enough, because the ball has left the
     # bat.
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
-    blows = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
-    scene = scene_of(subset, blows, around.at(shots), after)
+    bats = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
+    scene = scene_of(subset, bats, around.at(shots), after)
     played = play_pymunk(scene) if pymunk else play_events(scene)
-    chosen = _all_met(played) if pymunk else _beyond_one_blow(played)
-    pieces, turns = played.pieces, _turns(played.pieces, len(shots)).part(chosen)
+    chosen = _require_contacts(played) if pymunk else _with_further_contacts(played)
+    pieces, turns = played.pieces, _piece_rows(played.pieces, len(shots)).part(chosen)
     delay, hit_bat = np.zeros(count), np.ones(count, dtype=bool)
     delay[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
     hit_bat[shots[chosen]] = pieces.struck[turns.first] == Target.BAT
     columns = _columns(passage, count)
     columns |= {"plane_out": columns["plane"].copy(), "height_out": columns["height"].copy()}
-    columns.setdefault("reach", np.full(count, np.inf))
-    for name, values in _as_flown(scene, subset, pieces, turns).items():
+    columns.setdefault("frame_distance", np.full(count, np.inf))
+    for name, values in _simulated_columns(scene, subset, pieces, turns).items():
         columns[name][shots[chosen]] = values
-    if hit_bat.all() and np.isinf(columns["reach"]).all():
-        columns.pop("reach")
-    return FlownShots(replace(passage, **columns), delay, hit_bat, _kicks(pieces, shots))
+    if hit_bat.all() and np.isinf(columns["frame_distance"]).all():
+        columns.pop("frame_distance")
+    return TrueFlights(replace(passage, **columns), delay, hit_bat, _kicks(pieces, shots))
 
 
 def scene_of(
@@ -201,14 +203,16 @@ def _beyond_closed_form(
     if aside[0] <= frame.tip_side + largest or aside[1] >= frame.knob_side - largest:
         beyond |= bat.place <= frame.tip_side + radius
         beyond |= bat.place >= frame.knob_side - radius
-    beyond |= _caught(passage, bat, around.stop)
+    beyond |= _may_be_hit_again(passage, bat, around.stop)
     with np.errstate(divide="ignore", invalid="ignore"):
-        gate = around.hiding(radius)[..., 0]
+        gate = around.blocking_frames(radius)[..., 0]
         rebound_mask = reaches_frame(gate, passage.speed_out, passage.slope_out, height)
     return beyond, rebound_mask & (passage.speed_out > 0)
 
 
-def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.bool_] | bool:
+def _may_be_hit_again(
+    passage: Passage, bat: RestingBat, stop: StopSpec
+) -> NDArray[np.bool_] | bool:
     """Return a conservative mask of the balls that a bat returning from its stop may hit."""
     lever, speed = bat.axis - bat.place, passage.speed_out
 
@@ -229,10 +233,10 @@ def _caught(passage: Passage, bat: RestingBat, stop: StopSpec) -> NDArray[np.boo
             return False
         rate = bat.mass * passage.speed_in * (1 + bat.efficiency) * lever / bat.inertia
         slow = (rate > 0) & (speed <= stop.restitution * rate * lever)
-        return slow & _at_hand(passage, bat, soonest(rate, speed))
+        return slow & _may_be_near_bat(passage, bat, soonest(rate, speed))
 
 
-def _at_hand(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
+def _may_be_near_bat(passage: Passage, bat: RestingBat, since: Array) -> NDArray[np.bool_]:
     """Return a mask of balls that may be at the bat's height between `since` and `RECORD` [s]."""
     contact_distance = max(bat.profile.outer_diameter) / 2 + passage.radius
     up = passage.slope_out * passage.speed_out
@@ -252,14 +256,14 @@ def _stop_at_frames(passage: Passage, around: Surroundings, chosen: NDArray[np.b
     names = ("speed_out", "drag", "height", "slope_out", "radius", "gravity")
     columns: dict[str, Any] = {name: np.asarray(getattr(passage, name)) for name in names}
     subset = replace(passage, **{n: v[shots] if v.ndim else v for n, v in columns.items()})
-    gates, radius = around.hiding(passage.radius), np.asarray(subset.radius)[..., None]
+    gates, radius = around.blocking_frames(passage.radius), np.asarray(subset.radius)[..., None]
     faces = (gates[shots] if gates.ndim > 1 else gates[None]) - around.frame.radius - radius
     _, height = subset.outbound(faces)
     frame = GateFrame(around.frame, 0.0)
     first = np.where(frame.clears(height, radius), np.inf, faces).min(axis=1)
     limit = np.full(len(chosen), np.inf)
     limit[shots] = first
-    return replace(passage, reach=limit) if np.isfinite(first).any() else passage
+    return replace(passage, frame_distance=limit) if np.isfinite(first).any() else passage
 
 
 def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[str, Any]:
@@ -273,7 +277,7 @@ def _columns(passage: Passage, count: int, chosen: Any = slice(None)) -> dict[st
         "slope_out",
         "plane",
     )
-    optional = ("height_out", "plane_out", "reach")
+    optional = ("height_out", "plane_out", "frame_distance")
     names += tuple(name for name in optional if getattr(passage, name) is not None)
     whole = {name: np.broadcast_to(getattr(passage, name), (count,)) for name in names}
     return {name: values[chosen].astype(float) for name, values in whole.items()}
@@ -285,7 +289,7 @@ def _common_constants(passage: Passage, shots: NDArray[np.int_]) -> dict[str, An
     return {name: values[shots] if values.ndim else values for name, values in constants.items()}
 
 
-def _all_met(played: PlayedShots) -> NDArray[np.int_]:
+def _require_contacts(played: PlayedShots) -> NDArray[np.int_]:
     """Return the indices of all shots. Raises `InputError` if one was rejected or hit nothing."""
     contacts = np.bincount(played.pieces.shot, minlength=len(played.refused)) - 1
     for shot in np.flatnonzero(contacts < 1)[:1]:
@@ -294,7 +298,7 @@ def _all_met(played: PlayedShots) -> NDArray[np.int_]:
     return np.arange(len(contacts))
 
 
-def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
+def _with_further_contacts(played: PlayedShots) -> NDArray[np.int_]:
     """Return the shots that hit other objects than the bat, or the bat twice.
 
     A rejected shot stays in closed form. It is a hit on the edge of the tip, which the collision
@@ -304,18 +308,18 @@ def _beyond_one_blow(played: PlayedShots) -> NDArray[np.int_]:
     return np.unique(played.pieces.shot[mask])
 
 
-class _Turns(NamedTuple):
+class _PieceRows(NamedTuple):
     """Row numbers of pieces, one per shot; the total number of pieces if there is no such piece."""
 
     first: NDArray[np.int_]  # first contact, with the bat or another object
     back: NDArray[np.int_]  # start of the rebound, after the last contact with the bat
     frame: NDArray[np.int_]  # contact with a frame during the rebound
 
-    def part(self, chosen: NDArray[np.int_]) -> _Turns:
-        return _Turns(*(each[chosen] for each in self))
+    def part(self, chosen: NDArray[np.int_]) -> _PieceRows:
+        return _PieceRows(*(each[chosen] for each in self))
 
 
-def _turns(pieces: Pieces, shots: int) -> _Turns:
+def _piece_rows(pieces: Pieces, shots: int) -> _PieceRows:
     """Return the pieces at which the balls change direction."""
     struck, shot = pieces.struck, pieces.shot
     row, at_frame = np.arange(len(shot)), struck == Target.FRAME
@@ -332,11 +336,11 @@ def _turns(pieces: Pieces, shots: int) -> _Turns:
     np.maximum.at(last, shot[blow], row[blow])
     back = first_row(free & (row >= last[shot]) & (pieces.state.vx < 0))
     back = np.where(back < len(row), back, last)
-    return _Turns(first, back, first_row(at_frame & (row > back[shot])))
+    return _PieceRows(first, back, first_row(at_frame & (row > back[shot])))
 
 
-def _as_flown(
-    scene: ShotScene, planned: Passage, pieces: Pieces, turns: _Turns
+def _simulated_columns(
+    scene: ShotScene, planned: Passage, pieces: Pieces, turns: _PieceRows
 ) -> dict[str, Array]:
     """Return the columns that a scene replaces in the `planned` flights."""
     first, shot = turns.first, pieces.shot[turns.first]
@@ -354,12 +358,12 @@ def _as_flown(
         "slope_out": -state.vy / np.where(state.vx == 0, np.nan, state.vx),
         "plane_out": contact - state.x,
         "height_out": state.y - up,
-        "reach": contact - ends,
+        "frame_distance": contact - ends,
     }
 
 
 def _kicks(pieces: Pieces, shots: NDArray[np.int_]) -> tuple[tuple[int, float, float], ...]:
-    """Return the changes of the bat's rate by later contacts, in the form of `FlownShots.kicks`."""
+    """Return the changes of the bat's rate by later contacts, see `TrueFlights.kicks`."""
     again = np.flatnonzero(pieces.struck == Target.BAT_AGAIN)
     firsts = np.flatnonzero(pieces.struck == Target.BAT)
     first = firsts[np.searchsorted(pieces.shot[firsts], pieces.shot[again])]

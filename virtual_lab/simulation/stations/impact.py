@@ -27,7 +27,7 @@ from virtual_lab.units import Array
 CONTACT_TIME = 0.7e-3  # typical duration of a contact, used for records of summary values [s]
 
 
-class Blows(NamedTuple):
+class Impacts(NamedTuple):
     """Collisions of balls and bat, arrays (shot,); the bat's vibration only with full detail."""
 
     scenes: Scenes
@@ -74,9 +74,9 @@ def contact_angle(specimen: Specimen, place: Array, across: Array) -> Array:
     return np.arcsin(across / (specimen.balls.spec.radius + barrel))
 
 
-def blows_of(
+def compute_impacts(
     specimen: Specimen, detail: RecordDetail, scenes: Scenes, at: TrueConstant, surveyed: float
-) -> Blows:
+) -> Impacts:
     """Return the collisions of the balls with a bat on a pivot, one per scene, (shot,).
 
     There are two cases:
@@ -105,14 +105,14 @@ def blows_of(
         efficiency = specimen.collision.efficiencies(
             specimen.bat.groups(len(scenes)), support, scenes
         )
-        return Blows(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
+        return Impacts(scenes, efficiency, np.full(efficiency.shape, CONTACT_TIME))
     model = specimen.collision(body, Pinned(body.length - at))
     collisions = model.collide(scenes)
     e_A, contact_time = collisions.collision_efficiency, collisions.contact_time
-    return Blows(scenes, e_A, contact_time, model.modes, collisions)
+    return Impacts(scenes, e_A, contact_time, model.modes, collisions)
 
 
-def thrown_back(
+def rebound_velocity(
     efficiency: Array, tilt: Array, relative_speed: Array, bat_speed: Array | float
 ) -> tuple[Array, Array]:
     """Return the rebound speed of the ball [m/s] and the slope of its rebound [m/m], both (shot,).
@@ -141,7 +141,7 @@ def thrown_back(
     return rebound_speed, np.asarray(up / np.where(rebound_speed == 0, np.nan, rebound_speed))
 
 
-def error_free(
+def true_outcome(
     plan: ShotPlan, specimen: Specimen, support: Support, pivot_from_knob: float
 ) -> TrueOutcome:
     """Return the true results at the positions of the plan, for the mean ball of the lot, (shot,).

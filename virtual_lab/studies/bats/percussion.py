@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.lab import Laboratory, TestSetup, by_the_book
+from virtual_lab.lab import Laboratory, TestSetup, run_test
 from virtual_lab.lab.plans import with_records
-from virtual_lab.measurement.procedure import aimed_place
+from virtual_lab.measurement.procedure import percussion_position
 from virtual_lab.measurement.reduction.observations import ImpactReadings, along_of
 from virtual_lab.measurement.reduction.shot_algebra import bat_properties
 from virtual_lab.measurement.session_reduction import Reduction, reduce_block
@@ -137,7 +137,7 @@ class _Stand:
     def of(cls, bat: str, seed: int, reality: Reality) -> _Stand:
         setup = TestSetup.of(bat, procedure="astm-f1881", seed=seed, reality=reality)
         laboratory = Laboratory.open(setup)
-        session = by_the_book(laboratory).of(0).certification.session
+        session = run_test(laboratory).of(0).certification.session
         return cls(laboratory=laboratory, session=session)
 
     def counting_finely(self) -> _Stand:
@@ -226,7 +226,7 @@ def percussion(
     beam = beam_of(body)
     inertial = {"length": beam.length, "mass": beam.mass, "z_cm": beam.z_cm}
     axis = still.laboratory.rules.spec.pivot_from_knob
-    centre = aimed_place(inertial | {"inertia_cm": beam.inertia_cm}, axis)
+    centre = percussion_position(inertial | {"inertia_cm": beam.inertia_cm}, axis)
     beside = (
         np.array([-0.01, 0.0, 0.01]) * INCH
     )  # at these positions the bearing takes up its clearance late

@@ -48,7 +48,7 @@ class Play:
         """
         with catalog.sheets_in_place(sheets_of(self.study, self.procedure, factors)):
             setup = TestSetup.of(self.bat, procedure=self.procedure, detail=RecordDetail.SUMMED)
-            setup = replace(setup, made=False, varied=varied)
+            setup = replace(setup, random_bat=False, varied=varied)
             shared = RoundRobin(setup=setup)
             if not shared.in_blocks:
                 allowed = "its laboratories cannot be played side by side"
@@ -97,11 +97,11 @@ class Play:
 
 
 def _all_results(tested: BlockTest) -> dict[str, Array]:
-    return _results_of(tested, tested.certified.some)
+    return _results_of(tested, tested.certified.has_result)
 
 
 def _valid_results(tested: BlockTest) -> dict[str, Array]:
-    return _results_of(tested, tested.certified.some & ~tested.certified.invalid)
+    return _results_of(tested, tested.certified.sound)
 
 
 def _results_of(tested: BlockTest, shown: Mask) -> dict[str, Array]:

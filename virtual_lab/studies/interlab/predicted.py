@@ -61,14 +61,14 @@ class NominalTest:
             tested = certify_block(setup)
         certified, rules, ball = tested.certified, setup.rules.spec, setup.ball.spec
         value = {name: float(each.value[0]) for name, each in certified.results.items()}
-        bat, place = certified.reduced.preparation.bat, float(certified.outcome.place[0])
+        bat, place = certified.reduced.preparation.bat, float(certified.hit_weights.place[0])
         length, mass = float(np.ravel(bat.length)[0]), float(np.ravel(bat.mass)[0])
         axis = length - rules.pivot_from_knob
         lever = axis - float(np.ravel(bat.z_cm)[0])
         e_A = value["collision_efficiency"]
         found = value[AS_FOUND] if rules.normalized else value["metric"]
         factors = study.factors
-        bench: Any = tested.laboratories.stations[Stage.BENCH]
+        bench: Any = tested.laboratory.stations[Stage.BENCH]
         store = bench.spec.store
         return cls(
             procedure=rules,
@@ -84,7 +84,7 @@ class NominalTest:
             r=value["recoil_factor"],
             inertia=float(np.ravel(bat.inertia_cm)[0]) + mass * lever**2,
             bat_speed=(found - e_A * _pitch(rules)) / (1 + e_A),
-            calibrations=_effects(tested, set(tested.laboratories.calibration) - {*_LOT}),
+            calibrations=_effects(tested, set(tested.laboratory.calibration) - {*_LOT}),
             radii=_effects(tested, {_LOT[0]}),
         )
 

@@ -138,7 +138,7 @@ def _variance(
     with catalog.sheets_in_place(sheet):
         sample = SampledTests.of(RoundRobin.of(bat, procedure), TESTS, seed)
     values = sample.wall_variance if at_wall else sample.total
-    return float(values[sample.some].mean())
+    return float(values[sample.has_result].mean())
 
 
 def _sheet(ball: str, scatter: float) -> dict[Key, str]:

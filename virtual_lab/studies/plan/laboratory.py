@@ -58,7 +58,7 @@ class PlannedLaboratory:
         forecast = Forecast(
             rules=setup.rules.spec, sample=SampledTests.of(shared, PILOT, other, workers)
         )
-        if not forecast.sample.some.any():
+        if not forecast.sample.has_result.any():
             raise InputError("", "bat", bat, "no simulated test of this bat has a result")
         gains, samples = {}, {}
         for name, sheet in exchanges.items():

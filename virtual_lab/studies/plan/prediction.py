@@ -174,12 +174,12 @@ class Forecast:
         """
         from scipy.special import chdtri
 
-        sample, some = self.sample, self.sample.some
+        sample, has_result = self.sample, self.sample.has_result
         before, hits = self._hits_of_result(self.present), self._hits_of_result(counts)
-        dof = np.median(sample.dof[some]) * (hits - 1) / (before - 1)
-        total, unexplained = sample.total[some].mean(), sample.unexplained[some].mean()
+        dof = np.median(sample.dof[has_result]) * (hits - 1) / (before - 1)
+        total, unexplained = sample.total[has_result].mean(), sample.unexplained[has_result].mean()
         middle = total * chdtri(dof, 0.5) / dof
-        weighing = np.median(sample.weighing[some]) * before / hits
+        weighing = np.median(sample.weighing[has_result]) * before / hits
         return np.asarray(weighing * np.maximum(middle - (total - unexplained), 0.0))
 
     @cached_property
@@ -225,16 +225,16 @@ class Forecast:
 
         The share is that of the ball's hits in the result.
         """
-        share = self.sample.shares[self.sample.some].ravel()
-        derivative = np.nan_to_num(self.sample.by_ball[self.sample.some].ravel())
+        share = self.sample.shares[self.sample.has_result].ravel()
+        derivative = np.nan_to_num(self.sample.by_ball[self.sample.has_result].ravel())
         slope, intercept = np.polyfit(share, derivative, 1)
         return float(intercept), float(slope)
 
     @cached_property
     def _dealt(self) -> Array:
         """Mean sum of the squared shares of 1, 2, … balls, (balls,)."""
-        return np.asarray(self.sample.dealt[self.sample.some].mean(axis=0))
+        return np.asarray(self.sample.dealt[self.sample.has_result].mean(axis=0))
 
 
 def _squares(sample: SampledTests) -> Array:
-    return np.asarray(sample.squares[sample.some].mean(axis=0))
+    return np.asarray(sample.squares[sample.has_result].mean(axis=0))

@@ -32,7 +32,7 @@ class SampledTests(AlignedArrays):
     """Simulated tests in numbers [SI], one per laboratory; arrays (laboratory,) unless stated."""
 
     names: tuple[str, ...]  # lines of the budget
-    some: Mask  # whether the test has a result
+    has_result: Mask  # whether the test has a result
     invalid: Mask
     u: Array
     squares: Array  # variance of each line of the budget, (laboratory, line)
@@ -54,7 +54,7 @@ class SampledTests(AlignedArrays):
     dealt: Array
 
     aligned: ClassVar = (
-        *("some", "invalid", "u", "squares", "total", "unexplained", "dof", "weighing"),
+        *("has_result", "invalid", "u", "squares", "total", "unexplained", "dof", "weighing"),
         *("wall_variance", "shots", "valid", "places", "full", "at_best", "valid_at_best"),
         *("admitted", "by_ball", "shares", "dealt"),
     )
@@ -70,7 +70,7 @@ class SampledTests(AlignedArrays):
     @property
     def median_u(self) -> Median:
         """Median of the stated u over the tests with a result [SI]."""
-        return median_of(self.u[self.some])
+        return median_of(self.u[self.has_result])
 
 
 def median_of(values: Array) -> Median:
@@ -92,27 +92,28 @@ def sample_of(tested: BlockTest) -> SampledTests:
     The arrays hold u, the lines of the budget, the variance of a hit, and numbers of shots.
     """
     certified, reduced = tested.certified, tested.certified.reduced
-    metric, outcome, rules = certified.results["metric"], certified.outcome, certified.procedure
+    metric, rules = certified.results["metric"], certified.procedure
+    hit_weights = certified.hit_weights
     parts, scatter, count = metric.components, metric.scatter, certified.invalid.size
     assert scatter is not None
     columns = dict(zip(parts.line_names, parts.lines()[0].T, strict=True))
     names = sorted({*columns, CHOICE})  # a block may lack the choice of a position
     of_balls = [at for at, pool in enumerate(parts.pools) if pool == REPEATABILITY]
-    used, owner = outcome.used, reduced.owner
+    used, owner = hit_weights.used, reduced.owner
     shares = np.zeros((count, len(of_balls)))
-    np.add.at(shares, (owner[used], certified.readings.ball[used]), outcome.effects[used])
+    np.add.at(shares, (owner[used], certified.readings.ball[used]), hit_weights.effects[used])
     places = np.round(reduced.place / SETTING_STEP).astype(int)
     fired_at, turns = np.unique([owner, places], axis=1, return_inverse=True)
     hits = np.bincount(turns.ravel(), reduced.valid, fired_at.shape[1])
-    best = np.abs(reduced.place - outcome.place[owner]) < SETTING_STEP / 2
+    best = np.abs(reduced.place - hit_weights.place[owner]) < SETTING_STEP / 2
     in_turn = reduced.shot_numbers
-    weights = np.where(in_turn >= 0, np.where(used, outcome.effects, 0.0)[in_turn], 0.0)
+    weights = np.where(in_turn >= 0, np.where(used, hit_weights.effects, 0.0)[in_turn], 0.0)
     u_ball = parts.u[:, of_balls]
     balls = reduced.preparation.balls.ball[:, 0]
     wall_hits = (balls == 0).sum(axis=1)
     return SampledTests(
         names=tuple(names),
-        some=certified.some,
+        has_result=certified.has_result,
         invalid=certified.invalid,
         u=metric.u,
         squares=np.stack([columns.get(name, np.zeros(count)) for name in names], axis=1),

@@ -16,7 +16,7 @@ from virtual_lab.lab import Laboratory, TestDay, TestSetup
 from virtual_lab.lab.laboratory import constant_name
 from virtual_lab.lab.measurand import measurands
 from virtual_lab.lab.setup import NO_FAULTS
-from virtual_lab.measurement.certification import Certifications, evaluate
+from virtual_lab.measurement.certification import Certifications, certify_reduction
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.session_reduction import observe_hits
 from virtual_lab.simulation.faults import FaultSet
@@ -46,7 +46,7 @@ class PlayedDays:
     @property
     def sound(self) -> Mask:
         """Days with a valid result, (day,)."""
-        return self.certified.some & ~self.certified.invalid
+        return self.certified.sound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,13 +115,13 @@ class TwinDays:
         reduced, sessions = day.reduced, day.collect_records()
         assert reduced is not None
         readings = day.readings or observe_hits(sessions, reduced.preparation)
-        certified = evaluate(sessions, reduced, readings)
+        certified = certify_reduction(sessions, reduced, readings)
         control = self.statement.session.calibration.get(CONTROL)
         true = measurands(
             self.statement.law,
             specimen,
             reduced,
-            certified.outcome.weights,
+            certified.hit_weights.weights,
             control.value if control else 1.0,
         )
         return PlayedDays(certified=certified, measurands=true)
@@ -144,12 +144,12 @@ class TwinDays:
             ball=Entry(spec=statement.ball, text="", sheet=()),
             rules=statement.rules,
             rig=session.rigs[Stage.IMPACT.value],
-            doubtful_rigs={},
+            unverified_rigs={},
             seed=self.seed,
             number=days,
             faults=self.faults,
             detail=detail,
-            made=False,
+            random_bat=False,
             history={key: _stack(each, count) for key, each in session.history.items()},
         )
         draws = setup.draws(self.seed)

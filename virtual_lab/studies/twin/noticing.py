@@ -116,7 +116,7 @@ def _error(playing: TwinDays, day: int) -> tuple[bool, float]:
     certified = played.certified
     is_flagged = bool(certified.invalid[0]) or any(certified.checked.flags(0))
     error = certified.results["metric"].value - played.measurands["metric"]
-    return is_flagged, float(error[0]) if certified.some[0] else np.nan
+    return is_flagged, float(error[0]) if certified.has_result[0] else np.nan
 
 
 def _fault_row(fault: Fault, playing: TwinDays, u: float, sound: Array) -> NoticedFault:

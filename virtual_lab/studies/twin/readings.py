@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from virtual_lab.measurement.certification import Certification, Certifications, evaluate
+from virtual_lab.measurement.certification import Certification, Certifications, certify_reduction
 from virtual_lab.measurement.reduction.gates import INBOUND
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.progress import Progress, quiet
@@ -125,7 +125,7 @@ def unlike_readings(
         Function that is called with a message, the number of days done, and the total.
     """
     block = certification.block
-    ours = readings_of(evaluate(block, *reduce_block(block)))
+    ours = readings_of(certify_reduction(block, *reduce_block(block)))
     twins: list[Mapping[str, float]] = []
     compared: list[_Comparison] = []
     for day in range(2 * days):

@@ -172,7 +172,7 @@ def _law(reduced: Reduction, certification: Certification, ball: BallSpec) -> St
 
 def _curve(reduced: Reduction, e_A: Array, certification: Certification) -> StatedCurve:
     """Return the curve through the valid hits, (shot,)."""
-    rules, used = reduced.procedure, certification.outcome.used
+    rules, used = reduced.procedure, certification.hit_weights.used
     valid = reduced.valid & np.isfinite(e_A)
     if rules.scan is None:
         middle, mean = (np.array([each[valid].mean()]) for each in (reduced.place, e_A))

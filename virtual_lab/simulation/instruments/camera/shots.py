@@ -107,10 +107,10 @@ class Course:
         pressed = lasts * share * (1 - share) * (speed_in * (1 - share) + speed_out * share)
         distance_in = distance_after(before, speed_in, -drag)
         distance_out = distance_after(after, speed_out, drag)
-        plane = np.where(after > 0, of(flight.parted_plane), of(flight.plane))
+        plane = np.where(after > 0, of(flight.release_plane), of(flight.plane))
         x = pressed - distance_in - distance_out - plane
         rise = of(flight.slope_in) * distance_in + of(flight.slope_out) * distance_out
-        height = np.where(after > 0, of(flight.parted_height), of(flight.height))
+        height = np.where(after > 0, of(flight.release_height), of(flight.height))
         z = height + rise - flight.gravity / 2 * (before**2 + after**2)
         return np.stack([x, self.along[shot], z], axis=1)
 
