@@ -30,7 +30,7 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
     tests = vl.sweep("r161", procedures=[TIGHT], laboratories=LABORATORIES, seed=3, progress=quiet)
     valid = tests["verdict"] != "INVALID"
     rows = curve(found, 1)
-    assert len(rows) == 20
+    assert len(rows) == 21
     assert 0 < valid.sum() < LABORATORIES
     for row in rows:
         passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
@@ -40,6 +40,29 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
     chances = [row.pass_probability for row in rows]
     assert chances == sorted(chances, reverse=True)
     assert 1.2 - rows[0].true == pytest.approx(rows[-1].true - 1.2)
+
+
+def test_the_text_answers_for_a_bat_at_the_limit(found) -> None:
+    """The probabilities are those of the rows at 1.2; a stricter limit lets 5 % of tests pass."""
+    answer = found.text.split("A bat at the limit of ")[1]
+    one, best = (curve(found, n)[10] for n in (1, 3))
+    assert one.true == best.true == 1.2
+    assert answer.startswith(f"{TIGHT.name}, BPF 1.2, passes with a probability of")
+    assert f"{one.pass_probability:.1%}  in one test\n" in answer
+    assert f"{best.pass_probability:.1%}  in the best of three tests of one laboratory" in answer
+    assert f"{1 - (1 - one.pass_probability) ** 3:.1%}  in the best of three laboratories" in answer
+    strict, stricter = found.acceptance_limits[TIGHT.name]
+    assert f"up to {strict:.4f}" in answer
+    assert stricter < strict < 1.2
+
+
+def test_a_bat_at_the_limit_passes_the_stricter_limit_with_the_stated_risk() -> None:
+    """Other laboratories accept such a bat with 5 %, and with 5 % if the best of three counts."""
+    stated = vl.operating("r161", laboratories=400, seed=3, progress=quiet)
+    tests = vl.sweep("r161", laboratories=1500, seed=4, progress=quiet)
+    for limit, risk in zip(stated.acceptance_limits["astm-f1881"], (0.05, 0.017), strict=True):
+        accepted = (1.2 + tests["error"] <= limit).mean()
+        assert accepted == pytest.approx(risk, abs=0.4 * risk)
 
 
 def test_the_best_of_three_passes_more(found) -> None:
@@ -61,7 +84,7 @@ def test_more_hits_make_the_curve_steeper(found) -> None:
 def test_picture_and_table_are_saved(found, tmp_path: Path) -> None:
     found.save(tmp_path / "out")
     assert (tmp_path / "out" / "operating.png").read_bytes().startswith(b"\x89PNG")
-    assert len(found.table) == 80
+    assert len(found.table) == 84
     assert list(found.limits.values()) == [1.2, 1.2]
 
 

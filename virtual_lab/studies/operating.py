@@ -9,7 +9,7 @@ calibrations and bat.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 
 TESTS = (1, 3)  # numbers of tests per laboratory; the best test decides
 # half the range of true metrics about the limit [standard deviations of the error], and number of
-# true metrics in the range
-HALF_RANGE, POINTS = 3.0, 20
+# true metrics in the range; the middle one is the limit
+HALF_RANGE, POINTS = 3.0, 21
+RISK = 0.05  # largest probability that a bat at the limit is accepted, for the acceptance limits
 
 WORDS = (
     "PASS: joint probability that the test of a bat with the true metric x is valid and that its\n"
@@ -67,6 +68,9 @@ class OperatingCurves(Rows[OperatingPoint]):
     """Probability of PASS against the true metric, by one test and by the best of three."""
 
     limits: Mapping[str, float]  # limit of each procedure, in the unit of its metric
+    # limits of acceptance at which a bat at the limit passes with a probability of 5 %: one test,
+    # and the best of three laboratories
+    acceptance_limits: Mapping[str, tuple[float, float]]
 
     def draw(self) -> PageFigure:
         """Draw the probability of PASS with its interval, one panel per procedure."""
@@ -147,6 +151,8 @@ def operating(
         raise InputError("", "laboratories", laboratories, "allowed: at least 1")
     rows: list[OperatingPoint] = []
     limits: dict[str, float] = {}
+    acceptance_limits: dict[str, tuple[float, float]] = {}
+    answers: list[str] = []
     for at, name in enumerate(procedures):
         round_robin = RoundRobin.of(bat, name)
         rules = round_robin.setup.rules.spec
@@ -160,6 +166,10 @@ def operating(
         errors, valid = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
         printed = METRICS[rules.metric]
         limits[rules.name] = rules.metric_limit / printed.unit_si
+        results = (rules.metric_limit + np.where(valid, errors, np.inf)) / printed.unit_si
+        risks = [RISK, 1 - (1 - RISK) ** (1 / 3)]
+        one, three = map(float, np.quantile(results, risks, method="inverted_cdf"))
+        acceptance_limits[rules.name] = one, three
         deviations = HALF_RANGE * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
         for best_of in TESTS:
             for x in rules.metric_limit + deviations:
@@ -187,8 +197,33 @@ def operating(
                         pass_probability_if_valid_high=conditional[2],
                     )
                 )
+        answers.append(_at_limit(rows[-2 * POINTS :], limits[rules.name], one, three))
     return OperatingCurves(
-        name="operating", title="probability of PASS", rows=rows, words=WORDS, limits=limits
+        name="operating",
+        title="probability of PASS",
+        rows=rows,
+        words="\n\n".join((WORDS, *answers)),
+        limits=limits,
+        acceptance_limits=acceptance_limits,
+    )
+
+
+def _at_limit(rows: Sequence[OperatingPoint], limit: float, up_to: float, up_to_3: float) -> str:
+    """Return the probabilities of PASS for a bat at the limit, and limits of acceptance, as text.
+
+    `rows` are those of one procedure. `up_to` and `up_to_3` are the limits of acceptance for one
+    laboratory and for the best of three.
+    """
+    one, best = rows[POINTS // 2], rows[POINTS + POINTS // 2]  # true metric: the limit
+    single = one.pass_probability
+    return (
+        f"A bat at the limit of {one.procedure}, {one.metric} {limit:g} {one.unit}".rstrip()
+        + ", passes with a probability of\n"
+        f"  {single:6.1%}  in one test\n"
+        f"  {best.pass_probability:6.1%}  in the best of three tests of one laboratory\n"
+        f"  {1 - (1 - single) ** 3:6.1%}  in the best of three laboratories, one test each\n"
+        f"  {RISK:6.1%}  in one test, if results up to {up_to:.4f} are accepted\n"
+        f"  {RISK:6.1%}  in the best of three laboratories, if results up to {up_to_3:.4f} are"
     )
 
 
