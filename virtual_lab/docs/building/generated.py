@@ -19,6 +19,10 @@ from sphinx.application import Sphinx
 import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.api import PLACES
+from virtual_lab.bench.day.actions import ARGUMENTS
+from virtual_lab.bench.day.arguments import Argument
+from virtual_lab.bench.day.doubts import fault_sheets
+from virtual_lab.bench.day.table import action_table
 from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.schema import json_schema
 from virtual_lab.cli import cli
@@ -279,6 +283,55 @@ def type_name(described: dict[str, Any]) -> str:
     return str(described.get("type", described.get("const", "any")))
 
 
+def rehearsal() -> Iterator[tuple[str, str]]:
+    """Yield name and text of the page of faults, checks and actions at the rehearsal bench."""
+    sheets = action_table().actions
+    faults = [
+        (
+            f"`{name}`",
+            sheet.does,
+            ", then ".join(sheets[action].title for action in sheet.found_by.actions),
+        )
+        for name, sheet in fault_sheets().items()
+        if sheet.found_by
+    ]
+    unfound = [(f"`{x.name}`", x.does, x.unfound) for x in fault_sheets().values() if x.unfound]
+    actions = [
+        (
+            f"`{name}`",
+            sheet.title,
+            ", ".join(map(_argument, ARGUMENTS.get(name, ()))),
+            "yes" if sheet.in_book else "",
+            f"{sheet.minutes / 60:g}",
+            sheet.skipped,
+        )
+        for name, sheet in sheets.items()
+    ]
+    parts = [
+        "# Faults, checks and actions of a rehearsal\n",
+        "## Faults and the checks that reveal them\n",
+        "Each check reveals its fault on at least 99 of 100 days.\n",
+        table(("fault", "what happens", "check"), faults),
+        "No check at the bench reveals these:\n",
+        table(("fault", "what happens", "why"), unfound),
+        "## Actions of a script\n",
+        "`virtual-lab rehearse --script FILE.json` carries out a list of actions. Arguments in "
+        "brackets have this default:\n",
+        "```json\n"
+        '{"actions": [{"do": "tare"}, {"do": "swing", "amplitude": 4}, {"do": "weigh-bat"}]}\n'
+        "```\n",
+        table(("do", "title", "arguments", "in the procedure", "min", "if skipped"), actions),
+    ]
+    yield "generated/rehearsal.md", "\n".join(parts)
+
+
+def _argument(argument: Argument) -> str:
+    """Return name, default and allowed values of an argument of an action."""
+    default = "" if argument.default in (None, "") else f" ({argument.default})"
+    allowed = f" {' or '.join(argument.choices)}" if argument.choices else f" {argument.unit}"
+    return f"`{argument.name}`{allowed.rstrip()}{default}"
+
+
 def _write(_app: Sphinx) -> None:
     """Write the pages that changed, and delete those of an earlier state of the code.
 
@@ -286,7 +339,7 @@ def _write(_app: Sphinx) -> None:
     """
     made = [
         each
-        for make in (pages, functions, commands, shelves, dictionary, schema)
+        for make in (pages, functions, commands, shelves, dictionary, schema, rehearsal)
         for each in make()
     ]
     stale = {path for path in MADE.rglob("*") if path.is_file() and "gallery" not in path.parts}
