@@ -2,9 +2,9 @@
 Published measurements compared with ours
 =========================================
 
-Ratio of our result to a published number that is not our input; changes of BBCOR by drilling or
-corking are left out, because they are near 0. Gray: accepted range (cut at 0 and 2; small ones are
-behind the mark). Squares: rigid cavities, other bats (handle node, hoop frequency), rough inertia.
+Our result over a published number that is not our input. Gray: accepted range (cut at 0 and 2):
+± 2 published u, or, without u, rounding and the effect of another bat or ball. Squares: our drilled
+cavity is rigid, our bat is another one (node, hoop), or the published number is rough (inertia).
 """
 
 import matplotlib.pyplot as plt
