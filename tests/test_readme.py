@@ -82,7 +82,7 @@ def test_every_command_and_option_named_exists(page: Path) -> None:
         if isinstance(command, click.Group) and rest and not rest[0].startswith("--"):
             command = command.get_command(context, rest[0])
             assert command, (page, words)
-        options = {option for each in command.params for option in each.opts}
+        options = {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
         assert {each for each in rest if each.startswith("--")} <= options, (page, words)
 
 
