@@ -18,22 +18,14 @@ from virtual_lab.video.locate.sharp import place, standing_out
 Constants = Mapping[str, Array]
 
 
-@dataclass(frozen=True, slots=True)
-class Search:
-    """Settings of the search for a ball in the windows of a shot, and of the choice of windows."""
-
-    # distance from the ball's farthest position within which it may touch the bat [m]
-    near_bat: float = 8e-3
-    least: int = 4  # smallest number of frames of a flight, inbound or outbound
-    # largest number of used frames per flight; more improve little, because the error caused by the
-    # pattern of the ball changes slowly
-    most: int = 24
-    # uncertainty of the ovality of an outline off the axis, caused by lens and pose [share of the
-    # radius]
-    oval_u: float = 1e-3
-
-
-SEARCH = Search()
+# distance from the ball's farthest position within which it may touch the bat [m]
+NEAR_BAT = 8e-3
+# smallest and largest number of used frames of a flight, inbound or outbound. More frames improve
+# little, because the error caused by the pattern of the ball changes slowly.
+LEAST_FRAMES, MOST_FRAMES = 4, 24
+# uncertainty of the ovality of an outline off the axis, caused by lens and pose [share of the
+# radius]
+OVAL_U = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +77,7 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
     table = np.full((4, *record.times.shape), np.nan)
     for shot, times in enumerate(record.times):
         frames = np.flatnonzero(np.isfinite(times))
-        if frames.size < SEARCH.least:
+        if frames.size < LEAST_FRAMES:
             continue
         corners = np.stack([record.left[shot, frames], record.top[shot, frames]], axis=1)
         side = pixels.shape[2:]
@@ -108,7 +100,7 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
             lens=of["blur"],
             middle=(of["centre_x"], of["centre_y"]),
             # The image of a sphere at the angle b from the axis is longer by the factor 1 / cos b.
-            oval=(1 / (2 * of["focal"]) ** 2, SEARCH.oval_u),
+            oval=(1 / (2 * of["focal"]) ** 2, OVAL_U),
         )
         useful = positions.usable & ((positions.flags & PlaceFlag.SATURATED) == 0)
         places = positions.x, positions.y, positions.u, positions.pattern_u
@@ -158,13 +150,13 @@ def _free(times: Array, x: Array, size: float) -> tuple[Mask, Mask]:
     finite = np.isfinite(times + x)
     forth = np.where(finite, x, -np.inf)
     out = np.arange(times.shape[1]) > forth.argmax(axis=1)[:, None]
-    return finite & (x < forth.max(axis=1)[:, None] - SEARCH.near_bat * size), out
+    return finite & (x < forth.max(axis=1)[:, None] - NEAR_BAT * size), out
 
 
 def _spread(free: Mask) -> NDArray[np.intp]:
-    """Return at most `SEARCH.most` frames of a shot in free flight, evenly spread."""
+    """Return at most `MOST_FRAMES` frames of a shot in free flight, evenly spread."""
     some = np.flatnonzero(free)
-    count = min(some.size, SEARCH.most)
+    count = min(some.size, MOST_FRAMES)
     return np.asarray(some[np.linspace(0, some.size - 1, count).round().astype(int)], np.intp)
 
 
@@ -175,6 +167,6 @@ def _ways(times: Array, places: Array, size: float) -> Sightings:
     """
     free, out = _free(times, places[0] + places[2], size)
     for way in (~out, out):
-        free &= ~(way & ((free & way).sum(axis=1) < SEARCH.least)[:, None])
+        free &= ~(way & ((free & way).sum(axis=1) < LEAST_FRAMES)[:, None])
     times, x, y, u, pattern_u = np.where(free, [times, *places], np.nan)
     return Sightings(times=times, x=x, y=y, u=u, pattern_u=pattern_u, out=out)

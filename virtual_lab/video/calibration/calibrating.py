@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
+from scipy.optimize import approx_fprime
 
 from virtual_lab.errors import InputError
 from virtual_lab.relations.board import Board
@@ -27,21 +28,13 @@ from virtual_lab.video.calibration.lens_blur import lens_blur_of
 from virtual_lab.video.calibration.plane import on_plane
 from virtual_lab.video.clips.calibration_file import CameraFit, CameraModel
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Demands:
-    """Demands on the pictures of a calibration, and thresholds of its warnings."""
-
-    least_views: int = 3  # smallest number of pictures that show a board
-    # largest relative u of the focal length; parallel views do not determine it
-    greatest_focal_u: float = 0.02
-    rough_rms_px: float = 0.3  # rms of the residuals that raises a warning [pixels]
-    greatest_rms_px: float = 1.5  # largest rms of the residuals [pixels]
-    # smallest share of the picture within the outermost corners that raises no warning
-    least_covered: float = 0.4
-
-
-DEMANDS = Demands()
+LEAST_VIEWS = 3  # smallest number of pictures that show a board
+# largest relative u of the focal length; parallel views do not determine it
+GREATEST_FOCAL_U = 0.02
+# rms of the residuals that raises a warning, and largest rms of the residuals [pixels]
+ROUGH_RMS_PX, GREATEST_RMS_PX = 0.3, 1.5
+# smallest share of the picture within the outermost corners that raises no warning
+LEAST_COVERED = 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,12 +108,9 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     """
     looked, size, plane, blur = _find_boards(pictures, plan)
     views = {name: view for name, view in looked.items() if view}
-    if len(views) < DEMANDS.least_views:
-        many = f"{plan.board.columns}x{plan.board.rows} squares"
-        allowed = (
-            f"at least {DEMANDS.least_views} pictures must show the board; does it have {many}? "
-            "Count squares, not inner corners"
-        )
+    if len(views) < LEAST_VIEWS:
+        many = f"{plan.board.columns}x{plan.board.rows} squares, not inner corners"
+        allowed = f"at least {LEAST_VIEWS} pictures must show the board; does it have {many}?"
         raise InputError("", "pictures with a board", len(views), allowed)
     if plane is None:  # a requested plane view is not replaced by another one
         raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
@@ -132,8 +122,8 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     if not plan.height < (far := float(solved.values[-1])):
         allowed = f"allowed: less than the height of the camera above the board, {far:.3g} m"
         raise InputError("", "--height", f"{plan.height:g} m", allowed)
-    shares = _length_u(solved, size, plan)
-    relative = float(np.hypot(shares.max(), plan.square_u / plan.board.square))
+    length_u = _length_u(solved, size, plan)
+    relative = float(np.hypot(length_u.max(), plan.square_u / plan.board.square))
     squares = np.bincount(solved.view, (solved.residuals**2).mean(axis=1))
     rms = np.sqrt(squares / np.bincount(solved.view))
     u: list[Any] = solved.u.tolist()
@@ -154,7 +144,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         views=dict(zip(views, rms.tolist(), strict=True)),
         plane=plane,
         lens_blur=blur,
-        length_u=shares,
+        length_u=length_u,
         warnings=tuple(_warnings(solved, looked, size, plan)),
     )
 
@@ -192,23 +182,19 @@ def _find_boards(
             plane, blur = name, lens_blur_of(picture, view, plan.board) if view else np.nan
         looked[name] = view
     if size is None:
-        raise InputError("", "pictures", 0, f"needs at least {DEMANDS.least_views} of a board")
+        raise InputError("", "pictures", 0, f"needs at least {LEAST_VIEWS} of a board")
     return looked, size, plane, blur
 
 
 def _require_sound(solved: Solved) -> None:
-    if solved.rms > (most := DEMANDS.greatest_rms_px):
-        allowed = (
-            f"allowed: less than {most:g}; check the size of the board, and that all pictures are "
-            "of one camera"
-        )
+    if solved.rms > GREATEST_RMS_PX:
+        why = "check the size of the board, and that all pictures are of one camera"
+        allowed = f"allowed: less than {GREATEST_RMS_PX:g}; {why}"
         raise InputError("", "residuals, pixels", f"{solved.rms:.2g}", allowed)
     vague = float((solved.u[:2] / solved.values[:2]).max())
-    if not vague < DEMANDS.greatest_focal_u:
-        allowed = (
-            f"allowed: less than {DEMANDS.greatest_focal_u:g}; add pictures of the board tilted "
-            "by about 30 deg"
-        )
+    if not vague < GREATEST_FOCAL_U:
+        why = "add pictures of the board tilted by about 30 deg"
+        allowed = f"allowed: less than {GREATEST_FOCAL_U:g}; {why}"
         raise InputError("", "relative u of the focal length", f"{vague:.2g}", allowed)
 
 
@@ -234,9 +220,8 @@ def _length_u(solved: Solved, size: tuple[int, int], plan: Plan) -> Array:
         return np.log(lengths_of(_model(values, size, plan)))
 
     steps = np.maximum(solved.u, np.finfo(float).tiny)
-    moved = np.array([logs(solved.values + step) for step in np.diag(steps)])
-    slopes = (moved - logs(solved.values)) / steps[:, None]
-    return np.asarray(np.sqrt(np.einsum("il,ij,jl->l", slopes, solved.covariance, slopes)))
+    slopes = approx_fprime(solved.values, logs, steps)
+    return np.asarray(np.sqrt(np.diagonal(slopes @ solved.covariance @ slopes.T)))
 
 
 def _warnings(
@@ -244,18 +229,15 @@ def _warnings(
 ) -> Iterator[str]:
     if without := [name for name, view in looked.items() if not view]:
         yield f"no board was found in {', '.join(without)}"
-    if solved.rms > DEMANDS.rough_rms_px:
+    if solved.rms > ROUGH_RMS_PX:
         yield f"residuals of {solved.rms:.2g} pixels are large; check that the board is flat"
     names = [name for name, view in looked.items() if view]
     for name, lost in zip(names, solved.left_out, strict=True):
         if lost:
             yield f"{name}: corners with large residuals were left out, {lost} in all"
     share = cv2.contourArea(cv2.convexHull(solved.places.astype(np.float32))) / (size[0] * size[1])
-    if share < DEMANDS.least_covered:
-        yield (
-            f"the boards cover {100 * share:.0f} % of the picture; the distortion of the lens is "
-            "unknown outside them"
-        )
+    if share < LEAST_COVERED:
+        yield f"the boards cover {100 * share:.0f} % of the picture; the lens is unknown elsewhere"
     if plan.square_u == 0:
         yield "the side of the squares is assumed to be exact; state its u with --square-u"
     if plan.height_u == 0:

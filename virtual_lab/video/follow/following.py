@@ -147,17 +147,17 @@ def follow_blobs(
         return measure(
             clip, watched, knowledge, FlightsFound(scene=scene, pieces=flights, ways=flights)
         )
-    result, sharp, fault = search(clip, watched, knowledge, same), None, ""
+    result, sharp, notes = search(clip, watched, knowledge, same), None, []
     if wants_sharp(knowledge, watched, result.ways) and not _while_moving(same, result.ways).any():
         try:
             scene, ways, sharp = sharpen(clip, watched, knowledge, result, progress)
             result = replace(result, scene=scene, ways=ways)
         except NotSharpError as why:
-            fault = str(why)
+            notes = [("NOT_SHARP", f"{why}; the positions are those without calibration")]
     if sharp is None:
         watched, result = register(watched, result)
     watched = replace(watched, views={})  # they may take hundreds of megabytes
-    return measure(clip, watched, knowledge, result, sharp=sharp, fault=fault)
+    return measure(clip, watched, knowledge, result, sharp=sharp, earlier=notes)
 
 
 def measure(
@@ -167,7 +167,7 @@ def measure(
     search: FlightsFound,
     *,
     sharp: SharpBall | None = None,
-    fault: str = "",
+    earlier: Sequence[Note] = (),
 ) -> FollowedClip:
     """Return the flights, contacts and scale of a clip in SI units, with notes on doubtful points.
 
@@ -182,9 +182,8 @@ def measure(
         Otherwise they come from the blobs, the regions that differ from the background.
     sharp
         The ball located by its outlines. None if only positions of blobs are known.
-    fault
-        Reason why a calibrated camera gave no sharp positions. It is empty if there is no such
-        reason.
+    earlier
+        Notes on the clip from earlier steps.
 
     Raises
     ------
@@ -193,10 +192,7 @@ def measure(
         user asked to compute the scale from gravity, but no flight is curved enough.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
-    notes: list[Note] = [("", words) for words in clip.warnings]
-    if fault:
-        words = f"{fault}; the positions are those of the ball's outline, as without calibration"
-        notes.append(("NOT_SHARP", words))
+    notes = [*earlier, *(("", words) for words in clip.warnings)]
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
@@ -223,8 +219,8 @@ def measure(
             falls = Falls(knowledge=knowledge, shared=shared, scale=size)
             off = falls.against()
             if off and knowledge.rate_of == FILE:
-                rated = measure(clip, watched, falls.with_fitted_rate(), search)
-                return replace(rated, notes=(falls.of_rate(), *rated.notes))
+                fitted = falls.with_fitted_rate()
+                return measure(clip, watched, fitted, search, earlier=[falls.of_rate()])
             falls.require_rate(where)
             against += off
         flights = _flights(scene, ways, model, alone, contacts, scale, step)

@@ -17,18 +17,8 @@ from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.scene import FlightScene
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TimeSettings:
-    """Settings for the interpretation of a clip's frame times."""
-
-    # smallest number of repeats for which both interpretations are tried
-    least_repeats: int = 2
-    # share of repeats among the frames above which every frame was stored twice
-    every_other: float = 0.4
-
-
-TIME = TimeSettings()
+LEAST_REPEATS = 2  # smallest number of repeats for which both interpretations are tried
+EVERY_OTHER = 0.4  # share of repeats among the frames above which every frame was stored twice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +43,8 @@ def search(clip: Clip, watched: Watched, knowledge: ClipKnowledge, same: Mask) -
     frames are repeated, every frame was stored twice, and the second one is used. Otherwise both
     are tried. The one with more positions on flights and less scatter is used.
     """
-    readings = [False, True] if same.sum() >= TIME.least_repeats else [False]
-    if float(same.mean()) > TIME.every_other:
+    readings = [False, True] if same.sum() >= LEAST_REPEATS else [False]
+    if same.mean() > EVERY_OTHER:
         readings = [True]
     scenes = (clip_scene(clip, watched, knowledge, same, squeezed=each) for each in readings)
     return max((_read(watched, knowledge, each) for each in scenes), key=lambda each: each[0])[1]
@@ -80,24 +70,23 @@ def clip_scene(
         frames are then one frame earlier. If False, they are kept.
     """
     stamped = frame_steps(clip.times)
-    doubled = float(same.mean()) > TIME.every_other
     length = knowledge.metres_per_pixel or (knowledge.ball and knowledge.ball / 2)
-    drag, pull = knowledge.drag, None
+    drag, fall, pull = knowledge.drag, None, None
+    # If every frame is stored twice, the clip may have been filmed at another rate than it is
+    # played.
+    if length and same.mean() <= EVERY_OTHER:
+        # approximate number of pictures per time step
+        step = 1 / (1 - same.mean()) if squeezed else 1.0
+        fall = knowledge.gravity / length * (step / knowledge.rate) ** 2
     if knowledge.pull and knowledge.metres_per_pixel and knowledge.ruler != GRAVITY:
         pull = np.array(knowledge.pull) / knowledge.metres_per_pixel / knowledge.rate**2
-    # approximate number of pictures per time step
-    step = 1 / (1 - same.mean()) if squeezed else 1.0
     return FlightScene(
         blobs=watched.blobs,
         time=np.where(same, np.nan, stamped - np.cumsum(same) if squeezed else stamped),
         stamped=stamped,
         size=(clip.shape[1], clip.shape[0]),
         exposure=knowledge.exposure and knowledge.exposure * knowledge.rate,
-        # If every frame is stored twice, the clip may have been filmed at another rate than it is
-        # played.
-        fall=knowledge.gravity / length * (step / knowledge.rate) ** 2
-        if length and not doubled
-        else None,
+        fall=fall,
         drag=(drag[0] * length, drag[1] * length) if drag and length else None,
         in_radii=knowledge.metres_per_pixel is None,
         pull=pull,
@@ -114,9 +103,8 @@ def _read(
     best, pull = (-1.0, FlightsFound(scene=scene)), None
     for _ in range(2):  # with gravity known, the second round can bridge missing frames
         candidates = pieces(watched.blobs, scene.time, pull)
-        candidates = [
-            p for p in candidates if not knowledge.ball_at or _passes(watched, p, knowledge.ball_at)
-        ]
+        if knowledge.ball_at:
+            candidates = [p for p in candidates if _passes(watched, p, knowledge.ball_at)]
         ways, fit = flights_of(scene, candidates)
         support = _support(scene, ways, fit) if fit else 0.0
         if support > best[0]:

@@ -35,28 +35,20 @@ from virtual_lab.video.follow.searching import FlightsFound
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, cut, squares
 from virtual_lab.video.locate.sharp import sharp_places
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SharpnessSettings:
-    """Thresholds for the frames of a flight, and for doubts about it."""
-
-    least_frames: int = 3  # smallest number of frames of a flight
-    # range of the ratio of a ball's radius to the expected radius, which excludes other objects.
-    # The hull of a ball lit from the side is half a disk, half a radius wide.
-    size_ratios: tuple[float, float] = (0.4, 1.45)
-    # smallest probability of the distance of a position from its flight; a less likely position is
-    # rejected
-    chance: float = 1e-3
-    denied_share: float = 0.34  # largest share of rejected positions of a flight
-    # largest misfit of a flight to its model: rms residual [u of a position from noise and pattern
-    # together], and slope to the plane [its u]
-    misfit_u: float = 3.0
-    # u of the growth of the radius in a flight [pixels]; if the background becomes brighter by a
-    # tenth of the ball's contrast, the radius changes by this amount
-    growth_u: float = 0.03
-
-
-SHARPNESS = SharpnessSettings()
+LEAST_FRAMES = 3  # smallest number of frames of a flight
+# range of the ratio of a ball's radius to the expected radius, which excludes other objects. The
+# hull of a ball lit from the side is half a disk, half a radius wide.
+SIZE_RATIOS = (0.4, 1.45)
+# smallest probability of the distance of a position from its flight; a less likely position is
+# rejected
+CHANCE = 1e-3
+DENIED_SHARE = 0.34  # largest share of rejected positions of a flight
+# largest misfit of a flight to its model: rms residual [u of a position from noise and pattern
+# together], and slope to the plane [its u]
+MISFIT_U = 3.0
+# u of the growth of the radius in a flight [pixels]; if the background becomes brighter by a tenth
+# of the ball's contrast, the radius changes by this amount
+GROWTH_U = 0.03
 
 
 class NotSharpError(Exception):
@@ -152,7 +144,7 @@ def sharpen(
     radius, expected = float(np.median(blobs["radius"])), None
     if knowledge.ball and knowledge.metres_per_pixel:
         expected = knowledge.ball / 2 / knowledge.metres_per_pixel
-        least, most = SHARPNESS.size_ratios
+        least, most = SIZE_RATIOS
         if not least < radius / expected < most:
             raise NotSharpError(f"no flying round object has a radius near {expected:.3g} pixels")
     coarse = fit_flights(scene, ways)
@@ -257,12 +249,12 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
 
     Raises `NotSharpError` if too few positions remain.
     """
-    if len(way.t) < (few := SHARPNESS.least_frames):
+    if len(way.t) < (few := LEAST_FRAMES):
         raise NotSharpError(
             f"fewer than {few} frames of a flight show the ball complete, round and apart from "
             "other objects"
         )
-    least = max(few, (1 - SHARPNESS.denied_share) * len(way.t))
+    least = max(few, (1 - DENIED_SHARE) * len(way.t))
     while len(way.t) > least:
         assert way.u is not None
         (left,) = fit_flights(scene, [way]).residuals
@@ -275,7 +267,7 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
         scatter = np.maximum((free @ squares - squares) / spare, way.u**2 + way.pattern_u**2)
         # p-value by the F distribution, for two axes
         chance = (1 + squares / scatter / spare) ** (-spare / 2)
-        if chance.min() > SHARPNESS.chance:
+        if chance.min() > CHANCE:
             break
         way = way.part(np.arange(len(chance)) != np.argmin(chance))
     return way
@@ -310,7 +302,7 @@ def _flatten(
         grown = np.log(ball.located.radius[rows] / plane.sizes[rows]) - bend * late**2
         climb, u = _growth_rate(way, grown, late)
         before = STATED_LEVEL_U * float(np.hypot(*fit.states[k, 2:])) / far
-        if abs(climb) > SHARPNESS.misfit_u * np.hypot(u, before):
+        if abs(climb) > MISFIT_U * np.hypot(u, before):
             words = f"flight {k + 1} leaves the plane: the ball's picture grows by "
             notes.append(("OFF_PLANE", f"{words}{100 * climb * np.ptp(late):+.2g} % in it"))
         elif k == 0 or not camera:  # the second flight can have any direction
@@ -342,7 +334,7 @@ def _growth_rate(way: Piece, grown: Array, late: Array) -> tuple[float, float]:
     line, noise = np.polyfit(late, grown, 1, w=1 / u, cov="unscaled")
     left = (grown - np.polyval(line, late))[:, None]
     pattern = pattern_covariance(relative, left, late - late.mean())
-    light = SHARPNESS.growth_u / way.radius / np.ptp(late)
+    light = GROWTH_U / way.radius / np.ptp(late)
     return float(line[0]), float(np.sqrt(noise[0, 0] + pattern[1, 1] + light**2))
 
 
@@ -352,7 +344,7 @@ def _against(scene: FlightScene, ways: Sequence[Piece]) -> Iterator[Note]:
     for k, (way, left) in enumerate(zip(ways, fit.residuals, strict=True)):
         assert way.u is not None
         noise = np.hypot(np.median(way.u), way.pattern_u)
-        if float(np.sqrt(np.mean(left**2))) > SHARPNESS.misfit_u * noise:
+        if float(np.sqrt(np.mean(left**2))) > MISFIT_U * noise:
             yield (
                 "CROOKED",
                 f"flight {k + 1} is not straight; give gravity_mps2 or drag_per_m, or leave out "

@@ -98,14 +98,13 @@ def _entry(key: str, value: Any) -> str:
 def draw_calibration(result: Calibrated) -> PageFigure:
     """Return a figure with the residual of each corner: an arrow at the corner's position."""
     solved, (wide, high) = result.solved, result.model.image_size
+    plane_view = solved.view == [*result.views].index(result.plane)
     with page_figure(6.6 * high / wide + 0.8, 7.6) as figure:
         axes = figure.add_subplot()
         arrows = axes.quiver(
             *solved.places.T,
             *solved.residuals.T,
-            color=np.where(
-                solved.view == [*result.views].index(result.plane), "#d55e00", "#0072b2"
-            ),
+            color=np.where(plane_view, "#d55e00", "#0072b2"),
             angles="xy",
             scale_units="xy",
             # An arrow as long as the rms has 2 % of the width of the picture.

@@ -42,46 +42,32 @@ def course_of(track: FollowedClip) -> Places:
     position NaN.
     """
     clip, sharp, ways = track.clip, track.sharp, track.ways or track.pieces
-    values: dict[str, Any]
+    unit = track.scale.metres_per_pixel if track.scale else np.nan
+    values: dict[str, Any] = {"drift_x_px": 0.0, "drift_y_px": 0.0}
     if sharp:
-        at = sharp.located
-        values = {
-            "frame": sharp.frames,
-            "x_px": at.x,
-            "y_px": at.y,
-            "x_u_px": at.x_u,
-            "y_u_px": at.y_u,
-            "radius_px": at.radius,
-            "reach_px": at.radius + np.hypot(at.blur_x, at.blur_y) / 2,
-            "chi_square": at.chi_square,
-            "x_m": sharp.plane.places[:, 0],
-            "y_m": sharp.plane.places[:, 1],
-            "flag_names": [
-                " ".join(str(e.name) for e in PlaceFlag(int(each))) for each in at.flags
-            ],
-        }
+        at, frames = sharp.located, sharp.frames
+        for axis in "xy":
+            values |= {f"{axis}_px": getattr(at, axis), f"{axis}_u_px": getattr(at, f"{axis}_u")}
+        values["x_m"], values["y_m"] = sharp.plane.places.T
+        values["radius_px"], values["chi_square"] = at.radius, at.chi_square
+        values["reach_px"] = at.radius + np.hypot(at.blur_x, at.blur_y) / 2
+        names = [[str(flag.name) for flag in PlaceFlag(int(each))] for each in at.flags]
+        values["flag_names"] = [" ".join(each) for each in names]
     elif ways:
         blobs = track.watched.blobs[np.concatenate([way.blobs for way in ways])]
-        unit = track.scale.metres_per_pixel if track.scale else np.nan
-        u = track.fit.spread if track.fit else np.nan
-        values = {
-            "frame": np.concatenate([way.frames for way in ways]),
-            "time_s": track.seconds * np.concatenate([way.t for way in ways]),
-            # mean of the half axes, which is also used for the scale
-            "radius_px": (blobs["radius"] + blobs["length"]) / 2,
-            "reach_px": blobs["length"],
-        }
+        frames = blobs["frame"]
+        values["time_s"] = track.seconds * np.concatenate([way.t for way in ways])
+        # mean of the half axes, which is also used for the scale
+        values["radius_px"] = (blobs["radius"] + blobs["length"]) / 2
+        values["reach_px"] = blobs["length"]
         for axis in "xy":
-            values |= {
-                f"{axis}_px": blobs[axis],
-                f"{axis}_u_px": u,
-                f"{axis}_m": unit * blobs[axis],
-            }
+            values |= {f"{axis}_px": blobs[axis], f"{axis}_m": unit * blobs[axis]}
+            values[f"{axis}_u_px"] = track.fit.spread if track.fit else np.nan
             values[f"drift_{axis}_px"] = blobs[f"picture_{axis}"] - blobs[axis]
     else:
-        values = {"frame": np.unique(np.linspace(0, clip.count - 1, 12).astype(np.intp))}
-    places = np.zeros(len(values["frame"]), PLACE)
-    values = {"time_s": clip.times[values["frame"]], "drift_x_px": 0.0, "drift_y_px": 0.0} | values
+        frames = np.unique(np.linspace(0, clip.count - 1, 12).astype(np.intp))
+    places = np.zeros(len(frames), PLACE)
+    values = {"frame": frames, "time_s": clip.times[frames]} | values
     for name, kind in (WRITTEN | DRAWN).items():
         places[name] = values.get(name, np.nan if kind is float else "")
     places = places[np.argsort(places["frame"], kind="stable")]
@@ -90,7 +76,6 @@ def course_of(track: FollowedClip) -> Places:
             rows, states = np.isin(places["frame"], way.frames), track.fit.at(k, way.t)
             middle = states[len(way.t) // 2, 2:]
             right, down = middle / max(float(np.hypot(*middle)), 1e-12)
-            unit = track.scale.metres_per_pixel
             speeds = unit / track.seconds * states[:, 2:]
             places["flight"][rows] = str(k + 1)
             places["along_px"][rows] = track.fit.residuals[k] @ [right, down]

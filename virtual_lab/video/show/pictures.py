@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,19 +27,11 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # colors of f
 NONE = "#ff00ff"  # color of positions outside flights, visible in front of any wall
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
-    """Sizes and number of the pictures."""
-
-    tile_px: float = 1e5  # size of a picture in sheet, film and plot [pixels]
-    # number of pictures on the sheet in addition to those near contacts, and approximate number of
-    # balls in the plot
-    tiles: int = 12
-    frames: int = 80  # largest number of frames in the film
-    frame_ms: int = 60
-
-
-LAYOUT = Layout()
+TILE_PX = 1e5  # size of a picture in sheet, film and plot [pixels]
+# number of pictures on the sheet in addition to those near contacts, and approximate number of
+# balls in the plot
+TILES = 12
+FILM_FRAMES, FRAME_MS = 80, 60  # largest number of frames in the film, and duration of each
 
 
 class Pictures:
@@ -52,14 +43,14 @@ class Pictures:
         self.names = names_of(self.places)
         # factor of `y_m` for an upward axis
         self.up = -track.sharp.plane.sense if track.sharp else -1.0
-        self.film = _spread(len(self.places), LAYOUT.frames * film)
+        self.film = _spread(len(self.places), FILM_FRAMES * film)
         visible = np.flatnonzero(np.isfinite(self.places["radius_px"]))
-        self.balls = visible[_spread(len(visible), LAYOUT.tiles)]
+        self.balls = visible[_spread(len(visible), TILES)]
         times, steps = self.places["time_s"], np.array([-1, 0, 1])
         near = [int(np.abs(times - e.time.value).argmin()) + steps for e in self.contacts]
-        sheet = np.concatenate([_spread(len(times), LAYOUT.tiles), *near])
+        sheet = np.concatenate([_spread(len(times), TILES), *near])
         self.sheet = np.unique(np.clip(sheet, 0, len(times) - 1))
-        self.scale = (LAYOUT.tile_px / np.prod(self.clip.shape)) ** 0.5
+        self.scale = (TILE_PX / np.prod(self.clip.shape)) ** 0.5
         rows, columns = (max(1, round(self.scale * each)) for each in self.clip.shape)
         selection = np.concatenate([self.sheet, self.balls, self.film])
         wanted = np.unique(self.places["frame"][selection])
@@ -83,10 +74,8 @@ class Pictures:
 
     def write_sheet(self, path: Path) -> None:
         """Write frames side by side as PNG, including those near contacts."""
-        edge = (2, 2, 2, 2, cv2.BORDER_CONSTANT)
-        tiles = [
-            cv2.copyMakeBorder(self._annotate(k), *edge, value=(255, 255, 255)) for k in self.sheet
-        ]
+        edge = ((2, 2), (2, 2), (0, 0))
+        tiles = [np.pad(self._annotate(k), edge, constant_values=255) for k in self.sheet]
         rows, columns = tiles[0].shape[:2]
         across = int(np.clip(round(np.sqrt(1.4 * len(tiles) * rows / columns)), 1, len(tiles)))
         tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % across)
@@ -97,7 +86,7 @@ class Pictures:
         """Write the frames that show the ball as an animated WebP."""
         animation = cv2.Animation()
         animation.frames = [self._annotate(k) for k in self.film]
-        animation.durations = [LAYOUT.frame_ms] * len(self.film)
+        animation.durations = [FRAME_MS] * len(self.film)
         cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, 75])
 
     def _annotate(self, k: int) -> Image:

@@ -14,6 +14,7 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE, miles_per_hour
 from virtual_lab.video.calibration.plane import PixelScale
+from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.following import Flight, FollowedClip
 from virtual_lab.video.follow.knowledge import GRAVITY
 from virtual_lab.video.follow.ruler import SAID, off_u
@@ -58,15 +59,9 @@ def contact_rows(track: FollowedClip) -> list[Row]:
     ``frame`` is the time of the contact in frames, not rounded. ``restitution`` is an estimate, or
     None if no restitution is stated for this contact.
     """
-    return [
-        {
-            "time_s": e.time.value,
-            "frame": e.frame,
-            "contact_kind": e.kind,
-            "restitution": e.restitution,
-        }
-        for e in track.contacts
-    ]
+    names = ("time_s", "frame", "contact_kind", "restitution")
+    rows = [(each.time.value, each.frame, each.kind, each.restitution) for each in track.contacts]
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def in_columns(row: Mapping[str, Any]) -> Row:
@@ -104,7 +99,8 @@ def track_document(track: FollowedClip) -> Row:
     """
     before, after = _hit(track)
     one = track.contacts[0] if len(track.contacts) == 1 else None
-    rate = track.knowledge.rate
+    knowledge, lost = track.knowledge, sum(track.lost.values())
+    rate, rate_u = knowledge.rate, knowledge.rate * knowledge.rate_u
     document = {
         "clip": track.clip.source.path.name,
         "motion": motion_of(track),
@@ -117,37 +113,28 @@ def track_document(track: FollowedClip) -> Row:
         "restitution_of": RATIOS.get(one.kind, "speeds") if one and one.restitution else None,
         "angle_in_deg": before and _degrees(before.angle_out),
         "angle_out_deg": after and _degrees(after.angle_in),
-        "contact": one
-        and {
-            "time_s": one.time,
-            "x_m": float(one.metres[0]),
-            "y_m": float(one.metres[1]),
-            "u_m": one.metres_u,
-        },
+        "contact": one and _contact(one),
         "scale": track.scale
         and {
             **_scale(track.scale),
             "roll_deg": _roll(track),
             "checks": [_scale(e) | {"off_u": off_u(track.scale, e)} for e in track.checks],
         },
-        "frames_per_second": {
-            "value": rate,
-            "u": rate * track.knowledge.rate_u,
-            "from": track.knowledge.rate_of,
-        },
-        "exposure_s": track.knowledge.exposure,
+        "frames_per_second": {"value": rate, "u": rate_u, "from": knowledge.rate_of},
+        "exposure_s": knowledge.exposure,
         "drag_per_m": track.drag_per_m,
-        "counts": {
-            "frames": track.clip.count,
-            "with_ball": _with_ball(track),
-            "lost": sum(track.lost.values()),
-        },
+        "counts": {"frames": track.clip.count, "with_ball": _with_ball(track), "lost": lost},
         "flags": track.flags,
         "warnings": track.warnings,
     }
     text = json.dumps(document, default=lambda each: {"value": each.value, "u": each.u})
     plain: Row = json.loads(text)
     return plain
+
+
+def _contact(contact: Contact) -> Row:
+    x, y = contact.metres.tolist()
+    return {"time_s": contact.time, "x_m": x, "y_m": y, "u_m": contact.metres_u}
 
 
 def _scale(scale: PixelScale) -> Row:
@@ -200,27 +187,25 @@ def track_text(track: FollowedClip) -> str:
         f"the ball in {_with_ball(track)}"
     ]
     contacts = {each.before: each for each in track.contacts}
-    for k, row in enumerate(flight_rows(track)):
-        speeds = [row["speed_in_m_per_s"], row["speed_out_m_per_s"]]
+    for k, flight in enumerate(track.flights):
+        speeds, pull = [flight.speed_in, flight.speed_out], flight.acceleration
         if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit, with a calibration
             speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
         words = (
-            f"  flight {k + 1}: frames {row['first_frame']} to {row['last_frame']}, "
-            f"{row['positions']} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
+            f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
+            f"{flight.places} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
         )
-        pull = row["acceleration_m_per_s2"]
         if pull and pull.u < pull.value:  # otherwise the flight bends too little
             words += f", acceleration {_format(pull)} m/s²"
         lines.append(words)
         if contact := contacts.get(k):
             value, of = contact.restitution, RATIOS.get(contact.kind, "speeds")
-            turned = track.flights[contact.after].angle_in.value / DEGREE
-            turned -= row["angle_out_deg"].value
+            ratio = f"{_format(value)} (ratio of {of})" if value else "not stated"
+            turn = track.flights[contact.after].angle_in.value - flight.angle_out.value
             lines.append(
                 f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
-                f"restitution {f'{_format(value)} (ratio of {of})' if value else 'not stated'}, "
-                f"turned by {turned % 360:.1f} deg"
+                f"restitution {ratio}, turned by {turn / DEGREE % 360:.1f} deg"
             )
     if track.scale and track.flights:
         lines.append(f"  {_scale_said(track, track.scale)}")
