@@ -112,15 +112,10 @@ def compare_camera(
             of_gates, of_video = (getattr(each, field)[:, used] for each in moved[:2])
             compared[name] = _compare_quantity(variants, of_gates, of_video, share, place)
     moved_by, risen_by = _per_shot(*moved[1:]), _per_shot(*risen[1:])
-    frames = frames_u(best, "impact", sightings, camera)
-    u = {
-        name: np.sqrt(
-            variants.u(moved_by[name]) ** 2
-            + frames[name] ** 2
-            + np.sum((risen_by[name] - value) ** 2, axis=0)
-        )
-        for name, value in _per_shot(by_video, camera).items()
-    }
+    u = frames_u(best, "impact", sightings, camera)
+    for name, value in _per_shot(by_video, camera).items():
+        by_heights = np.sum((risen_by[name] - value) ** 2, axis=0)
+        u[name] = np.sqrt(u[name] ** 2 + variants.u(moved_by[name]) ** 2 + by_heights)
     return CameraComparison(
         quantities=compared,
         hits=int(used.sum()),

@@ -176,10 +176,8 @@ def _line_weights(sightings: Sightings, way: Mask) -> tuple[Array, Array, Array]
 
     The shapes are (shot, frame), (shot, frame) and (shot,). NaN: no frame.
     """
-    weights, times = (
-        np.where(way & np.isfinite(sightings.x), 1 / sightings.u**2, 0.0),
-        _from_first(sightings),
-    )
+    weights = np.where(way & np.isfinite(sightings.x), 1 / sightings.u**2, 0.0)
+    times = _from_first(sightings)
     total = weights.sum(axis=1)[:, None]
     middle = weights / np.where(total > 0, total, np.nan)
     moment = np.sum(middle * times, axis=1)

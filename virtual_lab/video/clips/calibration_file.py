@@ -53,20 +53,16 @@ class CameraModel(Spec):
 
     def __post_init__(self) -> None:
         if len(self.distortion) not in {4, 5, 8, 12, 14}:
-            count = len(self.distortion)
-            raise ValueError(f"distortion has 4, 5, 8, 12 or 14 numbers, not {count}")
+            raise ValueError("distortion has 4, 5, 8, 12 or 14 numbers")
         if min(self.matrix[0][0], self.matrix[1][1]) < 1 or self.matrix[2] != (0.0, 0.0, 1.0):
-            needed = "focal lengths of at least 1 pixel, and 0, 0, 1 as its last row"
-            raise ValueError(f"matrix needs {needed}")
+            raise ValueError("matrix needs focal lengths above 1 pixel and the last row 0, 0, 1")
         import cv2
 
         turn = cv2.Rodrigues(np.array(self.rotation))[0]
         above = self.plane_height_m + float(turn[:, 2] @ self.translation_m)
         grazing = abs(turn[2, 2]) < 0.02  # the camera looks along the plane, not at it
         if grazing or not above * turn[2, 2] > 0:
-            raise ValueError(
-                "with this rotation and translation_m the camera does not see the ball's plane"
-            )
+            raise ValueError("the camera does not see the ball's plane")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,9 +122,6 @@ def read_calibration(
     if needs_length and not (
         calibration.metres_per_pixel or calibration.camera or calibration.ball_diameter_m
     ):
-        allowed = (
-            "give --ball, --scale or --ruler gravity, or metres_per_pixel or [camera] in a "
-            "calibration file"
-        )
+        allowed = "give --ball, --scale or --ruler gravity, or a scale in a calibration file"
         raise InputError(str(path or ""), "scale", None, f"the scale is unknown; {allowed}")
     return calibration

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -221,14 +222,12 @@ def _require_sizes(path: Path) -> None:
     from PIL import Image, ImageSequence
 
     sizes: list[tuple[int, int] | None] = []
-    with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
+    with suppress(OSError, SyntaxError, ValueError), warnings.catch_warnings(action="ignore"):
         try:
             with Image.open(path) as image:
                 sizes += [page.size for page in ImageSequence.Iterator(image)]
         except Image.DecompressionBombError:
-            sizes = [None]
-        except (OSError, SyntaxError, ValueError):
-            sizes = []
+            sizes.append(None)
     for size in sizes:
         _require_size(path, size)
 

@@ -50,28 +50,22 @@ def frame_times(
     if calibration.timestamps is not None:
         times = _read_stamps(Path(calibration.timestamps), count)
         if nominal and abs((rate := 1 / float(np.median(np.diff(times)))) / nominal - 1) >= 0.01:
-            warnings.append(
-                f"the time stamps mean {rate:.6g} frames per second, but frames_per_second is "
-                f"{nominal:.6g}; the time stamps are used"
-            )
-        return times, tuple(warnings)
-    if nominal:
+            words = f"frames_per_second is {nominal:.6g}, but the time stamps are used"
+            warnings.append(f"{words}: they mean {rate:.6g} frames per second")
+    elif nominal:
+        times = np.arange(count) / nominal
         if source.rate and abs(source.rate / nominal - 1) >= 0.01:
-            warnings.append(
-                f"the file states {source.rate:.6g} frames per second; the stated "
-                f"rate of {nominal:.6g} is used"
-            )
+            words = f"the file states {source.rate:.6g} frames per second"
+            warnings.append(f"{words}; the stated rate of {nominal:.6g} is used")
         steps = np.diff(stamps)
-        if len(steps) > 1 and np.isfinite(steps).all():
-            gaps = np.flatnonzero(steps > 1.5 * np.median(steps) + rounding)
-            if gaps.size:
-                warnings.append(
-                    f"the file's time stamps jump after frame {gaps[0]} ({gaps.size} jumps in "
-                    "all); frames may be missing there"
-                )
-        return np.arange(count) / nominal, tuple(warnings)
-    times, more = _own_times(source, stamps, rounding)
-    return times, (*warnings, *more)
+        # A comparison with NaN, a missing stamp, is False.
+        if count > 2 and (gaps := np.flatnonzero(steps > 1.5 * np.median(steps) + rounding)).size:
+            words = f"frames may be missing after frame {gaps[0]}"
+            warnings.append(f"{words}: the file's time stamps jump there ({gaps.size} such jumps)")
+    else:
+        times, more = _own_times(source, stamps, rounding)
+        warnings += more
+    return times, tuple(warnings)
 
 
 def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, list[str]]:
@@ -85,10 +79,8 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
     warnings = []
     # High-speed cameras write the rate at which they film.
     if source.path.suffix.lower() not in HIGHSPEED:
-        warnings.append(
-            f"{UNSURE_RATE}, {source.rate:.6g} per second; a slow-motion file states its playback "
-            "rate"
-        )
+        words = f"{UNSURE_RATE}, {source.rate:.6g} per second"
+        warnings.append(f"{words}; a slow-motion file states its playback rate")
     even = np.arange(len(stamps)) / source.rate
     if not np.isfinite(stamps).all() or np.ptp(stamps - even) < rounding:
         return even, warnings
@@ -97,10 +89,8 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
         warnings.append("the file's time stamps do not increase; its frame rate is used")
         return even, warnings
     if (changed := np.flatnonzero(times != stamps)).size:
-        warnings.append(
-            f"time stamps repeat or decrease ({changed.size} frames, the first is {changed[0]}); "
-            "the times of these frames are interpolated"
-        )
+        words = f"time stamps repeat or decrease ({changed.size} frames, the first is {changed[0]})"
+        warnings.append(f"{words}; they are interpolated")
     return times, warnings
 
 

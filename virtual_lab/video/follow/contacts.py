@@ -15,7 +15,7 @@ from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
 from virtual_lab.video.follow.knowledge import Note
 from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
 from virtual_lab.video.follow.pieces import GROWTH, Piece
-from virtual_lab.video.follow.ruler import RULER, Ruler
+from virtual_lab.video.follow.ruler import VAGUE, Ruler
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.sharpening import SharpBall
 
@@ -242,7 +242,7 @@ def _restitution(
     if ratio.value <= 0:
         why = f"the ball passes through the {kind}; no restitution is stated"
         return None, "CONTACT_UNCLEAR", why
-    if ratio.u > RULER.vague:
+    if ratio.u > VAGUE:
         why = "the flights are too uncertain; no restitution is stated"
         return None, "CONTACT_UNCLEAR", why
     return ratio, "", ""

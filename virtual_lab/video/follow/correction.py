@@ -74,15 +74,13 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         blobs=blobs,
         change=np.full(clip.count, np.nan),
     )
-    pieces = [
-        Piece.of(blobs, rows, t[rows]) for rows in flights if len(rows) >= GROWTH.least_places
-    ]
-    pieces.sort(key=lambda each: each.frames[0])
+    long = [rows for rows in flights if len(rows) >= GROWTH.least_places]
+    pieces = [Piece.of(blobs, rows, t[rows]) for rows in sorted(long, key=lambda rows: rows[0])]
     for one, other in pairwise(pieces):
         if other.frames[0] <= one.frames[-1]:
-            which, allowed = (
-                int(other.frames[0]),
-                "a flight must begin after the previous one has ended",
+            key, allowed = (
+                f"flight at frame {other.frames[0]}",
+                "begins before the end of another",
             )
-            raise InputError(str(path), f"flight at frame {which}", None, allowed)
+            raise InputError(str(path), key, None, allowed)
     return watched, pieces

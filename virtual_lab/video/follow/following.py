@@ -112,13 +112,8 @@ def follow(
         the user asked to compute the scale from gravity, but no flight is curved enough.
     """
     progress("looking for the ball")
-    watched = watch(
-        clip,
-        frames=knowledge.frames,
-        region=knowledge.region,
-        tripod=knowledge.tripod,
-        progress=progress,
-    )
+    frames, region, tripod = knowledge.frames, knowledge.region, knowledge.tripod
+    watched = watch(clip, frames=frames, region=region, tripod=tripod, progress=progress)
     return follow_blobs(clip, watched, knowledge, progress=progress)
 
 
@@ -197,7 +192,7 @@ def measure(
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None
     if sharp and model:
-        rulers = [Ruler.of_plane(sharp.plane, knowledge.rate_u)]
+        rulers = [Ruler.of(sharp.plane, knowledge)]
         notes += sharp.notes
         model = replace(model, rest=[*model.rest, *sharp.aside])
     else:
@@ -300,13 +295,10 @@ def _flights(
                 speed = _let_go(speed, unit, off, np.array([right, down]), fit.pull[k])
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends |= {f"speed_{name}": speed, f"angle_{name}": angle}
+        first, last = way.frames[[0, -1]].tolist()
         flights.append(
             Flight(
-                first_frame=int(way.frames[0]),
-                last_frame=int(way.frames[-1]),
-                places=len(way.t),
-                **ends,
-                acceleration=alone[k],
+                first_frame=first, last_frame=last, places=len(way.t), acceleration=alone[k], **ends
             )
         )
     return flights

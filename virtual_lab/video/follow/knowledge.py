@@ -60,12 +60,12 @@ def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:
     if camera and (far := distance_of(camera)):
         scale = far / camera.matrix[0][0]
     (right, down, *_), drag = calibration.gravity_mps2, calibration.drag_per_m
+    # The distortion of a calibrated lens bends straight lines.
+    pull = (right, down) if (right or down) and not camera else None
     return ClipKnowledge(
         rate=1 / usual_step(clip.times),
         drag=(drag, calibration.drag_per_m_u) if drag else None,
-        pull=(right, down)
-        if (right or down) and not camera
-        else None,  # because the lens distorts straight lines
+        pull=pull,
         ball=calibration.ball_diameter_m,
         ball_u=calibration.ball_diameter_m_u,
         metres_per_pixel=scale,

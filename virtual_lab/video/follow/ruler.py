@@ -27,7 +27,7 @@ is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -47,28 +47,20 @@ SAID = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RulerSettings:
-    """Uncertainties of a ruler besides those of the pictures, and limits for using it."""
-
-    # share of the positions, those with the least blur, that are used for the size of the ball
-    roundest: float = 0.34
-    # relative u of the size per relative width of the edge, and per relative difference of the
-    # axes, which a ball lit from the side has; the measured size is 1 to 4, 5 to 7 and 30 to 40 %
-    # too small in synthetic clips with even, soft and hard light
-    edge_u: float = 0.14
-    oval_u: float = 0.6
-    # radius of a small ball [pixels]. The sixth power of its ratio to a ball's radius is the
-    # relative u. Blur reduces the contrast of a small ball, so its outline at half of the contrast
-    # is outside the ball: in H.264, balls with a radius of 5 pixels are measured 10 to 28 % too
-    # large, unlike balls of 8.5 pixels.
-    small: float = 4.6
-    drag_coefficient: float = 0.45  # drag coefficient of a ball
-    # largest relative u of a length, and largest u of a restitution, with which they are stated
-    vague: float = 0.25
-
-
-RULER = RulerSettings()
+# share of the positions, those with the least blur, that are used for the size of the ball
+ROUNDEST = 0.34
+# relative u of the size per relative width of the edge, and per relative difference of the axes,
+# which a ball lit from the side has; the measured size is 1 to 4, 5 to 7 and 30 to 40 % too small
+# in synthetic clips with even, soft and hard light
+EDGE_U, OVAL_U = 0.14, 0.6
+# radius of a small ball [pixels]. The sixth power of its ratio to a ball's radius is the relative
+# u. Blur reduces the contrast of a small ball, so its outline at half of the contrast is outside
+# the ball: in H.264, balls with a radius of 5 pixels are measured 10 to 28 % too large, unlike
+# balls of 8.5 pixels.
+SMALL = 4.6
+DRAG_COEFFICIENT = 0.45  # drag coefficient of a ball
+# largest relative u of a length, and largest u of a restitution, with which they are stated
+VAGUE = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,13 +71,19 @@ class Ruler(PixelScale):
     rest_u: float  # relative u that is not part of the u of the fit's parameters
 
     @classmethod
-    def of_plane(cls, plane: PixelScale, rate_u: float) -> Ruler:
-        """Return the ruler of a calibrated plane; `rate_u` is the relative u of the frame rate."""
+    def of(cls, scale: PixelScale, knowledge: ClipKnowledge) -> Ruler:
+        """Return the ruler of a scale that does not come from gravity.
+
+        The relative u of speeds combines the u of the scale and of the frame rate. A frame rate
+        from gravity is proportional to 1/√length, so speeds are proportional to √length. Their
+        relative u is then that of the rate, half the relative u of length and fitted acceleration.
+        """
+        length_u = 0.0 if knowledge.rate_of == GRAVITY else scale.relative_u
         return cls(
-            metres_per_pixel=plane.metres_per_pixel,
-            relative_u=plane.relative_u,
-            source=plane.source,
-            rest_u=float(np.hypot(plane.relative_u, rate_u)),
+            metres_per_pixel=scale.metres_per_pixel,
+            relative_u=scale.relative_u,
+            source=scale.source,
+            rest_u=float(np.hypot(length_u, knowledge.rate_u)),
         )
 
     def unit(self, fit: Fit) -> float:
@@ -141,41 +139,26 @@ def rulers_of(
     rulers = []
     if knowledge.ball and len(blobs):
         ball = _by_ball(blobs, knowledge.ball, knowledge.ball_u, model.fit if model else None)
-        rulers.append(_with_rate(ball, knowledge))
+        rulers.append(Ruler.of(ball, knowledge))
     if model and not model.tilted and knowledge.rate_of != GRAVITY:
         radius = float(np.median([each.radius for each in ways]))
         by_gravity = _by_gravity(model, radius, knowledge, step)
         rulers += [by_gravity] if by_gravity else []
     if knowledge.ruler == GRAVITY and not any(each.source == GRAVITY for each in rulers):
-        allowed = (
-            "no flight measures gravity to 25 %, or the camera is tilted by 10 degrees or more; "
-            "give --ball or --scale"
-        )
+        allowed = "no flight measures gravity to 25 %, or the camera is tilted; give --ball"
         raise InputError(where, "--ruler", GRAVITY, allowed)
-    rulers.sort(key=lambda each: each.relative_u)
-    rulers.sort(key=lambda each: each.source != knowledge.ruler)
+    rulers.sort(key=lambda each: (each.source != knowledge.ruler, each.relative_u))
     if knowledge.metres_per_pixel:
         relative = knowledge.metres_per_pixel_u / knowledge.metres_per_pixel
         scale = PixelScale(
             metres_per_pixel=knowledge.metres_per_pixel, relative_u=relative, source=GIVEN
         )
-        rulers.insert(0, _with_rate(Ruler.of_plane(scale, 0.0), knowledge))
+        rulers.insert(0, Ruler.of(scale, knowledge))
     return rulers
 
 
-def _with_rate(ruler: Ruler, knowledge: ClipKnowledge) -> Ruler:
-    """Return the ruler with a u of speeds that includes the u of the frame rate.
-
-    A frame rate from gravity is proportional to 1/√length, so speeds are proportional to √length.
-    The relative u of speeds is then that of the rate, half the relative u of length and fitted
-    acceleration.
-    """
-    whole = knowledge.rate_of == GRAVITY
-    return replace(ruler, rest_u=float(np.hypot(0.0 if whole else ruler.rest_u, knowledge.rate_u)))
-
-
-def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> Ruler:
-    """Return the ruler from the ball's size in its roundest pictures.
+def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) -> PixelScale:
+    """Return the scale from the ball's size in its roundest pictures.
 
     At half of the contrast, blur lengthens a hull by about as much as it narrows it, so the mean of
     the axes has no bias. Shade widens the edge or makes the picture less circular, and the ball is
@@ -185,17 +168,15 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
     ratio, size = blobs["length"] / blobs["radius"], (blobs["radius"] + blobs["length"]) / 2
     if fit:
         size = size / (1 - (np.stack([blobs["x"], blobs["y"]], axis=1) - fit.centre) @ fit.tilt)
-    round_ = ratio <= np.quantile(ratio, RULER.roundest)
+    round_ = ratio <= np.quantile(ratio, ROUNDEST)
     radius = float(np.median(size[round_]))
     scatter = 1.4826 * float(np.median(np.abs(size[round_] - radius)))
-    edge = RULER.edge_u * float(np.median(blobs["edge"][round_])) / radius
-    oval = RULER.oval_u * (float(np.median(ratio[round_])) - 1)
-    small = min((RULER.small / radius) ** 6, RULER.vague)
+    edge = EDGE_U * float(np.median(blobs["edge"][round_])) / radius
+    oval = OVAL_U * (float(np.median(ratio[round_])) - 1)
+    small = min((SMALL / radius) ** 6, VAGUE)
     scattered = 0.5 * scatter / radius
     relative = float(np.linalg.norm([diameter_u / diameter, edge, oval, small, scattered]))
-    return Ruler(
-        metres_per_pixel=diameter / (2 * radius), relative_u=relative, source=BALL, rest_u=relative
-    )
+    return PixelScale(metres_per_pixel=diameter / (2 * radius), relative_u=relative, source=BALL)
 
 
 def _by_gravity(
@@ -208,19 +189,15 @@ def _by_gravity(
     if not model.fit.covariance[0, 0]:
         return None
     # ratio of the density of the air to that of the ball
-    air = 8 / 3 / RULER.drag_coefficient * model.fit.drag * radius
+    air = 8 / 3 / DRAG_COEFFICIENT * model.fit.drag * radius
     tilt = 1 / np.cos(knowledge.level_u) - 1
     rest = [knowledge.gravity_u / knowledge.gravity, tilt, 1.5 * air * EVEN_SHARE]
     rest_u = float(np.linalg.norm(rest))
     fall = knowledge.gravity * step**2
-    length = estimate_of(
-        lambda f: fall / f.size,
-        model.fit,
-        [*model.rest, *model.longest],
-        relative_u=rest_u,
-    )
+    others = [*model.rest, *model.longest]
+    length = estimate_of(lambda fit: fall / fit.size, model.fit, others, relative_u=rest_u)
     relative = length.u / length.value
-    if relative > RULER.vague:
+    if relative > VAGUE:
         return None
     return Ruler(
         metres_per_pixel=length.value,

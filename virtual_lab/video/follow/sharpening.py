@@ -7,7 +7,7 @@ contradicts the other positions of the flight.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -136,9 +136,8 @@ def sharpen(
         key = words if lens is None else "exposure_s (the camera's own setting)"
         raise NotSharpError(f"the calibration file does not give {key}")
     if calibration.timestamps is not None and (stepped := scene.lost(ways)):
-        raise NotSharpError(
-            f"before frame {min(stepped)} the ball moves farther than the time stamps explain"
-        )
+        words = "the ball moves farther than the time stamps explain"
+        raise NotSharpError(f"before frame {min(stepped)} {words}")
     blobs = watched.blobs[np.concatenate([way.blobs for way in ways])]
     frames, step = blobs["frame"].astype(np.intp), usual_step(clip.times)
     radius, expected = float(np.median(blobs["radius"])), None
@@ -160,11 +159,8 @@ def sharpen(
         corners=corners,
     )
     located = sharp_places(clip, regions, start, lens=lens, ball_radius=expected)
-    ball = SharpBall(
-        frames=frames,
-        located=located,
-        plane=plane_of(located, calibration, str(clip.source.path)),
-    )
+    plane = plane_of(located, calibration, str(clip.source.path))
+    ball = SharpBall(frames=frames, located=located, plane=plane)
     stamped = clip.times / step
     ways = [
         replace(way, t=stamped[way.frames] + np.round(way.t - scene.time[way.frames]))
@@ -240,7 +236,11 @@ def settle(
     flags[good & left_out] |= np.uint16(PlaceFlag.OFF_WAY)
     ball = replace(ball, located=replace(located, flags=flags))
     flown, aside, notes = _flatten(scene, flown, ball, knowledge)
-    notes += _against(scene, flown)
+    for k, (way, left) in enumerate(zip(flown, fit_flights(scene, flown).residuals, strict=True)):
+        assert way.u is not None
+        if np.sqrt(np.mean(left**2)) > MISFIT_U * np.hypot(np.median(way.u), way.pattern_u):
+            why = "give gravity_mps2 or drag_per_m, or leave out frames with a touched ball"
+            notes.append(("CROOKED", f"flight {k + 1} is not straight; {why}"))
     return scene, flown, replace(ball, aside=aside, notes=tuple(notes))
 
 
@@ -249,12 +249,10 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
 
     Raises `NotSharpError` if too few positions remain.
     """
-    if len(way.t) < (few := LEAST_FRAMES):
-        raise NotSharpError(
-            f"fewer than {few} frames of a flight show the ball complete, round and apart from "
-            "other objects"
-        )
-    least = max(few, (1 - DENIED_SHARE) * len(way.t))
+    if len(way.t) < LEAST_FRAMES:
+        words = "frames of a flight show the ball complete, round and apart from other objects"
+        raise NotSharpError(f"fewer than {LEAST_FRAMES} {words}")
+    least = max(LEAST_FRAMES, (1 - DENIED_SHARE) * len(way.t))
     while len(way.t) > least:
         assert way.u is not None
         (left,) = fit_flights(scene, [way]).residuals
@@ -336,17 +334,3 @@ def _growth_rate(way: Piece, grown: Array, late: Array) -> tuple[float, float]:
     pattern = pattern_covariance(relative, left, late - late.mean())
     light = GROWTH_U / way.radius / np.ptp(late)
     return float(line[0]), float(np.sqrt(noise[0, 0] + pattern[1, 1] + light**2))
-
-
-def _against(scene: FlightScene, ways: Sequence[Piece]) -> Iterator[Note]:
-    """Yield notes on doubts about sharp flights."""
-    fit = fit_flights(scene, ways)
-    for k, (way, left) in enumerate(zip(ways, fit.residuals, strict=True)):
-        assert way.u is not None
-        noise = np.hypot(np.median(way.u), way.pattern_u)
-        if float(np.sqrt(np.mean(left**2))) > MISFIT_U * noise:
-            yield (
-                "CROOKED",
-                f"flight {k + 1} is not straight; give gravity_mps2 or drag_per_m, or leave out "
-                "frames in which the ball is touched",
-            )

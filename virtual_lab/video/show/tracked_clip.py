@@ -31,7 +31,7 @@ from virtual_lab.video.follow.knowledge import (
     Note,
     knowledge_of,
 )
-from virtual_lab.video.follow.ruler import RULER
+from virtual_lab.video.follow.ruler import DRAG_COEFFICIENT
 from virtual_lab.video.show.course import course_table
 from virtual_lab.video.show.track_text import (
     estimate_table,
@@ -105,14 +105,13 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
         if not (diameter := calibration.ball_diameter_m):
             allowed = "the drag depends on the ball's size; give --ball"
             raise InputError("", "--mass", f"{1e3 * mass:g}g", allowed)
-        drag = float(drag_rate(1.2, RULER.drag_coefficient, diameter / 2, mass))
+        drag = float(drag_rate(1.2, DRAG_COEFFICIENT, diameter / 2, mass))
         # Seams, roughness and speed change C_d by a fifth, far more than the mass of a ball varies.
         calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
     if calibration.metres_per_pixel or calibration.camera:
         if ruler:
-            raise InputError(
-                "", "--ruler", ruler, "leave it out: the given length in the picture is the ruler"
-            )
+            allowed = "leave it out: the given length in the picture is the ruler"
+            raise InputError("", "--ruler", ruler, allowed)
     elif said.get("assumed"):
         diameter_u = 1e3 * calibration.ball_diameter_m_u
         return calibration, [("", f"{UNSURE_BALL}: {diameter_u:.2g} mm was assumed")]
