@@ -10,6 +10,7 @@ from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.joint import fit_flights
+from virtual_lab.video.follow.knowledge import ClipKnowledge
 from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece, pieces
 from virtual_lab.video.follow.ruler import Ruler
@@ -46,7 +47,9 @@ def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece
 
 
 def contact(scene: FlightScene, ways: list[Piece], model: FittedFlights) -> Contact:
-    (result,), _ = contacts_of(scene, ways, model, 1.0, Ruler.of_plane(SCALE, 0.0), None)
+    (result,), _ = contacts_of(
+        scene, ways, model, 1.0, Ruler.of(SCALE, ClipKnowledge(rate=1.0)), None
+    )
     return result
 
 
