@@ -78,9 +78,6 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     pieces = [Piece.of(blobs, rows, t[rows]) for rows in sorted(long, key=lambda rows: rows[0])]
     for one, other in pairwise(pieces):
         if other.frames[0] <= one.frames[-1]:
-            key, allowed = (
-                f"flight at frame {other.frames[0]}",
-                "begins before the end of another",
-            )
-            raise InputError(str(path), key, None, allowed)
+            allowed = "a flight must begin after the previous one has ended"
+            raise InputError(str(path), f"flight at frame {other.frames[0]}", None, allowed)
     return watched, pieces
