@@ -130,7 +130,7 @@ def peak_value(bat: str, curve: str) -> float:
     return top(bat, curve).value
 
 
-def peak_place(bat: str, curve: str) -> float:
+def peak_position(bat: str, curve: str) -> float:
     """Return the distance from the tip of the largest value of a curve [in], for swing exponent 0.
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or
@@ -149,7 +149,7 @@ def ball_restitution(name: str, speed: float) -> float:
     return float(paper_ball(name).restitution.at(speed * MPH))
 
 
-def lead(first: str, second: str, swing: float | None = 0.0) -> float:
+def peak_speed_lead(first: str, second: str, swing: float | None = 0.0) -> float:
     """Return the peak batted-ball speed of one bat minus the peak speed of another bat [mph].
 
     The result is `first` minus `second`. The bats are swung under standard game conditions. `swing`
@@ -292,7 +292,7 @@ def centre_of_percussion_in(bat: str) -> float:
     )
 
 
-def top_of(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
+def peak_speed(z: ArrayLike, e_A: ArrayLike, pitch: float, bat_speed: ArrayLike) -> Peak:
     """Return the largest batted-ball speed v_f by Eq. (3) [mph] and its distance from the tip [in].
 
     Between positions v_f is interpolated by a spline. The maximum may be at an end.

@@ -33,9 +33,9 @@ from virtual_lab.studies.paper.computed import (
     body,
     collide_at,
     game_bat_speed,
-    lead,
     model,
     paper_ball,
+    peak_speed_lead,
     profiles_by_swing,
     recoil,
     restitution,
@@ -75,11 +75,11 @@ def table_one() -> Iterator[Claim]:
                 high=value + 5e-3 * value,
                 unit=unit,
                 why="fit of the drawing, 0.5 %",
-                find=partial(of_drawing, bat, name),
+                find=partial(drawing_entry, bat, name),
             )
 
 
-def of_drawing(bat: str, name: str) -> float:
+def drawing_entry(bat: str, name: str) -> float:
     """Return an entry of Table I computed from the drawing of a bat, in the unit of the table.
 
     `name` is length, z_cm, node 1 or node 2 [in], mass [oz], I_cm or I_knob [oz in^2], f_1 or f_2
@@ -109,7 +109,7 @@ def added_weight(bat: str) -> float:
     return body(bat).lumps[-1].mass / OUNCE
 
 
-def percent(curve: str, first: str, second: str) -> float:
+def peak_change(curve: str, first: str, second: str) -> float:
     """Return the relative difference of two bats in the peak of a curve [%].
 
     It is 100 (first / second - 1), negative if the first bat has the lower peak. `curve` is
@@ -120,7 +120,7 @@ def percent(curve: str, first: str, second: str) -> float:
     return 100 * (top(first, curve).value / top(second, curve).value - 1)
 
 
-def farther(curve: str) -> float:
+def peak_shift(curve: str) -> float:
     """Return the peak position of a curve on EA70 minus the peak position on R161 [in].
 
     The result is positive if the peak of EA70 is farther from the tip. `curve` is ``restitution``,
@@ -130,7 +130,7 @@ def farther(curve: str) -> float:
     return top(ALUMINIUM, curve).place - top(WOOD, curve).place
 
 
-def slower_there(curve: str) -> float:
+def bat_speed_difference(curve: str) -> float:
     """Return the bat speed at the peak of R161 minus the bat speed at the peak of EA70 [mph].
 
     R161 is the wood bat and EA70 the aluminum bat of the paper. The peak of a bat is the impact
@@ -150,7 +150,7 @@ def mass_share(light: str, heavy: str) -> float:
     return float(recoil(heavy, 6.0) / recoil(light, 6.0))
 
 
-def thinner_is_livelier() -> float:
+def factor_gain_of_thin_wall() -> float:
     """Return the increase of the peak bat performance factor (BPF) due to a thinner wall.
 
     The bat is EA70, the aluminum bat of the paper. The thinner wall is the wall of the catalog bat
@@ -168,7 +168,7 @@ def thinner_is_livelier() -> float:
     return float(e.max()) / 0.5 - top(ALUMINIUM, "bat_performance_factor").value
 
 
-def thinner() -> float:
+def wall_reduction() -> float:
     """Return the relative reduction in wall thickness from bat EA70 to the loaded bats [%].
 
     EA70 is the paper's aluminum bat. The loaded bats are two other aluminum bats with a mass added
@@ -199,7 +199,7 @@ def node_shift(i: int) -> float:
     ) / INCH
 
 
-def loads_apart() -> float:
+def load_difference() -> float:
     """Return the difference in mass between the barrel-loaded and the knob-loaded bat [oz].
 
     It is positive if the barrel-loaded bat is heavier.
@@ -207,12 +207,12 @@ def loads_apart() -> float:
     return (beam(BARREL).mass - beam(KNOB).mass) / OUNCE
 
 
-def centre_farther() -> float:
+def balance_point_difference() -> float:
     """Return the balance point of EA70 minus the balance point of R161 [in], both from the tip."""
     return (beam(ALUMINIUM).z_cm - beam(WOOD).z_cm) / INCH
 
 
-def least_lead(first: str, second: str, *swings: float) -> float:
+def smallest_lead(first: str, second: str, *swings: float) -> float:
     """Return the smallest lead of the first bat over several swing exponents [mph].
 
     The lead is the peak batted-ball speed of the first bat minus the peak of the second, under
@@ -220,10 +220,10 @@ def least_lead(first: str, second: str, *swings: float) -> float:
     `ValueError` without an exponent, `KeyError` for another exponent, and `InputError` for an
     unknown bat.
     """
-    return min(lead(first, second, n) for n in swings)
+    return min(peak_speed_lead(first, second, n) for n in swings)
 
 
-def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
+def lead_decrease(first: str, second: str, n: float, n_second: float) -> float:
     """Return the decrease of the first bat's lead [mph] if the swing exponent rises to `n_second`.
 
     The lead is the peak batted-ball speed of the first bat minus the peak of the second, under
@@ -231,10 +231,10 @@ def lead_lost(first: str, second: str, n: float, n_second: float) -> float:
     `n_second`. Both are 0 to 0.5 in steps of 0.1. Raises `KeyError` for another exponent, and
     `InputError` for an unknown bat.
     """
-    return lead(first, second, n) - lead(first, second, n_second)
+    return peak_speed_lead(first, second, n) - peak_speed_lead(first, second, n_second)
 
 
-def by_restitution_alone() -> float:
+def change_with_other_recoil() -> float:
     """Return the change of a batted-ball speed if the recoil factor of another bat is used [mph].
 
     The absolute change is returned. The batted-ball speed of the wood bat R161 is computed with its
@@ -250,7 +250,7 @@ def by_restitution_alone() -> float:
     return abs(speeds[1] - speeds[0])
 
 
-def contradictions(curve: str) -> float:
+def opposite_rankings(curve: str) -> float:
     """Return the number of pairs of bats that two curves rank in opposite order, 0 to 6.
 
     The four bats of the paper are ranked by the peak of `curve`, and by the peak of the batted-ball
@@ -259,12 +259,12 @@ def contradictions(curve: str) -> float:
     are not counted. Raises `KeyError` for an unknown curve.
     """
     return sum(
-        (top(first, curve).value - top(second, curve).value) * lead(first, second) < 0
+        (top(first, curve).value - top(second, curve).value) * peak_speed_lead(first, second) < 0
         for first, second in combinations(BATS, 2)
     )
 
 
-def with_speed() -> float:
+def restitution_drop_with_speed() -> float:
     """Return the peak bat-ball restitution e of free R161 at 60 mph minus its peak at 160 mph.
 
     The peak is the largest e 3 to 8 in from the tip. The ball is ``baseball-2003``; its ball-wall
@@ -274,7 +274,7 @@ def with_speed() -> float:
     return float(slow - fast)
 
 
-def with_ball() -> float:
+def restitution_gain_with_ball() -> float:
     """Return the increase of the peak bat-ball restitution e with a livelier ball.
 
     The bat is R161 without a support. The ball-wall restitution e0 rises from 0.525 to 0.555, the

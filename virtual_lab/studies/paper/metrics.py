@@ -47,7 +47,7 @@ def _worst(values: Array) -> float:
     return float(np.abs(values).max())
 
 
-def frames() -> float:
+def frame_difference() -> float:
     """Return the largest difference of the collision efficiency e_A between two reference frames.
 
     e_A is computed by Eq. (2) from the speeds in the frame of the field, and compared with e_A in
@@ -61,7 +61,7 @@ def frames() -> float:
     return _worst(np.asarray(collision_efficiency(FAST - v_bat, v_bat, v_f)) - e_A)
 
 
-def round_trip() -> float:
+def round_trip_error() -> float:
     """Return the largest error of e_A after a conversion to batted-ball speed v_f and back.
 
     v_f is computed from e_A by Eq. (3), and e_A from v_f by Eq. (2). The absolute error is
@@ -73,7 +73,7 @@ def round_trip() -> float:
     return _worst(np.asarray(collision_efficiency(90.0, 70.0, v_f)) - e_A)
 
 
-def symmetrical() -> float:
+def symmetrical_form_error() -> float:
     """Return the largest absolute difference of the batted-ball speed by two computations [mph].
 
     The first computation uses BESR, the ball exit speed ratio. The second uses e_A, the collision
@@ -121,7 +121,7 @@ def explicit_share(v: str) -> float:
     return factor / (factor + abs(160 * speed_slope(WOOD)))
 
 
-def drop(bat: str, curve: str, side: float) -> float:
+def drop_beside_peak(bat: str, curve: str, side: float) -> float:
     """Return the decrease of a curve from its peak to a position `side` [in] away from the peak.
 
     A positive `side` is toward the handle. `curve` is ``restitution``, ``bat_performance_factor``,
@@ -135,7 +135,7 @@ def drop(bat: str, curve: str, side: float) -> float:
     )
 
 
-def node_gap() -> float:
+def distance_to_node() -> float:
     """Return the largest distance between the peak of e_A and the closest barrel node [in].
 
     e_A is the collision efficiency, and a barrel node is a position at which a bending mode has no
@@ -151,7 +151,7 @@ def node_gap() -> float:
     )
 
 
-def effect_of_support(bat: str, support_name: str) -> float:
+def support_effect(bat: str, support_name: str) -> float:
     """Return the largest absolute change of e_A if a free bat gets a support.
 
     e_A is the collision efficiency. The bat is hit 3 to 8 in from the tip, at 160 mph.
@@ -165,7 +165,7 @@ def effect_of_support(bat: str, support_name: str) -> float:
     return _worst(gap)
 
 
-def firmness() -> float:
+def grip_effect() -> float:
     """Return the largest difference of the batted-ball speed between two handle supports [mph].
 
     The largest absolute difference over the impact positions is returned. The bat is R161, the wood
@@ -178,7 +178,7 @@ def firmness() -> float:
     )
 
 
-def lost_in_cm_frame() -> float:
+def energy_loss_error() -> float:
     """Return the largest absolute deviation of the energy loss of free R161 from 1 - e².
 
     e is the bat-ball restitution. The loss is divided by the initial energy of ball and bat in
@@ -190,7 +190,7 @@ def lost_in_cm_frame() -> float:
     return _worst(energy_loss(collisions) * (1 + r) - (1 - e**2))
 
 
-def fractions(name: str) -> float:
+def energy_share_error(name: str) -> float:
     """Return the largest absolute difference of an energy share: collision model minus Eqs. (10).
 
     Eqs. (10) are equations of the paper of Nathan (2003). They give three shares of the collision
@@ -242,7 +242,7 @@ def recoil_deviation(support_name: str) -> float:
     return max(gaps)
 
 
-def parallel_axes() -> float:
+def parallel_axis_error() -> float:
     """Return the relative error of the parallel-axis theorem for the wood bat R161.
 
     The moment of inertia about an axis 6 in from the knob is computed by the theorem and by an
@@ -254,7 +254,7 @@ def parallel_axes() -> float:
     return float(shifted) / bat_beam.inertia(pivot) - 1
 
 
-def nearer_is_heavier() -> float:
+def effective_mass_increase() -> float:
     """Return the smallest relative increase of the effective mass from one position to the next.
 
     On each of the paper's four bats there are 30 positions, from the tip to the center of mass. A
@@ -267,7 +267,7 @@ def nearer_is_heavier() -> float:
     return least
 
 
-def rise_with_lighter_recoil() -> float:
+def efficiency_rise() -> float:
     """Return the smallest change of e_A, over a grid of e and r, if r decreases by 0.05.
 
     The collision efficiency e_A is computed by Eq. (6). The grid has a bat-ball restitution e from
@@ -277,7 +277,7 @@ def rise_with_lighter_recoil() -> float:
     return float(-np.diff(e_A, axis=0).max())
 
 
-def below_restitution() -> float:
+def efficiency_excess() -> float:
     """Return the largest difference e_A - e of the four bats, 0.5 to 16 in from the tip.
 
     e_A is the collision efficiency and e the bat-ball restitution. The result is negative if e_A is
@@ -379,7 +379,7 @@ def least_energy_gap(support_name: str) -> float:
     return float(np.abs(gap[Z < 5]).min())
 
 
-def at_percussion(bat: str) -> float:
+def restitution_change_at_percussion(bat: str) -> float:
     """Return the absolute change of the bat-ball restitution e caused by a pivot.
 
     The pivot is 6 in from the knob; without it the bat is free. The bat is hit at the center of
@@ -390,7 +390,7 @@ def at_percussion(bat: str) -> float:
     return _worst(gap)
 
 
-def recoils_at_percussion() -> float:
+def recoil_change_at_percussion() -> float:
     """Return the largest absolute relative change of the recoil factor r caused by a pivot.
 
     The pivot is 6 in from the knob. r is computed at the center of percussion for this pivot. The
@@ -422,7 +422,7 @@ def pivot_speed() -> float:
     return float(hit[rigid] @ pivot[rigid] / (hit[rigid] @ hit[rigid]))
 
 
-def without_hoop() -> float:
+def factor_gain_of_hoop() -> float:
     """Return the peak bat performance factor (BPF) of EA70 minus the peak with a rigid shell.
 
     Both bats are free. The first peak is computed under standard game conditions (90 mph pitch),
@@ -516,7 +516,7 @@ def restitution_by_support() -> float:
     return _worst(restitution(WOOD, [4.0], "pivoted") - restitution(WOOD, [4.0]))
 
 
-def restitution_lost_clamped() -> float:
+def clamping_loss() -> float:
     """Return the smallest loss of bat-ball restitution e caused by clamping the handle of R161.
 
     The loss is e of the free bat minus e of the clamped bat. It is the smallest over impacts 3 to 8

@@ -24,10 +24,10 @@ from virtual_lab.studies.paper.computed import (
     game_bat_speed,
     model,
     paper_ball,
+    peak_speed,
     profiles_by_swing,
     recoil,
     top,
-    top_of,
 )
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
@@ -54,7 +54,7 @@ def wall_time() -> float:
     return float(wall_contact(*(np.array(number) for number in arguments)).time) * 1e3
 
 
-def modes_left_out(count: int) -> float:
+def truncation_error(count: int) -> float:
     """Return the peak e_A of R161 for `count` bending modes minus the peak for the default number.
 
     e_A is the collision efficiency. The bat is free and is hit 3 to 8 in from the tip, at 160 mph.
@@ -73,7 +73,7 @@ def bending_frequency(count: int) -> float:
     return model(WOOD).modes.bending_frequency(count) / 1e3
 
 
-def less_lost() -> float:
+def smallest_loss_difference() -> float:
     """Return the smallest energy loss on EA70 minus the smallest energy loss on R161.
 
     A loss is the energy of vibration and the loss in the ball, divided by the ball's initial
@@ -91,7 +91,7 @@ def shell_frequency() -> float:
     return hoop.frequency / 1e3
 
 
-def shell_turns() -> float:
+def contact_in_periods() -> float:
     """Return the contact time of a ball on EA70, in periods of the bat's hoop mode.
 
     The bat is free and is hit 6 in from the tip, at 160 mph.
@@ -99,7 +99,7 @@ def shell_turns() -> float:
     return 1e3 * shell_frequency() * float(collide_at(ALUMINIUM, [6.0]).contact_time[0])
 
 
-def same_speed() -> float:
+def angular_speed_range() -> float:
     """Return the relative range of angular speed for the swing exponent 0.
 
     The range is the largest minus the smallest angular speed, divided by the mean, for bats with
@@ -157,7 +157,7 @@ def energy_exponent() -> float:
     return -float(np.polyfit(np.log(INERTIAS), np.log(energy_speeds()), 1)[0])
 
 
-def laws_apart() -> float:
+def swing_law_difference() -> float:
     """Return the largest difference of angular speed between two swing laws [%].
 
     One law keeps the energy constant. The other is the power law with n = 0.3. The angular speed is
@@ -170,7 +170,7 @@ def laws_apart() -> float:
     return 100 * float(np.abs(ratio / ratio.mean() - 1).max())
 
 
-def without_inertia() -> float:
+def bare_swing_ratio() -> float:
     """Return the angular speed of a swing without a bat, divided by the angular speed with a bat.
 
     Both swings have the same energy. The bat has the reference inertia of the paper's standard
@@ -180,7 +180,7 @@ def without_inertia() -> float:
     return float(law.angular_speed(0.0)) / game().angular_speed
 
 
-def follows() -> float:
+def curve_correlation() -> float:
     """Return the correlation coefficient of the curves of e_A and e of R161 near their peaks.
 
     e_A is the collision efficiency, and e the bat-ball restitution. The curves are shifted along
@@ -195,18 +195,18 @@ def follows() -> float:
     return float(np.corrcoef(*curves)[0, 1])
 
 
-def flat_swing() -> float:
+def peak_separation() -> float:
     """Return the distance [in] from the peak of e_A to the peak of v_f, without rotation.
 
     v_f is the batted-ball speed, and e_A the collision efficiency. The bat is R161. Every point of
     it moves at 70 mph, and the pitch speed is 90 mph. A positive distance is toward the handle.
     """
     table = profiles_by_swing(WOOD)[0.0].table
-    highest = top_of(table["impact_position_in"], table["collision_efficiency"], 90.0, 70.0)
+    highest = peak_speed(table["impact_position_in"], table["collision_efficiency"], 90.0, 70.0)
     return highest.place - top(WOOD, "collision_efficiency").place
 
 
-def least_recoil() -> float:
+def least_recoil_position() -> float:
     """Return the position [in from the tip] of the smallest recoil factor r of free R161.
 
     The search covers 6 to 17.75 in from the tip.
@@ -248,7 +248,7 @@ def swing_speed() -> float:
     return 45 * 27 * INCH / MPH
 
 
-def peaks_apart(farther: str, nearer: str) -> float:
+def peak_distance(farther: str, nearer: str) -> float:
     """Return the distance [in] from the peak of curve `nearer` of R161 to the peak of `farther`.
 
     A positive distance is toward the handle. Each curve is ``restitution``,
@@ -258,7 +258,7 @@ def peaks_apart(farther: str, nearer: str) -> float:
     return top(WOOD, farther).place - top(WOOD, nearer).place
 
 
-def speed_lost_inward() -> float:
+def bat_speed_drop() -> float:
     """Return the bat speed at 3 in from the tip of R161 minus the bat speed at 9 in [mph].
 
     The bat is swung under standard game conditions with swing exponent 0.

@@ -22,11 +22,11 @@ from virtual_lab.studies.paper.computed import (
     game_bat_speed,
     model,
     paper_ball,
+    peak_speed,
     profiles_by_swing,
     recoil,
     rules,
     top,
-    top_of,
 )
 from virtual_lab.units import INCH, MPH, Array
 
@@ -43,11 +43,11 @@ def rest_prediction_error(bat: str, n: float) -> float:
     exponent, and `InputError` for an unknown bat.
     """
     e_A = collide_at(bat, PLACES, speed=160.0).collision_efficiency
-    highest = top_of(PLACES, e_A, 90.0, game_bat_speed(bat, PLACES, n))
+    highest = peak_speed(PLACES, e_A, 90.0, game_bat_speed(bat, PLACES, n))
     return highest.value - top(bat, "batted_speed_mph", n).value
 
 
-def ends() -> float:
+def distance_to_end() -> float:
     """Return the smallest distance [in] between a peak of v_f and an end of the scan.
 
     v_f is the batted-ball speed. The scan covers 3 to 9 in from the tip. The result is negative if
@@ -71,7 +71,7 @@ def _factor(bat: str) -> float:
     return float(e[0]) / float(paper_ball(BALL).restitution.at(60 * MPH))
 
 
-def by_recoil() -> float:
+def recoil_rebound_difference() -> float:
     """Return the absolute difference between e_A by the bat's recoil and e_A by the rebound speed.
 
     e_A is the collision efficiency. R161 is pivoted 6 in from the knob and is hit at its center of
@@ -121,7 +121,7 @@ def _ncaa(bat: str) -> float:
     """Return the peak batted-ball speed of a bat at the speeds of the NCAA method [mph]."""
     speeds = ncaa_bat_speed(PLACES, beam(bat).length)
     e_A = collide_at(bat, PLACES, speed=PITCH + speeds, with_ball=BALL).collision_efficiency
-    return top_of(PLACES, e_A, PITCH, speeds).value
+    return peak_speed(PLACES, e_A, PITCH, speeds).value
 
 
 def exponent_of_mass() -> float:
@@ -134,7 +134,7 @@ def exponent_of_mass() -> float:
     return field.exponent if field and field.scales_with == "mass" else np.nan
 
 
-def at_limit(place: float) -> float:
+def speed_at_limit(place: float) -> float:
     """Return the batted-ball speed [mph] in the NCAA rig for a bat with e_A = 0.228.
 
     `place` is the distance of the impact from the tip [in]. The pitch speed of the rig is 70 mph.
@@ -153,7 +153,7 @@ def besr_at_limit(place: float) -> float:
     return float(besr(e_A))
 
 
-def below_field(speed: float) -> float:
+def field_speed_excess(speed: float) -> float:
     """Return the relative speed of ball and bat in the field minus the test speed `speed` [mph].
 
     The bat is R161, hit at the position of its peak batted-ball speed. The pitch speed is 90 mph,
@@ -162,7 +162,7 @@ def below_field(speed: float) -> float:
     return 90 + float(game_bat_speed(WOOD, top(WOOD, "batted_speed_mph").place)) - speed
 
 
-def off_percussion() -> float:
+def distance_to_percussion() -> float:
     """Return the largest distance [in] between the peak of v_f and the center of percussion.
 
     v_f is the batted-ball speed. The distance is computed for the paper's four bats, with swing
@@ -173,7 +173,7 @@ def off_percussion() -> float:
     )
 
 
-def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
+def light_bat_gain(light: str, heavy: str, swing: float | None) -> float:
     """Return the bat speed of a light bat minus that of a heavy bat [% of the heavy bat's speed].
 
     The result is positive if the light bat is faster. The speeds are computed at 0.5 in from the
@@ -187,7 +187,7 @@ def lighter_is_faster(light: str, heavy: str, swing: float | None) -> float:
     return 100 * (speeds[0] / speeds[1] - 1)
 
 
-def swing_matters() -> float:
+def swing_exponent_effect() -> float:
     """Return the change of the peak batted-ball speed v_f due to the swing exponent [mph].
 
     The bat is EA70, the paper's aluminum bat. The peak is the largest value along the bat under
@@ -200,7 +200,7 @@ def swing_matters() -> float:
     )
 
 
-def metrics_alike() -> float:
+def ncaa_metric_difference() -> float:
     """Return the size of the difference of the NCAA metric between EA70 and R161 [% of R161].
 
     EA70 is the aluminum bat of the paper, and R161 the wood bat. The NCAA metric is the peak
@@ -232,7 +232,7 @@ def efficiency_of_besr(value: float) -> float:
     return value - (float(besr(LIMIT)) - LIMIT)
 
 
-def rule(procedure: str, name: str, unit: str = "1") -> float:
+def rule_value(procedure: str, name: str, unit: str = "1") -> float:
     """Return a number of a procedure by its name, converted to a unit.
 
     `name` is an attribute of `Procedure`. `unit` is mph or in, or 1 for a dimensionless number. The
