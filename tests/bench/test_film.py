@@ -12,7 +12,7 @@ from tests.bench.test_web import served as served_day
 from virtual_lab import lab
 from virtual_lab.bench.day.actions import action_of
 from virtual_lab.bench.day.day import DayEvent
-from virtual_lab.bench.machines.sketching import film_as_seen
+from virtual_lab.bench.machines.sketching import sketch_film
 from virtual_lab.bench.machines.stored_day import laboratory_of
 
 FILMED = {"procedure": "bbcor", "rig": "filmed-cannon"}
@@ -55,21 +55,21 @@ def fitted(film: bytes) -> float:
 @pytest.mark.parametrize("rebound", [0.12, 0.31])
 def test_a_fit_of_the_frames_gives_the_efficiency_of_the_sketch(rebound: float) -> None:
     """Their e_A is the sketch's, which is off by 0.03 a day and 0.03 a shot: u is at least 0.02."""
-    assert fitted(film_as_seen(setup(3), event(rebound))) == pytest.approx(rebound, abs=0.02)
+    assert fitted(sketch_film(setup(3), event(rebound))) == pytest.approx(rebound, abs=0.02)
 
 
 def test_another_truth_leaves_the_frames_unchanged() -> None:
     """Seed and faults exchanged behind the same entry: byte for byte the same picture."""
     one, other = (
-        film_as_seen(setup(seed, *faults), event(0.2))
+        sketch_film(setup(seed, *faults), event(0.2))
         for seed, faults in ((3, ()), (77, ("cannon-slow", "aim-along")))
     )
-    assert one == other != film_as_seen(setup(3), event(0.21))
+    assert one == other != sketch_film(setup(3), event(0.21))
 
 
 def test_a_shot_without_a_ball_has_no_frames() -> None:
     missed = DayEvent(number=1, action="fire", arguments={}, seconds=0.0, sketch={"struck": []})
-    assert film_as_seen(setup(3), missed) == b""
+    assert sketch_film(setup(3), missed) == b""
 
 
 def test_frames_show_the_sketch_before_the_reveal_and_the_truth_after_it(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from virtual_lab.bench.day import readings
 from virtual_lab.bench.day.day import DayEvent
 from virtual_lab.bench.day.readings import CheckRow, rows_of
 from virtual_lab.bench.day.table import detectable
-from virtual_lab.bench.pages.tally import in_units, printed_column
+from virtual_lab.bench.pages.tally import convert_units, printed_column
 from virtual_lab.uncertainty.estimate import Estimate
 
 MM = 1e-3
@@ -262,8 +262,8 @@ def test_a_row_is_printed_to_the_second_digit_of_u() -> None:
     ],
 )
 def test_a_day_has_one_system_of_units(said: str, printed: str) -> None:
-    assert in_units(said, "SI") == printed
-    assert in_units(said, "inch-ounce-mph") == said
+    assert convert_units(said, "SI") == printed
+    assert convert_units(said, "inch-ounce-mph") == said
 
 
 def test_a_value_that_rounds_to_zero_has_no_minus() -> None:

@@ -27,7 +27,7 @@ from tests.benchmarks.rows import Row, tell
 from tests.benchmarks.trackpy_peer import TRACKPY
 from tests.video.scenery.shot_study import hull_places, rms_error, sharp_places
 from tests.video.scenery.shots import KINDS
-from virtual_lab.fidelity.camera_errors import score_places, seconds_per_picture
+from virtual_lab.fidelity.camera_errors import score_positions, seconds_per_picture
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS, OURS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Case
@@ -85,9 +85,9 @@ def _plain() -> Iterator[Row]:
     for seed, (radius, blur, snr) in enumerate(product(RADII, BLURS, RATIOS)):
         case = Case(radius=radius, blur=blur, snr=snr)
         batch = pictures(case, seed)
-        score = score_places(batch, OURS[EDGE](batch.inputs))
+        score = score_positions(batch, OURS[EDGE](batch.inputs))
         still = pictures(replace(case, quiet=True, phases=32, repeats=1))
-        bias = score_places(still, OURS[EDGE](still.inputs)).bias
+        bias = score_positions(still, OURS[EDGE](still.inputs)).bias
         yield Row(
             part="plain",
             what=f"R {radius:g}, L {blur:g}, SNR {snr:g}: rms",
@@ -105,7 +105,7 @@ def _peers() -> Iterator[Row]:
         few = pictures(replace(case, repeats=SLOW))
         for name, estimator in (ESTIMATORS | TRACKPY).items():
             sample = few if name in TRACKPY else batch
-            score = score_places(sample, estimator(sample.inputs))
+            score = score_positions(sample, estimator(sample.inputs))
             spent = seconds_per_picture(estimator, few.inputs, rounds=1)
             yield Row(
                 part="peers",

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from virtual_lab.fidelity.camera_errors import score_places, seconds_per_picture, wrong_unsaid
+from virtual_lab.fidelity.camera_errors import score_positions, seconds_per_picture, wrong_unsaid
 from virtual_lab.fidelity.camera_pictures import Batch, pictures
 from virtual_lab.fidelity.camera_scenes import Case
 from virtual_lab.video.locate.located import PlaceFlag
@@ -28,7 +28,7 @@ def test_the_score_counts_each_kind_of_error(batch: Batch) -> None:
     x[2], flags[2] = x[2] + 6 * least[2], PlaceFlag.POOR_FIT
     x[3] += 6 * least[3]
     x[15:] += 2 * least[15:]
-    score = score_places(
+    score = score_positions(
         batch, replace(batch.inputs.start, x=x, y=batch.y, x_u=least, y_u=least, flags=flags)
     )
     assert (score.lost, score.flagged, score.unsaid) == pytest.approx((0.05, 0.1, 0.05))
@@ -45,7 +45,7 @@ def test_a_pattern_uncertainty_excuses_an_error(batch: Batch) -> None:
 
 def test_a_batch_without_positions_is_all_lost(batch: Batch) -> None:
     none = np.full(20, np.nan)
-    score = score_places(batch, replace(batch.inputs.start, x=none, y=none))
+    score = score_positions(batch, replace(batch.inputs.start, x=none, y=none))
     assert score.lost == 1
     assert np.isinf(score.rms)
 

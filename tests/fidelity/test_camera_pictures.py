@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.video.spectrum import disc
-from virtual_lab.fidelity.camera_errors import score_places
+from virtual_lab.fidelity.camera_errors import score_positions
 from virtual_lab.fidelity.camera_estimators import CV2, EDGE, OURS
 from virtual_lab.fidelity.camera_pictures import CASE, pictures
 from virtual_lab.fidelity.camera_scenes import FULL_SCALE, Case
@@ -82,7 +82,7 @@ def test_the_frame_and_the_bat_hide_a_part_of_the_ball() -> None:
 def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
     """The errors are within about twice the limit of a plain ball of unknown brightness."""
     batch = pictures(case)
-    score = score_places(batch, OURS[EDGE](batch.inputs))
+    score = score_positions(batch, OURS[EDGE](batch.inputs))
     assert 0.8 < score.rms / batch.limit < 2.2
     assert (score.lost, score.flagged, score.unsaid) == (0, 0, 0)
 
@@ -90,7 +90,7 @@ def test_the_edge_fit_is_near_the_limit(case: Case) -> None:
 def test_hidden_balls_are_flagged() -> None:
     for case in (replace(FEW, cut=0.25), replace(FEW, covered=0.25)):
         batch = pictures(case)
-        assert score_places(batch, OURS[EDGE](batch.inputs)).flagged == 1
+        assert score_positions(batch, OURS[EDGE](batch.inputs)).flagged == 1
 
 
 def test_estimators_of_opencv_have_their_known_errors() -> None:
@@ -109,6 +109,6 @@ def test_estimators_of_opencv_have_their_known_errors() -> None:
     }
     assert planned.keys() == CV2.keys()
     for name, usual in planned.items():
-        score = score_places(batch, CV2[name](batch.inputs))
+        score = score_positions(batch, CV2[name](batch.inputs))
         assert usual / 2 < score.rms < 2 * usual, name
         assert score.lost == 0

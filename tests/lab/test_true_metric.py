@@ -23,7 +23,7 @@ from virtual_lab import catalog
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.errors import InputError
 from virtual_lab.lab import run_test
-from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _of_continuous, true_curve
+from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY, _continuous_results, true_curve
 from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import AS_FOUND
@@ -244,7 +244,7 @@ def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
         tops = ((0.06, lower), (0.1, 1.0), (0.14, lower))
         values = np.max([top - 200 * (place - at) ** 2 for at, top in tops], axis=0)
         scan = cast("Any", SimpleNamespace(width_drop=0.02))
-        return float(_of_continuous(scan, place, values[None], values[None])[WIDTH_KEY][0])
+        return float(_continuous_results(scan, place, values[None], values[None])[WIDTH_KEY][0])
 
     assert hills(0.9) == pytest.approx(20e-3, rel=1e-3)
     assert hills(0.99) == pytest.approx(20e-3, rel=1e-3)

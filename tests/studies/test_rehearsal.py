@@ -68,12 +68,12 @@ def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
 
 def test_scatter_and_what_the_place_makes_of_it_add_up_to_the_scatter_seen() -> None:
     rules = rehearsal(BESR)
-    straying = rules.straying(ALONG, 3e-3)
+    hit_scatter = rules.hit_scatter(ALONG, 3e-3)
     at = TOP + np.linspace(-1, 1, 9) * INCH
     slope = -BEND * (at - TOP)  # curvature of e_A + 1/2
-    assert straying.along == ALONG
-    assert straying.scatter**2 + np.mean((slope * ALONG) ** 2) == pytest.approx(9e-6, rel=1e-9)
-    assert rules.straying(ALONG, 0.0).scatter == 0
+    assert hit_scatter.along == ALONG
+    assert hit_scatter.scatter**2 + np.mean((slope * ALONG) ** 2) == pytest.approx(9e-6, rel=1e-9)
+    assert rules.hit_scatter(ALONG, 0.0).scatter == 0
 
 
 def test_a_swung_bat_is_read_by_the_balls_speed_back_alone() -> None:
@@ -92,7 +92,9 @@ def test_a_swung_bat_is_read_by_the_balls_speed_back_alone() -> None:
 
 
 def test_a_rehearsal_is_the_same_whenever_it_is_held() -> None:
-    rules, straying = rehearsal(BESR), HitScatter(ALONG, 2e-3)
-    errors = rules.errors(straying, Streams(5), np.array([0, 1, 2]))
+    rules, hit_scatter = rehearsal(BESR), HitScatter(ALONG, 2e-3)
+    errors = rules.errors(hit_scatter, Streams(5), np.array([0, 1, 2]))
     assert len({*errors.tolist()}) == 3
-    assert rules.errors(straying, Streams(5), np.array([2, 0])).tolist() == errors[[2, 0]].tolist()
+    assert (
+        rules.errors(hit_scatter, Streams(5), np.array([2, 0])).tolist() == errors[[2, 0]].tolist()
+    )

@@ -24,13 +24,13 @@ from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, Stage
 from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays
-from virtual_lab.studies.twin.improving import improvements, promising_changes
+from virtual_lab.studies.twin.improving import changes_to_simulate, improvements
 from virtual_lab.studies.twin.quantities import compare_quantities
 from virtual_lab.studies.twin.readings import (
     TWIN_READINGS,
+    differing_readings,
     holm,
     largest_deviation,
-    unlike_readings,
 )
 from virtual_lab.studies.twin.statement import Statement
 from virtual_lab.studies.twin.twin import Twin, certify_records
@@ -167,7 +167,7 @@ def test_a_twin_without_a_result_is_refused_in_one_line(certification, days) -> 
 
 def test_the_planned_u_of_a_change_is_kept(certification, days) -> None:
     """In every kind of change; the standard deviation of 400 days has a standard error of 3.5 %."""
-    changes = promising_changes(certification)
+    changes = changes_to_simulate(certification)
     assert [each.variance for each in changes] == sorted(
         (each.variance for each in changes), reverse=True
     )
@@ -227,7 +227,7 @@ def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
 
     monkeypatch.setattr(readings, "readings_of", read)
     monkeypatch.setattr(TwinDays, "play", play)
-    rows, number = unlike_readings(certification, days, 250)
+    rows, number = differing_readings(certification, days, 250)
     assert len(played) == 150  # the second of the chords' days is in the sixth round
     whole = [(day + readings.FIRST) % 50 != 0 and day % 25 != 1 for day in played]
     assert number == sum(whole)
@@ -235,7 +235,7 @@ def test_the_days_end_when_no_reading_can_be_unlike_its_twins(
     extreme["hits"] = -1
     played.clear()
     answers = iter([own])
-    rows, number = unlike_readings(certification, days, 250)
+    rows, number = differing_readings(certification, days, 250)
     assert number == 250  # days without a result or a reading are replaced
     whole = [(day + readings.FIRST) % 50 != 0 and day % 25 != 1 for day in played]
     assert sum(whole) == 250
@@ -257,8 +257,8 @@ def test_altered_records_look_unlike_their_twins(certification, days) -> None:
         for stage, times in (("balls", wall), ("impact", bat))
     }
     altered = certify_session(replace(session, records={**session.records, **records}))
-    sound, _ = unlike_readings(certification, days, 9)
-    odd, _ = unlike_readings(altered, days, 9)
+    sound, _ = differing_readings(certification, days, 9)
+    odd, _ = differing_readings(altered, days, 9)
     tails = [{row.reading: row.tail_probability for row in rows} for rows in (sound, odd)]
     for reading in ("wall hits", "chords"):
         assert tails[0][reading] > 0.1, reading
@@ -333,7 +333,7 @@ def test_the_page_states_the_stored_laboratories() -> None:
 
 def test_the_picture_and_the_text(certification, days, tmp_path: Path) -> None:
     quantities, invalid = compare_quantities(certification, days, DAYS)
-    rows, played = unlike_readings(certification, days, 3)
+    rows, played = differing_readings(certification, days, 3)
     assert [row.reading for row in rows] == list(TWIN_READINGS)
     result = Twin(
         bat="r161",

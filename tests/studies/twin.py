@@ -33,7 +33,7 @@ from virtual_lab.simulation.faults import CATALOGUE, FaultSet, faults_at
 from virtual_lab.simulation.faults.size import resize
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.quantities import compare_quantities
-from virtual_lab.studies.twin.readings import TWIN_READINGS, unlike_readings
+from virtual_lab.studies.twin.readings import TWIN_READINGS, differing_readings
 from virtual_lab.studies.twin.statement import Statement
 
 SEED = 8_200_000
@@ -156,7 +156,7 @@ def beside_its_twin(certification: Certification, seed: int) -> dict[str, Any]:
         playing = TwinDays.fit(Statement.of(certification), seed)
         (metric, *_), _ = compare_quantities(certification, playing, 1000)
         with np.errstate(all="ignore"):
-            rows, days = unlike_readings(certification, playing, DAYS)
+            rows, days = differing_readings(certification, playing, DAYS)
     except InputError as refusal:
         return {"verdict": shown, "unlike": f"refused: {refusal}"}
     tails = {row.reading: f"{row.tail_probability:.4f}" for row in rows}

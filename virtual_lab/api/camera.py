@@ -114,7 +114,7 @@ class Track:
         from virtual_lab.video.show.pictures import Pictures
         from virtual_lab.video.show.track_text import track_title
 
-        return Pictures(self.clip).draw(track_title(self.clip)).written(path)
+        return Pictures(self.clip).draw(track_title(self.clip)).write(path)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write track, result, plot, contact sheet, and a film on request into a new folder.
@@ -328,7 +328,7 @@ class Calibration:
         """
         from virtual_lab.video.show.calibration import draw_calibration
 
-        return draw_calibration(self.camera).written(path)
+        return draw_calibration(self.camera).write(path)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write the .toml file that `track` reads, and a picture of the residuals beside it.

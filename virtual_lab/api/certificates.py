@@ -173,7 +173,7 @@ class Certificate:
         """Return a figure of the metric of each hit with result, interval and limit; save it."""
         from virtual_lab.studies.certificate_plot import plot_hits
 
-        return plot_hits(self.certification, self.printed.statement).written(path)
+        return plot_hits(self.certification, self.printed.statement).write(path)
 
     def score(self) -> dict[str, QuantityScore]:
         """Compare with the sealed truth: measured and true values, errors in units and in u.
@@ -556,10 +556,10 @@ def load_folder(folder: Folder) -> Certificate:
     InputError
         The folder has no certificate or no records, or the certificate disagrees with the records.
     """
-    from virtual_lab.certificate.chain import stated_and_reduced
+    from virtual_lab.certificate.chain import read_and_reduce
 
     folder = Path(folder)
-    document, certification = stated_and_reduced(folder)
+    document, certification = read_and_reduce(folder)
     control = load_folder(folder / "control") if (folder / "control").is_dir() else None
     return Certificate(certification=certification, stated=document, control=control)
 

@@ -135,16 +135,16 @@ class Campaign:
     @property
     def blocks(self) -> int:
         """Number of blocks of the study."""
-        return len(self.cases) * self._of_case * self.study.repeats
+        return len(self.cases) * self._blocks_per_case * self.study.repeats
 
     @property
-    def _of_case(self) -> int:
+    def _blocks_per_case(self) -> int:
         return -(-self.study.laboratories // ROWS)
 
     def block(self, number: int) -> Block:
         """Return a block by its number. Blocks are sorted by case, laboratories and day."""
         of_days, repeat = divmod(number, self.study.repeats)
-        case, place = divmod(of_days, self._of_case)
+        case, place = divmod(of_days, self._blocks_per_case)
         first, name = place * ROWS, f"{number:07}-{_hash([self.digest, number])[:16]}.parquet"
         rows = min(ROWS, self.study.laboratories - first)
         return Block(number, self.cases[case], repeat, first, rows, name)
@@ -173,7 +173,7 @@ class Campaign:
         def before(number: int) -> int:
             """Return the number of tests in all blocks before block `number`."""
             places, days = divmod(number, self.study.repeats)
-            cases, place = divmod(places, self._of_case)
+            cases, place = divmod(places, self._blocks_per_case)
             rows = min(ROWS, self.study.laboratories - place * ROWS)
             laboratories = cases * self.study.laboratories + place * ROWS
             return laboratories * self.study.repeats + days * rows

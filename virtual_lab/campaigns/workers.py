@@ -78,7 +78,7 @@ def _open(folder: str, _changed: int) -> Campaign:
 def _by_processes(folder: Path, numbers: Iterable[int], count: int) -> Outcomes:
     where = str(folder)
     with workers(count, where) as submit:
-        yield from _in_turn(lambda number: submit(make_part, where, number), numbers, count)
+        yield from _in_parallel(lambda number: submit(make_part, where, number), numbers, count)
 
 
 def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
@@ -90,7 +90,7 @@ def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
     try:
         with dask.Client(address, **options) as client:
             pool, most = client.get_executor(pure=False), 2 * threads  # so that no thread is idle
-            yield from _in_turn(
+            yield from _in_parallel(
                 lambda number: pool.submit(make_part, where, number),
                 numbers,
                 most,
@@ -129,7 +129,7 @@ async def _count_threads(address: str) -> int:
     return threads
 
 
-def _in_turn(
+def _in_parallel(
     submit: Callable[[int], Future[Fault]],
     numbers: Iterable[int],
     most: int,

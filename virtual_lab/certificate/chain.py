@@ -45,7 +45,7 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
     )
 
 
-def stated_and_reduced(folder: Path) -> tuple[CertificateDocument, Certification]:
+def read_and_reduce(folder: Path) -> tuple[CertificateDocument, Certification]:
     """Return the certificate in a result folder, and the test result computed from its records.
 
     Raises `InputError` if the folder has no certificate or no usable records, or if the records

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from virtual_lab.certificate.chain import result_folders, stated_and_reduced
+from virtual_lab.certificate.chain import read_and_reduce, result_folders
 from virtual_lab.errors import InputError
 from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session, pack
@@ -82,7 +82,7 @@ def earlier_tests(
     tests: list[dict[str, HitVariance]] = []
     digests = {_digest(today): "these records"} if today else {}
     for folder in every:
-        _, certification = stated_and_reduced(folder)
+        _, certification = read_and_reduce(folder)
         earlier = kind_of(certification.session)
         for key, wanted in kind.items():
             if earlier[key] != wanted:

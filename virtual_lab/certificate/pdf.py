@@ -109,7 +109,7 @@ def typeset(
                 ignore_system_fonts=True,
             )
         except Exception as fault:
-            lacking = _lacking(str(fault), printable) - unprintable
+            lacking = _missing_glyphs(str(fault), printable) - unprintable
             if not lacking or len(unprintable) > MOST_UNPRINTABLE:
                 message = " ".join(f"cannot be set by Typst ({fault})".split())
                 raise InputError("", "PDF", None, message) from fault
@@ -118,7 +118,7 @@ def typeset(
             return pdf
 
 
-def _lacking(refusal: str, printable: str) -> set[str]:
+def _missing_glyphs(refusal: str, printable: str) -> set[str]:
     """Return the characters of a string without a glyph, from Typst's error message.
 
     If the message names a base character with combining marks, only the marks are returned, because

@@ -161,7 +161,7 @@ class FunctionCommand(click.Command):
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a table of the arguments before that of the options."""
         rows = [
-            (each.make_metavar(ctx), in_help(self.parameters[str(each.name)]))
+            (each.make_metavar(ctx), help_text(self.parameters[str(each.name)]))
             for each in self.params
             if isinstance(each, click.Argument)
         ]
@@ -235,7 +235,7 @@ class FunctionCommand(click.Command):
 
         defaults = {key: each.default for key, each in self.parameters.items()}
         shared = {key: value for key, value in values.items() if key in OUTPUT}
-        return self.output.written(call, request, defaults, **shared)
+        return self.output.execute(call, request, defaults, **shared)
 
     def _config(self) -> click.Option:
         """Return the option of a file that contains values for the other options."""
@@ -279,7 +279,7 @@ def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Para
         nargs = -1 if each.rule.several else 1
         return click.Argument([each.name], type=RuleType(rule), nargs=nargs, required=required)
     name = each.name.removesuffix("s") if each.rule.several else each.name
-    form, words = f"--{name.replace('_', '-')}", in_help(each)
+    form, words = f"--{name.replace('_', '-')}", help_text(each)
     if rule.flag:
         forms = f"{form}/--no-{form.removeprefix('--')}"
         return Flag([forms, each.name], default=bool(each.default), help=words)
@@ -373,7 +373,7 @@ def settings_in(
     return settings
 
 
-def in_help(each: ParameterDescription) -> str:
+def help_text(each: ParameterDescription) -> str:
     """Return the help text of a parameter.
 
     It is the first paragraph of the parameter's description, followed by the choices and the

@@ -136,7 +136,7 @@ class Output:
         words = "Print the result as one JSON document."
         return [*options, click.Option(["--json", "as_json"], is_flag=True, help=words)]
 
-    def written(
+    def execute(
         self,
         function: Callable[..., Any],
         request: Mapping[str, Any],

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from virtual_lab.fidelity.camera_errors import score_places, seconds_per_picture
+from virtual_lab.fidelity.camera_errors import score_positions, seconds_per_picture
 from virtual_lab.fidelity.camera_estimators import ESTIMATORS, Estimator
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Case
@@ -84,8 +84,8 @@ def _scene(ball: str, scene: str, case: Case, estimators: Mapping[str, Estimator
     still = pictures(replace(case, quiet=True, phases=4 * case.phases, repeats=1))
     for name, estimator in estimators.items():
         spent = seconds_per_picture(estimator, batch.inputs, rounds=2)
-        score = score_places(batch, estimator(batch.inputs))
-        bias = score_places(still, estimator(still.inputs)).bias if not case.stitched else np.inf
+        score = score_positions(batch, estimator(batch.inputs))
+        bias = score_positions(still, estimator(still.inputs)).bias if not case.stitched else np.inf
         rows.append(
             {
                 "ball": ball,

@@ -16,7 +16,7 @@ BEYOND = 5.0  # smallest error of a wrong position [standard uncertainties]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlaceScore:
+class PositionScore:
     """Errors of positions in many pictures. A picture without a position counts only as lost."""
 
     rms: float  # root mean square error along an axis [px]
@@ -26,7 +26,7 @@ class PlaceScore:
     unsaid: float  # share of pictures with a wrong position (error above 5 u) and no flag
 
 
-def score_places(batch: Batch, located: Located) -> PlaceScore:
+def score_positions(batch: Batch, located: Located) -> PositionScore:
     """Return the score of the located positions in a batch of pictures.
 
     * `rms`: rms error along an axis [px].
@@ -42,10 +42,10 @@ def score_places(batch: Batch, located: Located) -> PlaceScore:
     errors = np.stack([located.x - batch.x, located.y - batch.y])
     finite = np.isfinite(errors).all(axis=0)
     if not finite.any():
-        return PlaceScore(rms=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
+        return PositionScore(rms=np.inf, bias=np.inf, lost=1.0, flagged=0.0, unsaid=0.0)
     _, phase = np.unique(np.round(batch.x % 1.0, 6), return_inverse=True)
     means = [errors[:, finite & (phase == k)].mean(axis=1) for k in np.unique(phase[finite])]
-    return PlaceScore(
+    return PositionScore(
         rms=float(np.sqrt(np.mean(errors[:, finite] ** 2))),
         bias=float(np.abs(means).max() / batch.limit),
         lost=float(1 - finite.mean()),

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.fidelity.camera_drops import dropped_frames
-from virtual_lab.fidelity.camera_errors import score_places, wrong_unsaid
+from virtual_lab.fidelity.camera_errors import score_positions, wrong_unsaid
 from virtual_lab.fidelity.camera_estimators import EDGE, ESTIMATORS
 from virtual_lab.fidelity.camera_pictures import pictures
 from virtual_lab.fidelity.camera_scenes import Batch, Case
@@ -159,7 +159,7 @@ def _summary(rows: list[Row]) -> str:
 
 def _cell(batch: Batch, located: Located) -> Row:
     """Return the state of a cell, its rms error [px], and its numbers of pictures."""
-    whole = score_places(batch, located)
+    whole = score_positions(batch, located)
     unsaid = int(wrong_unsaid(batch, located).sum())
     clean = np.isfinite(located.x) & (located.flags == 0)
     errors = np.stack([located.x - batch.x, located.y - batch.y])[:, clean]

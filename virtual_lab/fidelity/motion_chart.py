@@ -19,7 +19,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.fidelity.drawing import error_axes
 from virtual_lab.fidelity.naive_pymunk import (
     Shape,
-    energy_lost,
+    energy_loss_share,
     missed_share,
     naive_errors,
     rod,
@@ -165,7 +165,7 @@ def _time_model(scene: ShotScene, step: float) -> dict[str, float]:
 
 def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
     hit = played.first(Target.BAT)
-    true = [parted_by_hand(scene, shot) for shot in range(scene.shots)]
+    true = [separate_by_hand(scene, shot) for shot in range(scene.shots)]
     e_A = scene.efficiency(hit.place, hit.speed, hit.shot)
     ball = np.array(hit.state[3:6]).T - [each.velocity for each in true]
     return {
@@ -175,7 +175,7 @@ def _errors(scene: ShotScene, played: PlayedShots) -> dict[str, float]:
     }
 
 
-def parted_by_hand(scene: ShotScene, shot: int) -> PartingState:
+def separate_by_hand(scene: ShotScene, shot: int) -> PartingState:
     """Return the exact state of ball and bat after contact in one shot, without air drag.
 
     The state is e_A, the velocity of the ball, (3,) [m/s], and the angular rate of the bat [rad/s].
@@ -225,7 +225,7 @@ def _misses(speed: float, step: float) -> Iterator[Row]:
 def _losses(step: float) -> Iterator[Row]:
     spin = 11.5  # rad/s
     scene = f"energy lost per second at {spin:g} rad/s"
-    yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=energy_lost(rod(), spin, step))
+    yield _row(Carrier.ALONE, scene, f"{step:.0e} s", share=energy_loss_share(rod(), spin, step))
     # a ball at rest far away, which does not limit the step
     alone = rod_scene({"rate": spin, "vx": 0.0}, 0.0, step, 1, ahead=9.0, duration=1.0)
 

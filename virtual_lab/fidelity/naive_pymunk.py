@@ -185,7 +185,7 @@ def missed_share(bat: Rod, speed: float, step: float, shots: int) -> float:
     return passed / shots
 
 
-def energy_lost(bat: Rod, rate: float, step: float) -> float:
+def energy_loss_share(bat: Rod, rate: float, step: float) -> float:
     """Return the share of its energy that a rotating bat loses in one second in pymunk.
 
     The bat turns freely about a `PivotJoint`. `rate` is its angular rate [rad/s] and `step` the

@@ -38,11 +38,11 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
     This is so if the rig lacks a record that the procedure needs, or if the rig swings the bat but
     the procedure tests a bat at rest.
     """
-    if lacking := _lacking(rig, procedure):
+    if lacking := _missing_channels(rig, procedure):
         able = [
             name
             for name, candidate in installed_rigs().items()
-            if candidate.stage is Stage.IMPACT and not _lacking(candidate, procedure)
+            if candidate.stage is Stage.IMPACT and not _missing_channels(candidate, procedure)
         ]
         allowed = (
             f"records no {', '.join(lacking)}, which {procedure.name} needs; "
@@ -53,7 +53,7 @@ def require_rig(rig: Rig, procedure: Procedure) -> None:
         raise InputError("", "rig", rig.name, f"swings the bat; {procedure.name} needs it at rest")
 
 
-def _lacking(rig: Rig, procedure: Procedure) -> list[str]:
+def _missing_channels(rig: Rig, procedure: Procedure) -> list[str]:
     """Return the channels that a procedure needs but a rig does not write."""
     timed = any(issubclass(kind, BallRecord) for kind in rig.channels.values())
     return sorted(procedure.needs - rig.channels.keys() | (set() if timed else {"gates"}))

@@ -92,7 +92,7 @@ def measurands(
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
         smooth = curve_at(np.tile(along, laboratories), np.arange(laboratories).repeat(POINTS))
         shape = laboratories, POINTS
-        true_values |= _of_continuous(
+        true_values |= _continuous_results(
             procedure.scan,
             along,
             smooth.objective(control_ratio).reshape(shape),
@@ -101,7 +101,7 @@ def measurands(
     return {name: np.where(has_result, values, np.nan) for name, values in true_values.items()}
 
 
-def _of_continuous(
+def _continuous_results(
     scan: Scan, place: Array, sought_at: Array, metric_at: Array
 ) -> dict[str, Array]:
     """Return the metric at the maximum of each curve, and the width that the rules require.
@@ -109,8 +109,8 @@ def _of_continuous(
     The results are (curve,). The curves are known at `place`, (curve, place).
     """
     objective, metric = (smooth_cubic(place, values.T) for values in (sought_at, metric_at))
-    best = _tops(objective)
-    top = _at(metric, best)
+    best = _maxima(objective)
+    top = _values_at(metric, best)
     results = {CONTINUOUS: top}
     if scan.width_drop is not None:
         low, high = (
@@ -120,7 +120,7 @@ def _of_continuous(
     return results
 
 
-def _tops(curves: PiecewiseCubic) -> Array:
+def _maxima(curves: PiecewiseCubic) -> Array:
     """Return the position of the maximum of each curve: an end, or a zero of the slope."""
     cubic, square, flat, value = curves.coefficients  # (piece, curve)
     start, size = curves.knots[:-1, None], np.diff(curves.knots)[:, None]
@@ -131,7 +131,7 @@ def _tops(curves: PiecewiseCubic) -> Array:
     values = ((cubic * turns + square) * turns + flat) * turns + value
     ends = np.full((1, curves.coefficients.shape[2]), curves.knots[-1])
     places = np.concatenate([(start + turns).reshape(-1, ends.size), ends])
-    heights = np.concatenate([values.reshape(-1, ends.size), _at(curves, ends[0])[None]])
+    heights = np.concatenate([values.reshape(-1, ends.size), _values_at(curves, ends[0])[None]])
     return np.asarray(np.take_along_axis(places, heights.argmax(axis=0)[None], axis=0)[0])
 
 
@@ -154,12 +154,12 @@ def _locate_level(
     inner = np.where(falls, inner, outer)
     for _ in range(52):  # bisections down to rounding
         middle = (inner + outer) / 2
-        above = _at(curves, middle) >= level
+        above = _values_at(curves, middle) >= level
         inner, outer = np.where(above, middle, inner), np.where(above, outer, middle)
     return np.asarray(outer)
 
 
-def _at(curves: PiecewiseCubic, place: Array) -> Array:
+def _values_at(curves: PiecewiseCubic, place: Array) -> Array:
     """Return the value of each curve at one position per curve, (curve,), by Horner's rule."""
     piece = np.clip(
         np.searchsorted(curves.knots, place, side="right") - 1, 0, len(curves.knots) - 2

@@ -46,7 +46,7 @@ class TrueCurve:
         `control_ratio` is the ratio of e of the control bat to its known e.
         """
         procedure = self.procedure
-        e, efficiency = self._with_standard_ball(control_ratio)
+        e, efficiency = self._convert_to_standard_ball(control_ratio)
         match procedure.metric:
             case "restitution":
                 return e
@@ -61,7 +61,7 @@ class TrueCurve:
         """Return the quantity that a scan maximizes: the metric, or v_f [m/s]."""
         scan = self.procedure.scan
         if scan is not None and scan.seeks == "batted_speed":
-            return self._batted_speed(self._with_standard_ball(control_ratio)[1])
+            return self._batted_speed(self._convert_to_standard_ball(control_ratio)[1])
         return self.metric(control_ratio)
 
     def _batted_speed(self, efficiency: Array) -> Array:
@@ -87,7 +87,7 @@ class TrueCurve:
         bat = bat / np.broadcast_to(heavier, bat.shape) ** game.exponent
         return np.asarray(bat + efficiency * (game.pitch_speed + bat))
 
-    def _with_standard_ball(self, control_ratio: float) -> tuple[Array, Array]:
+    def _convert_to_standard_ball(self, control_ratio: float) -> tuple[Array, Array]:
         """Return e and e_A converted to the standard ball by the rules."""
         correction, e, e0 = self.procedure.correction, self.restitution, self.ball_restitution
         if correction is None or correction.method == "none":
@@ -154,10 +154,12 @@ def results_of_curves(
         return np.asarray(np.take_along_axis(metrics, best, axis=1)[:, 0])
     distance = np.abs(at - np.take_along_axis(at, best, axis=1))
     near = distance < procedure.scan.fit_half_width + 1e-3  # two steps of the setting [m]
-    return _at_the_top(at, near, objectives, metrics)
+    return _value_at_maximum(at, near, objectives, metrics)
 
 
-def _at_the_top(at: Array, near: NDArray[np.bool_], objectives: Array, metrics: Array) -> Array:
+def _value_at_maximum(
+    at: Array, near: NDArray[np.bool_], objectives: Array, metrics: Array
+) -> Array:
     """Return the value of the curve `metrics` at the maximum of the curve `objectives`, (curve,).
 
     Both are fitted with polynomials up to the third degree at the positions near the best one.

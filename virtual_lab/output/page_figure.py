@@ -36,7 +36,7 @@ class PageFigure(Figure):
         with style.context(self.look, after_reset=True):
             super().savefig(fname, **options)
 
-    def written(self, path: str | Path | None) -> PageFigure:
+    def write(self, path: str | Path | None) -> PageFigure:
         """Write the figure into a file if one is named, and return the figure."""
         if path is not None:
             self.savefig(path)

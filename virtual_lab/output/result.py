@@ -102,7 +102,7 @@ class StudyResult(ABC):
         if draw is None:
             raise InputError("", "plot", self.name, "this result has no picture")
         picture: PageFigure = draw()
-        return picture.written(path)
+        return picture.write(path)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
         """Write the tables as CSV and the picture as PNG into a new folder.

@@ -119,7 +119,7 @@ class GateRecord(BallRecord):
     }
 
     def orders(self) -> tuple[Order, ...]:
-        return _of_a_flight(self.times, ("shot", "way", "gate", "edge"))
+        return _flight_orders(self.times, ("shot", "way", "gate", "edge"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +141,7 @@ class BoardRecord(BallRecord):
     }
 
     def orders(self) -> tuple[Order, ...]:
-        return _of_a_flight(self.times, ("shot", "way", "board", "beam", "edge"))
+        return _flight_orders(self.times, ("shot", "way", "board", "beam", "edge"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,7 +170,7 @@ class PassageRecord(BallRecord):
     }
 
     def orders(self) -> tuple[Order, ...]:
-        return _of_a_flight(self.times, ("shot", "way", "gate"))
+        return _flight_orders(self.times, ("shot", "way", "gate"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,7 +260,7 @@ class ShotLog(Record):
     }
 
 
-def _of_a_flight(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
+def _flight_orders(times: Array, axes: tuple[str, ...]) -> tuple[Order, ...]:
     """Return the required order of times: in from first to last gate, then back in reverse."""
     gate = axes[2]
     back = np.reshape([1.0, -1.0], (2, *[1] * (times.ndim - 2)))

@@ -306,8 +306,8 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
         for name in names
     )
     if rehearsal:
-        straying = rehearsal.straying(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
-        bias, bias_se = rehearsal.bias(straying, Streams(seed), laboratories)
+        hit_scatter = rehearsal.hit_scatter(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
+        bias, bias_se = rehearsal.bias(hit_scatter, Streams(seed), laboratories)
         metric = replace(
             metric, expected_bias=metric.expected_bias + bias, expected_bias_se=bias_se
         )

@@ -112,9 +112,9 @@ class Daily(StudyResult):
             }
             | {name: np.concatenate([blank, values]) for name, values in columns.items()}
             | {
-                "alarms": _broken(charted),
+                "alarms": _alarm_names(charted),
                 "cylinder_collision_efficiency": self.cylinder,
-                "cylinder_alarms": _broken(self.cylinder_charted),
+                "cylinder_alarms": _alarm_names(self.cylinder_charted),
             }
         )
         return with_units(table)
@@ -256,7 +256,7 @@ def daily(
         raise InputError("", "drift", drift, f"allowed: {allowed}")
     spec = catalog.load("balls", ball, BallSpec).spec
     progress("check ball at the wall")
-    values, scatter = _mornings(spec, wall, hits, seed).T
+    values, scatter = _daily_checks(spec, wall, hits, seed).T
     progress("check cylinder at the impact rig")
     cylinder = check_cylinder(days, hits, seed=seed, faults=faults, since=begin)
     return Daily(
@@ -282,7 +282,7 @@ def _baseline(charted: DayCharts) -> dict[str, float]:
     return {"days": charted.baseline_days, "centre": base.centre, "sigma": base.sigma}
 
 
-def _broken(charted: DayCharts) -> list[str]:
+def _alarm_names(charted: DayCharts) -> list[str]:
     """Return the names of the alarms of each day, as text; empty in the baseline."""
     return [""] * charted.baseline_days + [
         "; ".join(name for name, days in charted.alarms.items() if days[day])
@@ -322,7 +322,7 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
             raise InputError("", "rule", rule, f"allowed: {', '.join(map(str, RULES))}")
 
 
-def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
+def _daily_checks(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
     """Return mean and standard deviation of the measured e0 of the check ball, (day, 2)."""
     draws = Reality.REAL.draws(seed)
     station = find_rig("ball-wall", Stage.BALLS).commission(draws)
@@ -352,7 +352,7 @@ def _mornings(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
         if not np.isfinite(values[-1][0]):
             allowed = "the gates did not detect every rebound; allowed: a livelier ball or wall"
             raise InputError("", "day", day + 1, allowed)
-        balls = _overnight(balls, play.truth["speed"])
+        balls = _aged_overnight(balls, play.truth["speed"])
     return np.array(values)
 
 
@@ -379,7 +379,7 @@ def _constants(calibration: Mapping[str, Estimate], spec: BallSpec) -> dict[str,
     return {name: np.array(value) for name, value in (values | scale | ball | error).items()}
 
 
-def _overnight(balls: TrueBalls, speed: Array) -> TrueBalls:
+def _aged_overnight(balls: TrueBalls, speed: Array) -> TrueBalls:
     """Return the check ball on the next day, with its permanent loss of e0."""
     ageing = balls.spec.ageing
     if ageing is None:

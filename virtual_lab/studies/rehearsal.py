@@ -89,7 +89,7 @@ class Rehearsal:
             curve=lambda at: np.asarray(spline(at)),
         )
 
-    def straying(self, along: float, scatter: float) -> HitScatter:
+    def hit_scatter(self, along: float, scatter: float) -> HitScatter:
         """Return the scatter of the hits from two observed standard deviations.
 
         `along` is the standard deviation of the marks along the bat [m]. `scatter` is the standard
@@ -106,11 +106,9 @@ class Rehearsal:
         """Return the metric measured from hits at `place` + `beside`, aimed at `place` [m]."""
         e_a, recoil, e0 = self.curve(place)
         struck = self.curve(place + beside)[0]
-        speed, speed_at_place = self.procedure.ball_speed, self._bat_speed(place)
+        speed, set_speed = self.procedure.ball_speed, self._bat_speed(place)
         speed_at_hit = self._bat_speed(place + beside)
-        e_a = (struck * (speed + speed_at_hit) + speed_at_hit - speed_at_place) / (
-            speed + speed_at_place
-        )
+        e_a = (struck * (speed + speed_at_hit) + speed_at_hit - set_speed) / (speed + set_speed)
         curve = Curve(
             place=place,
             collision_efficiency=e_a,
@@ -124,7 +122,7 @@ class Rehearsal:
         axis = self.bat.length - self.procedure.pivot_from_knob
         return np.asarray(self.turn_rate * (axis - place))
 
-    def errors(self, straying: HitScatter, draws: Draws, numbers: NDArray[np.intp]) -> Array:
+    def errors(self, hit_scatter: HitScatter, draws: Draws, numbers: NDArray[np.intp]) -> Array:
         """Return the errors of the results of simulated tests, shape (test,).
 
         `numbers` are the numbers of the tests, which select their random numbers. The error of a
@@ -142,7 +140,7 @@ class Rehearsal:
             places = round_to_setting(shots.place, exact=False)
             shot = fired[shots.owner] + shot_numbers(shots.owner)
             beside, noise = random[shots.owner, :, shot].T
-            measured = self.metric(places, straying.along * beside) + straying.scatter * noise
+            measured = self.metric(places, hit_scatter.along * beside) + hit_scatter.scatter * noise
             fired = fired + np.bincount(shots.owner, minlength=many)
             owner = np.append(owner, shots.owner)
             place, metric = np.append(place, places), np.append(metric, measured)
@@ -158,10 +156,10 @@ class Rehearsal:
     def _target_metric(self, place: Array, metric: Array) -> Objective:
         return objective_of(self.procedure, metric, place, self.bat)
 
-    def bias(self, straying: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
+    def bias(self, hit_scatter: HitScatter, draws: Draws, times: int) -> tuple[float, float]:
         """Return the mean error over `times` simulated tests, and its standard error."""
         few = 4096  # number of tests at a time, which limits the memory
         parts = [np.arange(first, min(first + few, times)) for first in range(0, times, few)]
-        errors = np.concatenate([self.errors(straying, draws, part) for part in parts])
+        errors = np.concatenate([self.errors(hit_scatter, draws, part) for part in parts])
         errors = errors[np.isfinite(errors)]
         return float(errors.mean()), float(errors.std(ddof=1)) / sqrt(errors.size)

@@ -24,8 +24,8 @@ from virtual_lab.uncertainty.propagated import (
     Outcome,
     Propagated,
     Region,
-    beyond_rounding,
     correlation_of,
+    without_rounding,
 )
 from virtual_lab.uncertainty.sketch import Sketch, shortest_interval
 from virtual_lab.units import Array
@@ -232,7 +232,7 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
         below, edges = batches.sketches[name].distribution()
         low, middle, high = map(float, np.interp([tail, 0.5, 1 - tail], below, edges))
         value = middle if infinite else float(batches.mean[k])
-        u = inf if infinite else beyond_rounding(float(batches.u[k]), value)
+        u = inf if infinite else without_rounding(float(batches.u[k]), value)
         accuracy = 2 * float(np.max(errors[k, 2:]))
         if goals is not None and drawing.rule == "stein":  # it meets its goals at 95 %
             accuracy = min(accuracy, float(np.max(goals[k, 2:])))

@@ -164,7 +164,7 @@ class Propagated:
         return self.text
 
 
-def beyond_rounding(u: float, value: float) -> float:
+def without_rounding(u: float, value: float) -> float:
     """Return `u`, or 0 if `u` is NaN or only a rounding error of `value`.
 
     A rounding error is at most 2^-44 of the absolute value. `u` and `value` have the same unit. The

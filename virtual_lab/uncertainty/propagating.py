@@ -23,8 +23,8 @@ from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, MOST_DRAWS, RULES, 
 from virtual_lab.uncertainty.propagated import (
     Outcome,
     Propagated,
-    beyond_rounding,
     correlation_of,
+    without_rounding,
 )
 from virtual_lab.uncertainty.second_order import SecondOrder
 
@@ -142,7 +142,10 @@ def first_order(model: Model, probability: float) -> Propagated:
         components = variants.components(values[None])
         turned = _independent(components, inputs)
         budgets = combine_components(values[:1], turned)
-        u, dof = beyond_rounding(float(budgets.u[0]), float(values[0])), float(budgets.dof[0])
+        u, dof = (
+            without_rounding(float(budgets.u[0]), float(values[0])),
+            float(budgets.dof[0]),
+        )
         outcomes[name] = Outcome(
             name=name,
             value=float(values[0]),
@@ -177,7 +180,7 @@ def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propaga
     outcomes = {}
     for name, outcome in linear.outcomes.items():
         value, u = points.moments(answers[name])
-        u = beyond_rounding(u, value)
+        u = without_rounding(u, value)
         interval = _interval(value, u, outcome.dof, linear.probability)
         outcomes[name] = replace(
             outcome, value=value, u=u, interval=interval, shift=value - outcome.value

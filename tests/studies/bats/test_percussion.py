@@ -13,7 +13,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.simulation.faults.fault import with_sheet
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.stations.rig import Reality, ShotPlan, Stage
-from virtual_lab.studies.bats.percussion import PercussionStudy, PlaceReadings, percussion
+from virtual_lab.studies.bats.percussion import PercussionStudy, PositionReadings, percussion
 
 INCH = 0.0254
 
@@ -23,7 +23,7 @@ def found() -> PercussionStudy:
     return percussion("r161", laboratories=2, shots=3)
 
 
-def at(found: PercussionStudy, z: float) -> PlaceReadings:
+def at(found: PercussionStudy, z: float) -> PositionReadings:
     """Return the row of an impact position."""
     return min(found.rows, key=lambda row: abs(row.impact_position_in - z))
 

@@ -125,7 +125,7 @@ def decide(day: Day, action: Action) -> float:
     if not has_instrument(day, name):
         part = action_table().actions[name].needs.rpartition(".")[2]
         raise InputError(name, "rig", None, f"has no {part}")
-    if not _at_hand(day, name):
+    if not _machines_are_present(day, name):
         raise InputError(
             name, "records", None, "came from another laboratory, so nothing can be measured again"
         )
@@ -157,7 +157,7 @@ def is_offered(day: Day, action: str) -> bool:
         return day.handed_in and action == DISPUTE and not day.exam
     if action in CHECKLISTS:
         return day.checklists
-    return _at_hand(day, action) and has_instrument(day, action)
+    return _machines_are_present(day, action) and has_instrument(day, action)
 
 
 def ready_steps(day: Day) -> tuple[str, ...]:
@@ -179,7 +179,7 @@ def has_instrument(day: Day, action: str) -> bool:
     return not calibration or any(key.startswith(needs) for key in calibration)
 
 
-def _at_hand(day: Day, action: str) -> bool:
+def _machines_are_present(day: Day, action: str) -> bool:
     """Return whether the machines that an action needs are present.
 
     On a day that began with the records of another laboratory there are no machines.

@@ -220,7 +220,7 @@ def _pendulum(desk: Desk) -> Iterator[CheckRow]:
         yield _row("clamp-forgotten", alone, measured, entered, u)
 
 
-def _weighed_again(desk: Desk) -> Iterator[CheckRow]:
+def _repeated_weighing(desk: Desk) -> Iterator[CheckRow]:
     event, actions = desk.last("reweigh-balls"), [each.action for each in desk.day.events]
     if (
         event and "tare" in actions[: actions.index("weigh-balls")]
@@ -231,7 +231,7 @@ def _weighed_again(desk: Desk) -> Iterator[CheckRow]:
         yield _row("ball-mass-typed", event, on_display, entered, u, len(values) // 2)
 
 
-def _hit_again(desk: Desk) -> Iterator[CheckRow]:
+def _repeated_wall_hits(desk: Desk) -> Iterator[CheckRow]:
     event, morning = desk.last("recheck-balls"), desk.last("hit-wall")
     if event and morning:
         values = [value for _, value in _numbers(event)]
@@ -474,13 +474,13 @@ LOOKS = (
     _scale,
     _bench,
     _pendulum,
-    _weighed_again,
+    _repeated_weighing,
     _lot,
     _gates,
     _pivot,
     _clock,
     _wall,
-    _hit_again,
+    _repeated_wall_hits,
     _paper,
     _cylinder,
     _taps,

@@ -46,7 +46,7 @@ class BackgroundJobs:
         self._futures = [each for each in self._futures if not each.done()] + [future]
         return future
 
-    def ahead(self, future: Future[Any]) -> int:
+    def jobs_ahead(self, future: Future[Any]) -> int:
         """Return the number of unfinished jobs before the job of `future`."""
         return sum(not each.done() for each in self._futures[: self._futures.index(future)])
 
@@ -173,13 +173,13 @@ class ServedDay:
             return self._films[shot, true]
 
     def _make_film(self, shot: int, true: bool) -> bytes:
-        from virtual_lab.bench.machines.sketching import before_shot, film_as_seen, true_film
+        from virtual_lab.bench.machines.sketching import before_shot, sketch_film, true_film
 
         day, machines = self.stored.day, self.stored.apparatus
         if true:
             return true_film(machines.at(before_shot(day, shot)).firing, day, shot)
         fired = [event for event in day.events if event.action == "fire"]
-        return film_as_seen(machines.laboratory.setup, fired[shot - 1])
+        return sketch_film(machines.laboratory.setup, fired[shot - 1])
 
     def motion(self, shot: int) -> Motion | None:
         """Return the true motion of a shot, counted from 1.
@@ -232,8 +232,8 @@ class ServedDay:
         try:
             return debrief_page(debrief.result(patience), linked=True)
         except TimeoutError as late:
-            ahead = DEBRIEFS.ahead(debrief)
-            words = f"Debriefs before yours: {ahead}" if ahead else "Your debrief is next"
+            jobs_ahead = DEBRIEFS.jobs_ahead(debrief)
+            words = f"Debriefs before yours: {jobs_ahead}" if jobs_ahead else "Your debrief is next"
             raise TimeoutError(words) from late
 
     def _make_debrief(self) -> Debrief:

@@ -195,7 +195,7 @@ class Apparatus:
         earlier = day.times(action.name)
         station: Any = self.laboratory.stations[Stage.BENCH]
         spec = station.spec
-        station = self._scale_as_it_stands(day, station)
+        station = self._actual_scale(day, station)
         if not day.level:
             station = alter_instrument(
                 station, "stand", offset=station.stand.true["offset"] + self._table.unlevel
@@ -244,7 +244,7 @@ class Apparatus:
     def _length(self) -> float:
         return float(self._bench(self.laboratory).truth["length"])
 
-    def _scale_as_it_stands(self, day: Day, station: Station) -> Station:
+    def _actual_scale(self, day: Day, station: Station) -> Station:
         if day.tared:
             return station
         scale: Any = station
@@ -277,7 +277,7 @@ class Apparatus:
 
     def _weigh(self, day: Day, action: Action, mass: Any, stream: str, *slots: Any) -> Array:
         """Return new readings of the scale [kg], shape (item, repeat); `mass` is the true mass."""
-        station: Any = self._scale_as_it_stands(day, self.laboratory.stations[Stage.BENCH])
+        station: Any = self._actual_scale(day, self.laboratory.stations[Stage.BENCH])
         repeats, earlier = station.spec.repeats, day.times(action.name)
         draws, turns = self.laboratory.draws, earlier + 1
         record = station.scale.weigh(mass, repeats * turns, draws, stream, *slots)

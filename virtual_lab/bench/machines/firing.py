@@ -136,7 +136,7 @@ class Firing:
             self.shots[shot] = self._play(plan, shot)
         return plan, self.shots[shot]
 
-    def as_it_stands(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
+    def actual_conditions(self, shot: ShotConditions) -> tuple[Laboratory, ShotPlan]:
         """Return the laboratory and the plan with which a shot really takes place.
 
         The ball may be warm, scrap may trip a gate, the aim may have moved, and a low pressure
@@ -172,7 +172,7 @@ class Firing:
     def _play(self, requested: ShotPlan, shot: ShotConditions) -> RigOutput:
         table, draws = action_table().consequences, self.laboratory.draws
         tripping = float(draws.uniform("rehearsal.scrap", slots=requested.slot)[0]) + 0.5
-        laboratory, plan = self.as_it_stands(shot)
+        laboratory, plan = self.actual_conditions(shot)
         station: Any = laboratory.stations[Stage.IMPACT]
         if isinstance(station, FilmingStation):  # frames are made when they are viewed
             station = station.without_camera()

@@ -101,7 +101,7 @@ def scene_of_shot(firing: Firing, shot: ShotConditions) -> tuple[ShotScene, Play
     The result is None for a rig that swings the bat, and for a shot that the model of the motion
     cannot compute.
     """
-    laboratory, requested = firing.as_it_stands(shot)
+    laboratory, requested = firing.actual_conditions(shot)
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, RestingBatStation):
         return None
@@ -167,7 +167,7 @@ def has_camera(laboratory: Laboratory) -> bool:
     return isinstance(laboratory.stations[Stage.IMPACT], FilmingStation)
 
 
-def film_as_seen(setup: TestSetup, event: DayEvent) -> bytes:
+def sketch_film(setup: TestSetup, event: DayEvent) -> bytes:
     """Return six simulated camera frames of a shot as one PNG image.
 
     The frames are drawn from the sketch, the blurred top view of the shot that a trainee may see.
@@ -207,7 +207,7 @@ def true_film(firing: Firing, day: Day, shot: int) -> bytes:
     The result is empty if the rig has no camera. Raises `IndexError` if `shot` is larger than the
     number of fired shots.
     """
-    laboratory, requested = firing.as_it_stands(firing.conditions(before_shot(day, shot)))
+    laboratory, requested = firing.actual_conditions(firing.conditions(before_shot(day, shot)))
     station = laboratory.stations[Stage.IMPACT]
     if not isinstance(station, FilmingStation):
         return b""

@@ -21,7 +21,7 @@ from virtual_lab.bench.day.scenario import UNITS, Scenario
 from virtual_lab.bench.day.table import action_table, in_buttons, preparation
 from virtual_lab.bench.pages.papers import wall_pages
 from virtual_lab.bench.pages.slow_motion import Motion, SlowMotion, motion_of_sketch, slow_motion
-from virtual_lab.bench.pages.tally import in_units, residual_chart, run_chart, swings, tally
+from virtual_lab.bench.pages.tally import convert_units, residual_chart, run_chart, swings, tally
 from virtual_lab.bench.pages.traces import traces_of
 from virtual_lab.errors import InputError
 from virtual_lab.files.tables import quote
@@ -439,11 +439,11 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[PrintedHit]:
             speed=number(hit.speed, metre_a_second, 2),
             efficiency=number(hit.efficiency, 1.0, 4),
             metric=number(hit.metric, metric.unit_si, 4),
-            windows=in_units(desk.reasons[shot - 1], briefing["units"]) or "within"
+            windows=convert_units(desk.reasons[shot - 1], briefing["units"]) or "within"
             if whole
             else "not reduced yet",
             decision=hit.decision,
-            because=in_units(hit.because, briefing["units"]),
+            because=convert_units(hit.because, briefing["units"]),
         )
         for shot, hit in enumerate(desk.hits, 1)
     ]
@@ -464,7 +464,7 @@ def _entries(day: Day, briefing: Mapping[str, Any]) -> list[PrintedEntry]:
             minute=f"{at:.1f}",
             title=sheets[event.action].title,
             struck=event.number in day.struck,
-            entered=in_units(typed_words(event.action, event.arguments), briefing["units"]),
+            entered=convert_units(typed_words(event.action, event.arguments), briefing["units"]),
             readings=", ".join(
                 f"{quantity} {value} {unit}".rstrip() for quantity, value, unit in event.shown
             ),

@@ -63,7 +63,7 @@ def swings(desk: Desk) -> list[PrintedColumn]:
     ]
 
 
-def in_units(sentence: str, system: str) -> str:
+def convert_units(sentence: str, system: str) -> str:
     """Return a sentence in which inches and mph are converted to mm and m/s if `system` is "SI".
 
     For any other `system` the sentence is returned unchanged.

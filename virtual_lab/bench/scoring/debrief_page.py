@@ -9,7 +9,7 @@ from pathlib import Path
 from virtual_lab.bench.day.doubts import fault_sheets, fault_titles
 from virtual_lab.bench.day.scenario import UNITS
 from virtual_lab.bench.day.table import action_table
-from virtual_lab.bench.pages.tally import in_units
+from virtual_lab.bench.pages.tally import convert_units
 from virtual_lab.bench.scoring.debrief import Debrief
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
@@ -23,7 +23,7 @@ def debrief_page(debrief: Debrief, *, linked: bool = False) -> str:
         sheets=action_table().actions,
         titles=fault_titles(),
         faults=fault_sheets(),
-        printed=partial(in_units, system=debrief.units),
+        printed=partial(convert_units, system=debrief.units),
         length=UNITS[debrief.units][0],
         speed=UNITS[debrief.units][1],
         metric=METRICS[debrief.metric],

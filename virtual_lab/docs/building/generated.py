@@ -26,7 +26,7 @@ from virtual_lab.bench.day.table import action_table
 from virtual_lab.certificate.columns import SHOTS
 from virtual_lab.certificate.schema import json_schema
 from virtual_lab.cli import cli
-from virtual_lab.cli.commands import FunctionCommand, in_help
+from virtual_lab.cli.commands import FunctionCommand, help_text
 from virtual_lab.files.column_units import PURE, unit_of
 from virtual_lab.files.dictionary import COLUMNS, ENDINGS, PATTERNS, column_meaning
 from virtual_lab.records import record_types
@@ -158,7 +158,7 @@ def command_parts(command: click.Command, name: str) -> Iterator[str]:
     for each in command.params:
         record = each.get_help_record(context)
         if isinstance(each, click.Argument) and isinstance(command, FunctionCommand):
-            record = each.make_metavar(context), in_help(command.parameters[str(each.name)])
+            record = each.make_metavar(context), help_text(command.parameters[str(each.name)])
         if record:
             rows.append((f"`{record[0]}`", record[1].replace("<", "&lt;").replace("*", "\\*")))
     yield table(("option", "meaning"), rows)

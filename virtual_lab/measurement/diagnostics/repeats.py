@@ -40,7 +40,7 @@ def records_repeated(evidence: Evidence) -> Iterator[Raised]:
         for channel, table in rows.items():
             whole, partial = _traces(channels[channel])
             others = [each for name, each in rows.items() if name != channel]
-            twice = _filed_twice(table, partial, others)
+            twice = _repeated_records(table, partial, others)
             # A single partial trace may repeat by chance.
             if sum(2 if whole[shot] else 1 for _, shot in twice) > 1:
                 yield _flag_repeat(evidence, f"{stage}/{channel}", *twice[0])
@@ -73,7 +73,7 @@ def _traces(record: Record) -> tuple[Mask, Mask]:
     return none, none
 
 
-def _filed_twice(rows: Array, candidates: Mask, others: list[Array]) -> list[tuple[int, int]]:
+def _repeated_records(rows: Array, candidates: Mask, others: list[Array]) -> list[tuple[int, int]]:
     """Return pairs of a shot and an earlier shot with the same record."""
     first: dict[bytes, int] = {}
     repeats = []

@@ -115,10 +115,10 @@ def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tupl
     if game is None:
         lever = bat.length - procedure.pivot_from_knob - place
         return procedure.ball_speed, np.asarray(procedure.turn_rate(bat.length) * lever)
-    return game.pitch_speed, _swung(game, place, bat)
+    return game.pitch_speed, _game_speed(game, place, bat)
 
 
-def _swung(game: Game, place: Array, bat: BatProperties) -> Array:
+def _game_speed(game: Game, place: Array, bat: BatProperties) -> Array:
     if game.axis_from_knob is None:
         radius, inertia = np.ones_like(place), bat.inertia_cm
     else:

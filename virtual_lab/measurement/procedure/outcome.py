@@ -100,7 +100,7 @@ def hit_weights_of(
     """
     if procedure.scan is not None:
         shots = ScanShots(owner, place, valid, metric, objective)
-        return _of_scans(procedure, procedure.scan, laboratories, shots)
+        return _scan_weights(procedure, procedure.scan, laboratories, shots)
     hits = np.bincount(owner, valid, laboratories)
     enough = hits >= 2
     divisor = np.where(enough, hits, np.nan)
@@ -130,7 +130,9 @@ class ScanShots(NamedTuple):
     objective: Objective
 
 
-def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanShots) -> HitWeights:
+def _scan_weights(
+    procedure: Procedure, scan: Scan, laboratories: int, shots: ScanShots
+) -> HitWeights:
     from virtual_lab.measurement.procedure.scan_kernel import Scanned, scans_of_block
 
     scans = Scanned(
@@ -152,7 +154,7 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
     reasons = tuple(
         TOO_FEW
         if hits[laboratory] < 2
-        else _of_scan(procedure, scan, scans, laboratory, bool(has_result[laboratory]))
+        else _scan_reason(procedure, scan, scans, laboratory, bool(has_result[laboratory]))
         for laboratory in range(laboratories)
     )
     has_result &= scans.result > 0
@@ -162,11 +164,11 @@ def _of_scans(procedure: Procedure, scan: Scan, laboratories: int, shots: ScanSh
         weights = np.where(has_result[shots.owner], mask / many[shots.owner], np.nan)
         place = np.bincount(shots.owner, np.where(mask, shots.place, 0.0), laboratories) / many
         return HitWeights(weights=weights, effects=weights, place=place, reasons=reasons)
-    weights, effects, place = _tops_of_curves(scan, laboratories, shots, mask)
+    weights, effects, place = _curve_maxima(scan, laboratories, shots, mask)
     return HitWeights(weights=weights, effects=effects, place=place, reasons=reasons)
 
 
-def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_result: bool) -> str:
+def _scan_reason(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_result: bool) -> str:
     """Return the reason why a scan gives no valid result; empty if it gives one."""
     if not has_result:
         return (
@@ -184,7 +186,7 @@ def _of_scan(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_resul
     return ""
 
 
-def _tops_of_curves(
+def _curve_maxima(
     scan: Scan, laboratories: int, shots: ScanShots, mask: Mask
 ) -> tuple[Array, Array, Array]:
     """Return weights and effects of hits, (shot,), and positions of the maxima, (laboratory,).

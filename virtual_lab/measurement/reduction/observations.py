@@ -127,9 +127,9 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     }
     small = periods / mean_amplitude_factor(first, last, swings)
     constants["bat.period"] = means_of_readings(small, used=counted)
-    constants["bat.first_amplitude"] = _exactly(first.mean(axis=1, where=counted))
-    constants["bat.last_amplitude"] = _exactly(last.mean(axis=1, where=counted))
-    constants["bat.swings"] = _exactly(np.full(block.laboratories, float(swings)))
+    constants["bat.first_amplitude"] = _exact(first.mean(axis=1, where=counted))
+    constants["bat.last_amplitude"] = _exact(last.mean(axis=1, where=counted))
+    constants["bat.swings"] = _exact(np.full(block.laboratories, float(swings)))
     return constants
 
 
@@ -160,7 +160,7 @@ def counted_releases(odd: Mask) -> Mask:
     return np.asarray(even | too_few[:, None])
 
 
-def _exactly(value: Array) -> Estimates:
+def _exact(value: Array) -> Estimates:
     return Estimates(value=value, u=np.zeros(value.shape), dof=np.full(value.shape, inf))
 
 

@@ -313,11 +313,11 @@ def shot_results(
     cosine, swing_rate, counts, encoder = (np.asarray(each) for each in (1.0, 0.0, np.nan, 1.0))
     clock = readings.flights.clock(x)
     if readings.swing:
-        turn = _turn(x, "swing")
+        turn = _angle_per_count(x, "swing")
         cosine = np.cos(turn * readings.swing.angle)
         swing_rate = turn * clock * readings.swing.rate
     if readings.recoil:
-        counts, encoder = readings.recoil.rate, _turn(x, "encoder") * clock
+        counts, encoder = readings.recoil.rate, _angle_per_count(x, "encoder") * clock
     used = np.ones(balls.mass.shape[-1], dtype=bool) if used is None else used
     constants = ShotConstants(
         **{name: getattr(bat, name) for name in ("mass", "length", "z_cm", "inertia_cm")},
@@ -402,7 +402,7 @@ def drag_of(x: Constants, mass: Array) -> Array:
     return drag_rate(x["hall.air.density"], x["hall.air.drag_coefficient"], x["ball.radius"], mass)
 
 
-def _turn(x: Constants, encoder: str) -> Array:
+def _angle_per_count(x: Constants, encoder: str) -> Array:
     """Return the angle of one count of an encoder [rad]."""
     scale, counts = x[f"impact.{encoder}.scale"], x[f"impact.{encoder}.counts_per_turn"]
     return np.asarray(2 * np.pi / (scale * counts))

@@ -54,7 +54,7 @@ class Clamped:
 Support = Free | Pinned | Clamped
 
 
-def support_place(support: Support, length: float) -> float | None:
+def support_position(support: Support, length: float) -> float | None:
     """Return the position of the support, from the barrel tip [m], or None for a free bat.
 
     `length` is the length of the bat [m]. Raises `InputError` for a position beyond the bat, or a
@@ -239,7 +239,7 @@ def beam_of(
     """
     if order < 4:
         raise InputError("beam", "order", order, "allowed: 4 and up, lower orders lock")
-    support_z = support_place(support or Free(), body.length)
+    support_z = support_position(support or Free(), body.length)
     return _beam(replace(body, hoop=None), support_z, order, element_size)
 
 

@@ -386,7 +386,7 @@ def _wood(x: Array, length: float) -> BatBody:
 
 def _hollow(x: Array, length: float) -> BatBody:
     barrel, handle, start, end, middle, *others = map(float, x)
-    wall, wall_middle, wall_handle, knob, knob_place, cap, frequency_ratio, mass_ratio = others
+    wall, wall_middle, wall_handle, knob, knob_position, cap, frequency_ratio, mass_ratio = others
     between = handle + middle * (barrel - handle)
     body = BatBody(
         profile=Profile(
@@ -400,7 +400,7 @@ def _hollow(x: Array, length: float) -> BatBody:
         damping_ratio=0.001,
         lumps=(
             Lump(name="end cap", z=0.02 * length, mass=cap),
-            Lump(name="knob", z=knob_place * length, mass=knob),
+            Lump(name="knob", z=knob_position * length, mass=knob),
         ),
     )
     shell = shell_mode(body)

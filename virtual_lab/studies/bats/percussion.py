@@ -64,7 +64,7 @@ class ReadError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlaceReadings:
+class PositionReadings:
     """One impact position: nominal values, and errors of e_A by recoil and by rebound."""
 
     impact_position_in: float = column("position from the tip", "in", ".2f")
@@ -89,7 +89,7 @@ class PercussionStudy(StudyResult):
 
     bat: str
     percussion_in: float  # center of percussion of the nominal bat, from the tip
-    rows: list[PlaceReadings]
+    rows: list[PositionReadings]
 
     name = "percussion"
 
@@ -246,7 +246,7 @@ def percussion(
 
 def _row(
     still: _Stand, place: float, shots: int, readings_of_laboratories: list[LaboratoryReading]
-) -> PlaceReadings:
+) -> PositionReadings:
     """Return the row of a position: nominal values, and errors of the laboratories."""
     (reduced, _), true, lasted = still.fire(place, shots, 0)
     laboratory = still.laboratory
@@ -271,7 +271,7 @@ def _row(
             rms_u=_root_mean_square([each.u[name] for each in readings_of_laboratories]),
         )
 
-    return PlaceReadings(
+    return PositionReadings(
         impact_position_in=float(place / INCH),
         collision_efficiency=float(true[0]),
         reaction_ns=reaction,
@@ -351,7 +351,7 @@ def _root_mean_square(values: list[float]) -> float | None:
     return float(np.sqrt((finite**2).mean())) if finite.size else None
 
 
-def _text(rows: Sequence[PlaceReadings], percussion_in: float) -> str:
+def _text(rows: Sequence[PositionReadings], percussion_in: float) -> str:
     """Return a table of the positions, and sentences on the largest errors."""
     near = min(rows, key=lambda row: abs(row.impact_position_in - percussion_in))
     worst = max(rows, key=lambda row: abs(row.plain_shift))

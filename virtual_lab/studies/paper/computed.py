@@ -130,7 +130,7 @@ def peak_value(bat: str, curve: str) -> float:
     return top(bat, curve).value
 
 
-def peak_position(bat: str, curve: str) -> float:
+def position_of_peak(bat: str, curve: str) -> float:
     """Return the distance from the tip of the largest value of a curve [in], for swing exponent 0.
 
     `curve` is ``restitution``, ``bat_performance_factor``, ``collision_efficiency`` or

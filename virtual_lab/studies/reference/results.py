@@ -271,7 +271,7 @@ def peak_restitution(bat: str, speed: float) -> float:
     return _restitution_peak(body(bat), speed).value
 
 
-def restitution_place(bat: str, speed: float) -> float:
+def peak_restitution_position(bat: str, speed: float) -> float:
     """Return the distance of the peak BBCOR from the tip [in].
 
     BBCOR is the bat-ball coefficient of restitution. Positions from 3 to 9 in are searched. The

@@ -52,7 +52,7 @@ class Change(NamedTuple):
     apply: Callable[[Statement], Statement]
 
 
-def promising_changes(certification: Certification) -> list[Change]:
+def changes_to_simulate(certification: Certification) -> list[Change]:
     """Return the changes of a laboratory that reduce the u of the metric, the most effective first.
 
     A change halves the u of one instrument, or doubles the number of hits, balls or wall hits. A
@@ -111,7 +111,7 @@ def improvements(
     """
     assert certification.metric is not None
     rows, u = [], certification.metric.u
-    for words, variance, apply in promising_changes(certification)[:SHOWN]:
+    for words, variance, apply in changes_to_simulate(certification)[:SHOWN]:
         sd, low, high = simulate(replace(playing, statement=apply(playing.statement)))
         planned = sqrt(max(u**2 - variance, 0.0))
         rows.append(

@@ -97,7 +97,7 @@ class _Comparison:
         )
 
 
-def unlike_readings(
+def differing_readings(
     certification: Certification, playing: TwinDays, days: int, progress: Progress = quiet
 ) -> tuple[list[TwinReading], int]:
     """Compare the readings of a test with simulated days of the same laboratory, its twin.

@@ -28,7 +28,7 @@ from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
 from virtual_lab.studies.twin.quantities import TwinQuantity, compare_quantities
-from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, unlike_readings
+from virtual_lab.studies.twin.readings import LEVEL, TWIN_READINGS, TwinReading, differing_readings
 from virtual_lab.studies.twin.statement import Statement
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ def twin(
     readings: list[TwinReading] = []
     played = 0
     if full_days and statement.replayed:
-        readings, played = unlike_readings(certification, playing, full_days, progress)
+        readings, played = differing_readings(certification, playing, full_days, progress)
     return Twin(
         bat=certification.session.bat,
         procedure=certification.procedure.name,
