@@ -52,7 +52,8 @@ def test_the_text_answers_for_a_bat_at_the_limit(found) -> None:
     assert f"{best.pass_probability:.1%}  in the best of three tests of one laboratory" in answer
     assert f"{1 - (1 - one.pass_probability) ** 3:.1%}  in the best of three laboratories" in answer
     strict, stricter = found.acceptance_limits[TIGHT.name]
-    assert f"up to {strict:.4f}" in answer
+    assert f"the limit of acceptance is {strict:.4f}" in answer
+    assert f"if it is {stricter:.4f}" in answer
     assert stricter < strict < 1.2
 
 

@@ -221,9 +221,9 @@ def _at_limit(rows: Sequence[OperatingPoint], limit: float, up_to: float, up_to_
         + ", passes with a probability of\n"
         f"  {single:6.1%}  in one test\n"
         f"  {best.pass_probability:6.1%}  in the best of three tests of one laboratory\n"
-        f"  {1 - (1 - single) ** 3:6.1%}  in the best of three laboratories, one test each\n"
-        f"  {RISK:6.1%}  in one test, if results up to {up_to:.4f} are accepted\n"
-        f"  {RISK:6.1%}  in the best of three laboratories, if results up to {up_to_3:.4f} are"
+        f"  {1 - (1 - single) ** 3:6.1%}  in the best of three laboratories\n"
+        f"  {RISK:6.1%}  in one test, if the limit of acceptance is {up_to:.4f}\n"
+        f"  {RISK:6.1%}  in the best of three laboratories, if it is {up_to_3:.4f}"
     )
 
 

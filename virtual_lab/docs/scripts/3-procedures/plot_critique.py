@@ -4,7 +4,7 @@ Does a procedure rank bats as play does?
 
 Probability (%) that a laboratory ranks two bats opposite to their order in play (50: by chance).
 In play less inertia means a faster swing; only PROPOSED includes this. ASTM F1881 also ignores the
-mass near the ball, by which a barrel-loaded bat is faster. Loaded: EA70, 2.3 oz moved to this end.
+mass near the ball, by which the barrel-loaded bat is faster. Loaded: EA70, 2.3 oz moved to an end.
 """
 
 import matplotlib.pyplot as plt
