@@ -119,6 +119,7 @@ def test_the_u_of_speed_covers_places_that_shift_slowly() -> None:
     time = np.arange(40.0)
     blobs = blobs_of(np.stack([100 + 6 * time, 100 + 0.07 * time**2 / 2], axis=1), noise=0.1)
     blobs["x"] += 0.25 * time / time[-1]
+    blobs["edge"] = 2.0
     scene = FlightScene(
         blobs=blobs,
         time=time,

@@ -1,11 +1,12 @@
 """Joint fit of flights: a common g and drag, and a position and velocity of each flight.
 
 The camera is assumed to be level, so that its perspective is small. The scene may state g and drag.
-If positions have no u, it is estimated from their scatter. Positions of a calibrated camera have a
-u from noise and a u from the pattern of the ball, which moves the apparent center slowly as the
-ball turns. The errors that the pattern causes in neighboring frames are similar, so they do not
-appear in the residuals, and they affect the speed fully. The size of this effect is computed from
-the pictures, its correlation time from the residuals.
+If positions have no u, it is estimated from their scatter. Errors that change slowly along a flight
+reduce their weight, because such errors look like drag. Positions of a calibrated camera have a u
+from noise and a u from the pattern of the ball, which moves the apparent center slowly as the ball
+turns. The errors that the pattern causes in neighboring frames are similar, so they do not appear
+in the residuals, and they affect the speed fully. The size of this effect is computed from the
+pictures, its correlation time from the residuals.
 
 Units are pixels and frames. Drag is a deceleration k v². For a sphere of radius r and density ρ_b,
 k r = 3/8 C_d ρ/ρ_b: 0.0002 for a golf ball, 0.0025 for a table tennis ball, 0.01 for an inflated
@@ -199,11 +200,13 @@ def fit_flights(
     middles = np.array([t.mean() for t in times])
     radius = float(np.median([each.radius for each in flights]))
     place_u = [np.ones(len(each.t)) if each.u is None else each.u for each in flights]
+    slow = [len(each.t) * each.pattern_u**2 if each.u is None else 0.0 for each in flights]
     model = _FlightModel(
         dt=np.concatenate(times) - middles[of],
         of=of,
         xy=np.concatenate([each.xy for each in flights]),
         place_u=np.concatenate(place_u),
+        slow=np.array(slow)[of],
         sharp=flights[0].u is not None,
         centre=(np.array(scene.size) - 1) / 2,
         radius=radius,
@@ -300,9 +303,9 @@ def _solve(
             room = max(FAR_U * spread, room)
         jacobian = model.jacobian(vector, steps)[..., free] / model.place_u[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
-        power = alike * spread**2
-        normal = np.einsum("rci,rcj->ij", weighted, jacobian) / power
-        right = np.einsum("rci,rc->i", weighted, left) / power
+        weighted = weighted / (alike * spread**2 + model.slow)[:, None, None]
+        normal = np.einsum("rci,rcj->ij", weighted, jacobian)
+        right = np.einsum("rci,rc->i", weighted, left)
         normal[np.diag_indices_from(normal)] += 1 / u[free] ** 2
         right += (before[free] - vector[free]) / u[free] ** 2
         if model.floor and turn:  # in the first round the flights do not meet yet
@@ -381,6 +384,9 @@ class _FlightModel:
     of: Ints  # (position,), number of its flight
     xy: Array  # (position, 2)
     place_u: Array  # (position,), u; 1 if it is not known
+    # (position,), variance of an error that changes slowly along a flight and does not average
+    # down, times the number of positions [px²]; 0 for sharp positions
+    slow: Array
     sharp: bool  # True if u is known
     centre: Array
     radius: float

@@ -18,7 +18,6 @@ from virtual_lab.video.follow.scene import FOCAL, FlightScene
 EVEN_SHARE = 1 / np.sqrt(3)
 # deviation from level, or from square to the flight, beyond which a clip is flagged [rad]
 STEEPEST = 10 * DEGREE
-DRAG_SHARE = 0.35  # u of drag, as a fraction of the difference between fits with and without drag
 OFF_NORMAL = 35 * DEGREE  # largest angle between a change of velocity and the normal [rad]
 
 Others = Sequence[tuple[Fit, float]]  # other fits, and their u as a fraction of the difference
@@ -53,11 +52,8 @@ class FittedFlights:
         flat = refit(scene, ways, fit, tilt=np.zeros(2))
         rest: list[tuple[Fit, float]] = []
         beside: list[tuple[Fit, float]] = []
-        for fits, one, other, tilt in ((rest, fit, flat, None), (beside, flat, fit, np.zeros(2))):
+        for fits, one, other in ((rest, fit, flat), (beside, flat, fit)):
             fits += [(one.with_drift(each), 1.0) for each in drift * np.eye(2) if drift]
-            fits += [(each, 1.0) for each in _slow_errors(ways, one)]
-            if scene.drag is None:
-                fits.append((refit(scene, ways, fit, drag=False, tilt=tilt), DRAG_SHARE))
             fits.append((other, 1.0))
         longest = []
         if scene.readout is None:
@@ -66,21 +62,6 @@ class FittedFlights:
             return cls(fit=fit, rest=rest, tilted=True, longest=longest)
         level = None if fit.floor else cls(fit=flat, rest=beside)
         return cls(fit=fit, rest=rest[:-1], longest=longest, level=level)
-
-
-def _slow_errors(ways: Sequence[Piece], fit: Fit) -> list[Fit]:
-    """Return fits with errors that change along a flight, one per flight and axis.
-
-    A ball's pattern turns and a codec moves edges slowly, which residuals do not show. The change
-    is twice the scatter of the positions, which agrees with the errors in test clips.
-    """
-    fits = []
-    for k, way in enumerate(ways):
-        for axis in (0, 1):
-            vector = fit.vector.copy()
-            vector[4 * (k - len(ways)) + 2 + axis] += 2 * fit.spread / np.ptp(way.t)
-            fits.append(fit.with_vector(vector))
-    return fits
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:

@@ -39,6 +39,9 @@ class PieceGrowth:
     room: tuple[float, float] = (0.25, 0.12)
     size_ratio: float = 1.6  # largest ratio of the radii of one ball's blobs
     colour: float = 70.0  # largest difference in color between one ball's blobs [DN]
+    # u of the brightness at an outline, which changes slowly along a flight with the direction of
+    # view and with the background [DN]; found with 60 synthetic clips
+    shade: float = 1.5
     # largest ratio of the rms misfit of a piece cut at a contact to that of the whole piece
     better: float = 0.5
 
@@ -57,7 +60,8 @@ class Piece:
     radius: float
     # (position,), u of x, and of y, from noise [pixels]; None: estimated from the scatter
     u: Array | None = None
-    # u of x, and of y, from the pattern of the ball, correlated in neighboring frames [pixels]
+    # u of x, and of y, from the pattern of the ball, or from shade and background if `u` is None;
+    # correlated in neighboring frames [pixels]
     pattern_u: float = 0.0
 
     @classmethod
@@ -70,6 +74,7 @@ class Piece:
             t=t,
             xy=np.stack([some["x"], some["y"]], axis=1),
             radius=float(np.median(some["radius"])),
+            pattern_u=GROWTH.shade * float(np.median(some["edge"] / np.fmax(some["contrast"], 1))),
         )
 
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
