@@ -52,7 +52,7 @@ def next_places(
 ) -> Any:
     """Return the impact positions of the next shots [m]."""
     alone = np.zeros(len(place), int)
-    return next_shots(procedure, np.array([percussion]), alone, place, valid, objective).place
+    return next_shots(procedure, np.array([percussion]), alone, place, valid, objective).position
 
 
 def reduce_session(session: Session) -> tuple[Reduction, ImpactReadings]:

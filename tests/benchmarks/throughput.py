@@ -152,7 +152,7 @@ def _play(procedure: str, detail: RecordDetail, shots: int) -> Work:
         slot=np.arange(shots),
         ball=np.arange(shots) % rules.balls,
         speed=np.full(shots, rules.ball_speed),
-        place=np.full(shots, tested.hit_weights.place[0]),
+        place=np.full(shots, tested.hit_weights.position[0]),
         turn_rate=float(rules.turn_rate(bat.length)),
         detail=detail,
     )

@@ -665,11 +665,11 @@ def test_balls_that_strike_farther_along_have_a_shorter_lever(played: Play) -> N
     shifted, model = {**x, name: x[name] + 1e-3}, reduced.single_model(readings)
     balls, settings = measured_balls(shifted, model.balls), reduced.procedure.reduction_settings
     beside = shot_results(ShotResults, shifted, bat, balls, readings, settings, used=model.used)
-    lever = bat.length - x["impact.pivot.from_knob"] - reduced.shots.place
+    lever = bat.length - x["impact.pivot.from_knob"] - reduced.shots.position
     expected = (1 + reduced.shots.collision_efficiency) * lever / (lever - 1e-3) - 1
     expected -= 0.006 / 0.0254 * 1e-3  # slope of e_A along the barrel on the sheet
     assert beside.collision_efficiency == pytest.approx(expected, rel=1e-9)
-    assert beside.place == pytest.approx(reduced.shots.place)
+    assert beside.position == pytest.approx(reduced.shots.position)
     assert beside.recoil_factor == pytest.approx(reduced.shots.recoil_factor, rel=1e-12)
 
 
@@ -716,7 +716,7 @@ def test_a_slanting_bat_is_seen_through(late: float) -> None:
     slant = play.truth["angle"]
     assert slant == pytest.approx(late * 0.3e-3 * 47.0)
     shots = reduce_session(with_records(day.session, Stage.IMPACT, [play]))[0].shots
-    assert shots.place == pytest.approx(play.truth["place"], abs=1e-6)
+    assert shots.position == pytest.approx(play.truth["place"], abs=1e-6)
     assert shots.bat_speed == pytest.approx(play.truth["bat_speed"], rel=1e-6)
     assert shots.collision_efficiency == pytest.approx(play.truth["collision_efficiency"], abs=1e-6)
     # result if the bat is assumed to be square

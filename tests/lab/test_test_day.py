@@ -29,7 +29,7 @@ def test_the_order_of_steps_and_rounds_changes_no_record() -> None:
     day = lab.TestDay.begin(opened("r161", procedure=PROCEDURE, seed=3))
     day = day.hit_wall().measure_bat().prepare()
     while (asked := day.next_shots()).owner.size:
-        day = day.fire(NextShots(asked.owner[:1], asked.place[:1])).judge()
+        day = day.fire(NextShots(asked.owner[:1], asked.position[:1])).judge()
     found = day.finish().of(0).certification
     assert len(day.rounds) > 5
     assert same(dict(found.session.records), dict(run_test.session.records))

@@ -55,7 +55,7 @@ def lines(curve: TrueCurve) -> dict[str, Line]:
         "e": curve.collision_efficiency * (1 + curve.recoil_factor) + curve.recoil_factor,
         "e0": curve.ball_restitution,
     }
-    return {name: CubicSpline(curve.place, values) for name, values in columns.items()}
+    return {name: CubicSpline(curve.position, values) for name, values in columns.items()}
 
 
 def by_the_paper(procedure: str, bat: str, of: dict[str, Line]) -> float:
@@ -212,7 +212,7 @@ def test_corrections_agree_with_hand_calculations(method: str, by_hand: float) -
         restitution=np.array([0.52]),
         ball_restitution=np.array([0.45]),
         recoil_factor=np.array([0.2]),
-        place=np.array([0.15]),
+        position=np.array([0.15]),
     )
     assert curve.metric(control_ratio=1.04)[0] == pytest.approx(by_hand, rel=1e-14)
 
@@ -226,7 +226,7 @@ def test_a_shell_that_gives_back_less_than_the_ball_is_taken_for_a_rigid_one() -
         restitution=np.array([0.40, 0.451]),
         ball_restitution=np.array([0.45, 0.45]),
         recoil_factor=np.array([0.2, 0.2]),
-        place=np.array([0.15, 0.15]),
+        position=np.array([0.15, 0.15]),
     )
     sprung = sqrt(1 - (1 - 0.451**2) * (1 - 0.5**2) / (1 - 0.45**2))
     assert curve.metric() == pytest.approx([0.4 / 0.9, sprung], rel=1e-14)
@@ -318,7 +318,7 @@ def test_the_swing_machine_corrects_for_its_balls_too() -> None:
     e, e0, r = curve.restitution, curve.ball_restitution, curve.recoil_factor
     stiffness = (1 - e**2) / (e**2 - e0**2)  # stiffness ratio of shell and ball
     sprung = np.where(e > e0, np.sqrt((0.49**2 * stiffness + 1) / (stiffness + 1)), e * 0.49 / e0)
-    e_A = CubicSpline(curve.place, (sprung - r) / (1 + r))
+    e_A = CubicSpline(curve.position, (sprung - r) / (1 + r))
     length = curve.bat.length
 
     def batted_speed(z: float) -> float:

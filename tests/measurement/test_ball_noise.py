@@ -118,7 +118,7 @@ def play(
     e = BPF * e0[ball] + hit * rng.standard_normal(ball.size)
     readings = ImpactReadings(
         ball=ball,
-        place=np.full(ball.size, PLACE),
+        position=np.full(ball.size, PLACE),
         flights=gates("impact", SPEED * (e - RECOIL) / (1 + RECOIL)),
         recoil=None,
         swing=None,

@@ -48,12 +48,12 @@ def laboratory(
     return SimpleNamespace(
         certified=SimpleNamespace(
             invalid=np.array([verdict == "INVALID"]),
-            hit_weights=SimpleNamespace(place=np.array([PLACE]), used=hits),
+            hit_weights=SimpleNamespace(position=np.array([PLACE]), used=hits),
             results=dict.fromkeys(names, budgets),
             reduced=SimpleNamespace(
                 owner=np.zeros(6, dtype=int),
                 valid=hits,
-                place=np.full(6, PLACE),
+                position=np.full(6, PLACE),
                 shot_metric=np.full(6, value[0]),
             ),
             block=SimpleNamespace(

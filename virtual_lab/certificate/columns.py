@@ -96,7 +96,7 @@ SHOTS = (
     _C(
         "impact_position_in",
         "impact position set with the rule, from the barrel tip",
-        lambda c: c.readings.place,
+        lambda c: c.readings.position,
         "impact_position_in",
         InPrint("Position", "in", 2),
     ),

@@ -167,7 +167,7 @@ def certificate(
         nominal_speed_mph=procedure.ball_speed / MPH,
         nominal_bat_speed_mph=(procedure.bat_speed or 0.0) / MPH,
         v_rel_mph=float(speed.mean() / MPH) if speed.size else None,
-        impact_position_in=_finite_or_none(weights.place[0] / INCH),
+        impact_position_in=_finite_or_none(weights.position[0] / INCH),
         width_m=_width(certification.width),
         swing_range=tuple(_swing(result) for result in certification.swings),
         places=tuple(_places(certification)) if procedure.scan else (),
@@ -266,7 +266,7 @@ def _metric(certification: Certification) -> MetricStated:
         u_type_b=metric.u_type_b if metric else None,
         unit=METRICS[procedure.metric].si_unit,
         limit=procedure.metric_limit,
-        impact_position_in=float(certification.hit_weights.place[0] / INCH) if metric else None,
+        impact_position_in=float(certification.hit_weights.position[0] / INCH) if metric else None,
     )
 
 
@@ -285,7 +285,7 @@ def _shots(certification: Certification) -> list[ShotRow]:
 
 
 def _places(certification: Certification) -> list[PlaceRow]:
-    place, valid = certification.readings.place, certification.judgement.valid
+    place, valid = certification.readings.position, certification.judgement.valid
     rows = []
     for at in np.unique(place[valid]):
         hits = certification.shot_metric[valid & (place == at)]
@@ -307,7 +307,7 @@ def _along(certification: Certification) -> AlongBarrel | None:
     for the speeds of the test. For a bat at rest v_f is the rebound speed.
     """
     valid, shots = certification.judgement.valid, certification.shots
-    place = certification.readings.place[valid] / INCH
+    place = certification.readings.position[valid] / INCH
     steps = np.unique(place)
     if steps.size < FEWEST_PLACES:
         return None
@@ -340,7 +340,7 @@ def _along(certification: Certification) -> AlongBarrel | None:
     weights = certification.hit_weights
     top = curve_of(
         certification.procedure,
-        certification.readings.place,
+        certification.readings.position,
         weights.used,
         certification.shot_metric,
     )
@@ -363,7 +363,7 @@ def _batted_speed(certification: Certification) -> Array:
     properties = {name: np.array(each.value) for name, each in certification.bat.items()}
     # no speed depends on the radius
     bat = BatProperties(**properties, barrel_radius=np.array(np.nan))
-    speeds = field_speeds(certification.procedure, certification.readings.place, bat)
+    speeds = field_speeds(certification.procedure, certification.readings.position, bat)
     return np.asarray(batted_speed(certification.shots.collision_efficiency, *speeds))
 
 
@@ -503,7 +503,7 @@ def _swing(result: SwingResult) -> SwingRow:
         value=result.budget.value,
         u=result.budget.u,
         interval_95=result.budget.interval_95,
-        impact_position_in=result.place / INCH,
+        impact_position_in=result.position / INCH,
     )
 
 

@@ -93,7 +93,7 @@ class BlockTest:
                 for name, values in self.measurands.items()
                 if np.isfinite(values[index])
             },
-            place=reduced.place[rows],
+            place=reduced.position[rows],
             shots={name: values[rows] for name, values in self.shots.items()},
             wall_hits={name: values[hits] for name, values in self.wall.items()},
             faults=setup.faults.names,

@@ -68,10 +68,10 @@ def measurands(
     laboratories = reduced.preparation.laboratories
     one_lot = specimen.balls.mass.ndim == 1
 
-    def curve_at(place: Array, whose: NDArray[np.intp]) -> TrueCurve:
-        return true_curve(station, specimen, procedure, place, ... if one_lot else whose)
+    def curve_at(position: Array, whose: NDArray[np.intp]) -> TrueCurve:
+        return true_curve(station, specimen, procedure, position, ... if one_lot else whose)
 
-    at, inverse = np.unique(owner + 1j * reduced.place, return_inverse=True)
+    at, inverse = np.unique(owner + 1j * reduced.position, return_inverse=True)
     curve = curve_at(at.imag, at.real.astype(np.intp))
     finite_weights = np.where(np.isfinite(weights), weights, 0.0)
     has_result = np.bincount(owner, finite_weights != 0, laboratories) > 0
@@ -81,7 +81,7 @@ def measurands(
         )
         for name, values in curve.quantities.items()
     }
-    visited = Visits(owner, reduced.place, reduced.valid)
+    visited = Visits(owner, reduced.position, reduced.valid)
     true = curve.objective(control_ratio)[inverse], curve.metric(control_ratio)[inverse]
     true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.normalized:
@@ -102,13 +102,13 @@ def measurands(
 
 
 def _continuous_results(
-    scan: Scan, place: Array, sought_at: Array, metric_at: Array
+    scan: Scan, position: Array, sought_at: Array, metric_at: Array
 ) -> dict[str, Array]:
     """Return the metric at the maximum of each curve, and the width that the rules require.
 
-    The results are (curve,). The curves are known at `place`, (curve, place).
+    The results are (curve,). The curves are known at `position`, (curve, position).
     """
-    objective, metric = (smooth_cubic(place, values.T) for values in (sought_at, metric_at))
+    objective, metric = (smooth_cubic(position, values.T) for values in (sought_at, metric_at))
     best = _maxima(objective)
     top = _values_at(metric, best)
     results = {CONTINUOUS: top}
@@ -130,9 +130,9 @@ def _maxima(curves: PiecewiseCubic) -> Array:
     turns = np.where((turns > 0) & (turns < size), turns, 0.0)  # False for NaN
     values = ((cubic * turns + square) * turns + flat) * turns + value
     ends = np.full((1, curves.coefficients.shape[2]), curves.knots[-1])
-    places = np.concatenate([(start + turns).reshape(-1, ends.size), ends])
+    positions = np.concatenate([(start + turns).reshape(-1, ends.size), ends])
     heights = np.concatenate([values.reshape(-1, ends.size), _values_at(curves, ends[0])[None]])
-    return np.asarray(np.take_along_axis(places, heights.argmax(axis=0)[None], axis=0)[0])
+    return np.asarray(np.take_along_axis(positions, heights.argmax(axis=0)[None], axis=0)[0])
 
 
 def _locate_level(
@@ -159,12 +159,13 @@ def _locate_level(
     return np.asarray(outer)
 
 
-def _values_at(curves: PiecewiseCubic, place: Array) -> Array:
+def _values_at(curves: PiecewiseCubic, position: Array) -> Array:
     """Return the value of each curve at one position per curve, (curve,), by Horner's rule."""
     piece = np.clip(
-        np.searchsorted(curves.knots, place, side="right") - 1, 0, len(curves.knots) - 2
+        np.searchsorted(curves.knots, position, side="right") - 1, 0, len(curves.knots) - 2
     )
-    step, total, curve = place - curves.knots[piece], np.zeros(place.shape), np.arange(place.size)
+    step, curve = position - curves.knots[piece], np.arange(position.size)
+    total = np.zeros(position.shape)
     for power in curves.coefficients:
         total = total * step + power[piece, curve]
     return total
@@ -174,29 +175,29 @@ def true_curve(
     station: ErrorFreeTest,
     specimen: Specimen,
     procedure: Procedure,
-    places: Array,
+    positions: Array,
     owner: Owner = ...,
 ) -> TrueCurve:
-    """Return the true collision curve of a bat at positions along it, arrays (place,).
+    """Return the true collision curve of a bat at positions along it, arrays (position,).
 
     The curve holds the collision efficiency e_A, the bat-ball restitution e, the recoil factor r
     and the ball-wall restitution e0. The speeds are the nominal speeds of the procedure.
 
     Parameters
     ----------
-    places
+    positions
         Distances from the barrel tip [m].
     owner
-        For a block of laboratories, the index of the laboratory of each position, (place,). The bat
-        and the balls of this laboratory are used. For a single laboratory, Python's `Ellipsis`, the
-        default.
+        For a block of laboratories, the index of the laboratory of each position, (position,). The
+        bat and the balls of this laboratory are used. For a single laboratory, Python's `Ellipsis`,
+        the default.
     """
     bat = specimen.bat.of_shots(owner).rigid
     plan = ShotPlan(
-        slot=np.arange(places.size),
-        ball=np.zeros(places.shape, dtype=int),
-        speed=np.full(places.shape, procedure.ball_speed),
-        place=places,
+        slot=np.arange(positions.size),
+        ball=np.zeros(positions.shape, dtype=int),
+        speed=np.full(positions.shape, procedure.ball_speed),
+        place=positions,
         turn_rate=float(procedure.turn_rate(bat.length)),
         owner=owner,
     )
@@ -205,7 +206,7 @@ def true_curve(
     return TrueCurve(
         procedure=procedure,
         bat=bat,
-        place=places,
+        position=positions,
         collision_efficiency=true.collision_efficiency,
         restitution=rigid.restitution,
         recoil_factor=rigid.recoil_factor,

@@ -86,7 +86,7 @@ def impact_plan(setup: TestSetup, shots: NextShots, before: BeforeShots) -> Shot
         slot=slot,
         ball=turn[owner, slot % counts[owner]],
         speed=np.full(slot.shape, setup.rules.spec.ball_speed),
-        place=round_to_setting(shots.place - before.along[owner], exact=exact),
+        place=round_to_setting(shots.position - before.along[owner], exact=exact),
         turn_rate=before.turn_rate[owner],
         owner=owner if setup.shape else ...,
         detail=setup.detail,

@@ -227,6 +227,6 @@ def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
 
 def _round_in_words(shots: NextShots) -> str:
     """Return a phrase that states the number of shots of a round, and of positions if several."""
-    where = np.unique(np.round(shots.place / INCH, 2))
+    where = np.unique(np.round(shots.position / INCH, 2))
     along = f" at {', '.join(f'{place:g}' for place in where)} in" if len(where) > 1 else ""
-    return f"{shots.place.size} shots{along}"
+    return f"{shots.position.size} shots{along}"

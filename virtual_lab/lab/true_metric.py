@@ -19,11 +19,11 @@ from virtual_lab.units import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueCurve:
-    """True results of a bat along its barrel, for the mean ball of the lot, arrays (place,)."""
+    """True results of a bat along its barrel, for the mean ball of the lot, arrays (position,)."""
 
     procedure: Procedure
     bat: RigidBat[Any]
-    place: Array  # distance from the barrel tip [m]
+    position: Array  # distance from the barrel tip [m]
     collision_efficiency: Array
     restitution: Array  # e of ball and bat, with the support named by the procedure
     recoil_factor: Array
@@ -41,7 +41,7 @@ class TrueCurve:
         }
 
     def metric(self, control_ratio: float = 1.0) -> Array:
-        """Return the metric at each position, (place,) [SI].
+        """Return the metric at each position, (position,) [SI].
 
         `control_ratio` is the ratio of e of the control bat to its known e.
         """
@@ -69,14 +69,14 @@ class TrueCurve:
         game, length = self.procedure.game, self.bat.length
         if game is None:
             pitch, rate = self.procedure.ball_speed, float(self.procedure.turn_rate(length))
-            bat = rate * (length - self.procedure.pivot_from_knob - self.place)
+            bat = rate * (length - self.procedure.pivot_from_knob - self.position)
             return bat + efficiency * (pitch + bat)
         axis = length - (game.axis_from_knob or 0.0)
         if game.angular_speed is None:
             assert game.bat_speed is not None
-            bat = np.full(self.place.shape, game.bat_speed)
+            bat = np.full(self.position.shape, game.bat_speed)
         else:
-            bat = game.angular_speed * (axis - self.place)
+            bat = game.angular_speed * (axis - self.position)
         if game.scales_with == "mass":
             assert game.reference_mass is not None
             heavier = self.bat.mass / game.reference_mass
@@ -107,7 +107,7 @@ class Visits(NamedTuple):
     """Impact positions of the shots of a block, arrays (shot,)."""
 
     owner: NDArray[np.intp]  # laboratory of the shot
-    place: Array  # set position [m]
+    position: Array  # set position [m]
     valid: NDArray[np.bool_]  # whether the hit is valid
 
 
@@ -131,13 +131,13 @@ def results_of_curves(
     the reduction of a test. The result is the fitted `metric` at the maximum of the fitted
     `objective`.
     """
-    owner, place, valid = visits
+    owner, position, valid = visits
     if procedure.scan is None:
         hits = np.bincount(owner, valid, laboratories)
         total = np.bincount(owner, np.where(valid, metric, 0.0), laboratories)
         return np.where(hits > 0, total / np.where(hits > 0, hits, 1), np.nan)
     pairs, first, inverse = np.unique(
-        owner + 1j * np.round(place, 6), return_index=True, return_inverse=True
+        owner + 1j * np.round(position, 6), return_index=True, return_inverse=True
     )
     complete = np.flatnonzero(np.bincount(inverse, valid) >= procedure.valid_hits)
     whose = pairs.real[complete].astype(np.intp)  # sorted

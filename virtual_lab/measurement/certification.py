@@ -221,7 +221,7 @@ class Certifications:
             quantities=quantities,
             variances=variances,
             refined=finer,
-            width=width_of(procedure, reduced.place, reduced.valid, hits) if metric else None,
+            width=width_of(procedure, reduced.position, reduced.valid, hits) if metric else None,
             swings=swing_range(reduced, readings) if metric else (),
             other_support=other_support(procedure, shots, bat, hit_weights) if metric else None,
             camera=compare_camera(block, reduced, readings, hit_weights),
@@ -260,7 +260,7 @@ def certify_reduction(
         hits=hits,
         weights=at_hits(hit_weights.weights),
         effects=at_hits(hit_weights.effects),
-        places=at_hits(np.round(reduced.place, 6)),
+        positions=at_hits(np.round(reduced.position, 6)),
     )
     size = max(CACHED // (variants.sets * hits.shape[1]), 1)
     parts = [
@@ -272,7 +272,7 @@ def certify_reduction(
         rules,
         laboratories,
         owner,
-        reduced.place,
+        reduced.position,
         reduced.valid & has_result[owner],
         reduced.shot_metric,
     )
@@ -316,7 +316,7 @@ class ResultHits(AlignedArrays):
     hits: NDArray[np.intp]  # numbers of the shots; negative: no hit
     weights: Array
     effects: Array  # effect of each hit's metric on the result
-    places: Array  # set impact positions [m]
+    positions: Array  # set impact positions [m]
 
     aligned: ClassVar = EVERY_FIELD
 
@@ -365,7 +365,7 @@ def _results(
             variants,
             values,
             result_hits.weights,
-            result_hits.places,
+            result_hits.positions,
             result_hits.effects if name in DECIDING else result_hits.weights,
             earlier.get(name),
         )

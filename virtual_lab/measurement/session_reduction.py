@@ -83,8 +83,8 @@ class Preparation(AlignedArrays):
     def percussion(self) -> Array:
         """Center of percussion of each measured bat, from the barrel tip, (laboratory,) [m]."""
         bat, pivot = self.bat, self.procedure.spec.pivot_from_knob
-        place = centre_of_percussion(bat.z_cm, bat.inertia_cm, bat.mass, bat.length - pivot)
-        return np.asarray(place).reshape(-1)
+        position = centre_of_percussion(bat.z_cm, bat.inertia_cm, bat.mass, bat.length - pivot)
+        return np.asarray(position).reshape(-1)
 
     @property
     def turn_rate(self) -> Array:
@@ -116,7 +116,7 @@ class Reduction(AlignedArrays):
     preparation: Preparation
     constants: Mapping[str, Estimates]  # constants of the preparation and of the hits
     owner: NDArray[np.intp]  # laboratory of each shot
-    place: Array  # aimed position, from the barrel tip [m]
+    position: Array  # aimed position, from the barrel tip [m]
     shots: ShotResults
     shot_metric: Array
     objective: Objective  # quantity that a scan maximizes
@@ -125,7 +125,7 @@ class Reduction(AlignedArrays):
     # laboratories of the shots of the last round; None: every laboratory may still need shots
     latest: NDArray[np.intp] | None = None
 
-    aligned: ClassVar = ("owner", "place", "shots", "shot_metric", "objective", "valid")
+    aligned: ClassVar = ("owner", "position", "shots", "shot_metric", "objective", "valid")
 
     @property
     def procedure(self) -> Procedure:
@@ -144,7 +144,7 @@ class Reduction(AlignedArrays):
             self.procedure,
             self.preparation.laboratories,
             self.owner,
-            self.place,
+            self.position,
             self.valid,
             self.shot_metric,
             self.objective,
@@ -159,11 +159,11 @@ class Reduction(AlignedArrays):
             self.procedure,
             self.preparation.percussion[asking],
             turn[self.owner[mask]],
-            self.place[mask],
+            self.position[mask],
             self.valid[mask],
             self.objective.value[mask],
         )
-        return NextShots(np.flatnonzero(asking)[following.owner], following.place)
+        return NextShots(np.flatnonzero(asking)[following.owner], following.position)
 
     def judgement(self, readings: ImpactReadings, laboratory: int = 0) -> Judgement:
         """Return the reason for rejection of each shot of one laboratory, empty for a valid hit.
@@ -334,14 +334,14 @@ def reduce_shots(
         used=preparation.used[owner],
     )
     metric = metric_of(rules, control_ratio=best.get(CONTROL, 1.0))(Curve.from_shots(results), bat)
-    objective = objective_of(rules, metric, alone.place, bat)
+    objective = objective_of(rules, metric, alone.position, bat)
     targets = (each[owner, None, None] for each in (preparation.percussion, preparation.turn_rate))
     valid = accept_hits(rules, results, alone, *targets)
     return Reduction(
         preparation=preparation,
         constants=constants,
         owner=owner,
-        place=readings.place,
+        position=readings.position,
         shots=results.select((slice(None), 0, 0)),
         shot_metric=metric.reshape(-1),
         objective=Objective(

@@ -28,7 +28,8 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
     from matplotlib.ticker import MaxNLocator
 
     printed, procedure = METRICS[certification.procedure.metric], certification.procedure
-    values, place = certification.shot_metric / printed.unit_si, certification.readings.place / INCH
+    values = certification.shot_metric / printed.unit_si
+    place = certification.readings.position / INCH
     across = 1 + np.arange(values.size) if procedure.scan is None else place
     valid, in_result = certification.judgement.valid, certification.hit_weights.used
     with page_figure(2.6) as figure:
@@ -52,7 +53,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
             axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
         curve = (
-            curve_of(procedure, certification.readings.place, in_result, values)
+            curve_of(procedure, certification.readings.position, in_result, values)
             if certification.metric
             else None
         )
@@ -60,7 +61,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
             along, heights = curve.linspace()
             axes.plot(along / INCH, heights, color="black", linestyle=":", label="fitted curve")
             axes.plot(
-                certification.hit_weights.place / INCH,
+                certification.hit_weights.position / INCH,
                 value,
                 "+",
                 color="black",

@@ -67,7 +67,7 @@ def check_cylinder(
     laboratory = Laboratory.open(replace(setup, ball=catalog.load("balls", "check-ball", BallSpec)))
     tested = run_test(laboratory).of(0).certification
     session, preparation = tested.session, prepare(tested.block)
-    place = tested.readings.place[0] - along_of(session)
+    place = tested.readings.position[0] - along_of(session)
     # Complete records are reduced day by day, summed records all at once.
     together = 1 if faults else days
     values = []

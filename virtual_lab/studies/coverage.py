@@ -378,11 +378,11 @@ def sample(tested: BlockTest) -> Sample:
         sound=~certified.invalid,
         fired=np.bincount(owner, minlength=count),
         valid=np.bincount(owner, reduced.valid, count),
-        place=certified.hit_weights.place,
+        place=certified.hit_weights.position,
         stray=deviation.var(axis=1, ddof=1),
         beside=np.mean(deviation**2, axis=1),
         scatter=variances_within(
-            owner[in_result], reduced.place[in_result], metric[in_result], count
+            owner[in_result], reduced.position[in_result], metric[in_result], count
         ),
         results={
             name: Results(

@@ -110,7 +110,7 @@ class Rehearsal:
         speed_at_hit = self._bat_speed(place + beside)
         e_a = (struck * (speed + speed_at_hit) + speed_at_hit - set_speed) / (speed + set_speed)
         curve = Curve(
-            place=place,
+            position=place,
             collision_efficiency=e_a,
             recoil_factor=recoil,
             restitution=np.asarray(restitution_from_efficiency(e_a, recoil)),
@@ -137,7 +137,7 @@ class Rehearsal:
             shots = next_shots(rules, percussion, owner, place, valid, target.value)
             if not shots.owner.size:
                 break
-            places = round_to_setting(shots.place, exact=False)
+            places = round_to_setting(shots.position, exact=False)
             shot = fired[shots.owner] + shot_numbers(shots.owner)
             beside, noise = random[shots.owner, :, shot].T
             measured = self.metric(places, hit_scatter.along * beside) + hit_scatter.scatter * noise

@@ -89,7 +89,7 @@ def row_of(case: Case) -> Row:
         u=metric.u if metric else nan,
         dof=metric.dof if metric else nan,
         truth=sealed.measurand.get("metric", nan),
-        shots=found.readings.place.size,
+        shots=found.readings.position.size,
         scenes=sum(call.args[0].shots for call in played.call_args_list),
         verdict=found.verdict.value,
         flags="+".join(flag.name for flag in found.flags),

@@ -30,7 +30,7 @@ def test_each_exponent_gives_the_result_of_rules_with_that_exponent() -> None:
         assert certification.metric is not None
         assert result.budget.value == pytest.approx(certification.metric.value, rel=1e-12)
         assert result.budget.u == pytest.approx(certification.metric.u, rel=1e-9)
-        assert result.place == pytest.approx(certification.hit_weights.place, rel=1e-12)
+        assert result.position == pytest.approx(certification.hit_weights.position, rel=1e-12)
     speeds = [result.budget.value for result in results]
     assert speeds == sorted(speeds)  # gain of a light bat with n
 

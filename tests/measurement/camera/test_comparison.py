@@ -97,7 +97,7 @@ def test_the_speeds_of_camera_and_gates_agree_within_their_geometry(
         ratios.append(np.median(camera.filmed.flights.speed_in[valid] / each.shots.speed[valid]))
         u = camera.u["speed_in"][valid] / each.shots.speed[valid]
         assert ((u > 4e-4) & (u < 8e-4)).all()
-        off = camera.filmed.place[valid] - each.shots.place[valid]
+        off = camera.filmed.place[valid] - each.shots.position[valid]
         assert abs(float(np.median(off))) < 3e-3
     off = np.array(ratios) - 1
     assert abs(off.mean()) < 4 * 6e-4 / np.sqrt(len(off))

@@ -39,7 +39,7 @@ def test_a_cubic_without_noise_is_read_at_its_maximum(
     metric = 0.7 - curvature / 2 * x**2 + skew * x**3
     outcome = outcome_of(RULES, PLACES, ALL, metric)
     assert outcome.reasons[0] == ""
-    assert outcome.place == pytest.approx(top, abs=1e-8)
+    assert outcome.position == pytest.approx(top, abs=1e-8)
     assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
     assert outcome.weights @ metric == pytest.approx(0.7, abs=1e-12)
     # weights evaluate any cubic at that position, such as the cube of the position
@@ -70,7 +70,7 @@ def test_of_ten_fresh_hits_the_last_six_are_the_result() -> None:
     assert outcome.weights[: PLACES.size].tolist() == [0.0] * PLACES.size
     assert outcome.weights[PLACES.size :] == pytest.approx([0.0] * 4 + [1 / 6] * 6)
     assert outcome.weights @ metric == pytest.approx(6.5)
-    assert outcome.place == pytest.approx(best)
+    assert outcome.position == pytest.approx(best)
     # invalid shot among them: the consecutive hits begin again
     valid[PLACES.size + 5] = False
     again = outcome_of(BBCOR, place, valid, metric)
@@ -126,7 +126,7 @@ def test_besr_is_read_where_the_speed_is_greatest() -> None:
     exact = 0.7 + 0.4 * (fine - TOP) - 15 * (fine - TOP) ** 2
     best = np.argmax(speed_of(exact, fine).value)
     outcome = outcome_of(BESR, PLACES, ALL, besr, speed_of(besr, PLACES))
-    assert outcome.place == pytest.approx(fine[best], abs=2e-6)
+    assert outcome.position == pytest.approx(fine[best], abs=2e-6)
     assert outcome.weights @ besr == pytest.approx(exact[best], abs=1e-6)
     assert outcome.weights.sum() == pytest.approx(1, abs=1e-10)
 

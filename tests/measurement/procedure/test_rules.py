@@ -64,7 +64,7 @@ def shots(*changes: dict[str, float]) -> tuple[ShotResults, ImpactReadings]:
     )
     readings = ImpactReadings(
         ball=np.arange(n),
-        place=column("place", AIMED),
+        position=column("place", AIMED),
         flights=GateReadings(
             stage="impact",
             passages=Passages(

@@ -69,7 +69,7 @@ def test_a_scan_finds_the_maximum(
         assert test.outcome.reasons[0].startswith("the scan has no maximum between")
     else:
         # tolerance: a fine step, as the curve is asymmetric, and half a setting
-        assert abs(test.outcome.place - top) < scan.fine_step + 2.5e-4
+        assert abs(test.outcome.position - top) < scan.fine_step + 2.5e-4
     assert test.outcome.weights.sum() == pytest.approx(1, abs=1e-9)
 
 
@@ -91,7 +91,7 @@ def test_invalid_hits_are_repeated() -> None:
     spoilt = Test(BESR, metric, lambda shot, _: shot % 3 == 2)
     assert spoilt.place.size > clean.place.size
     assert int(spoilt.valid.sum()) == clean.place.size
-    assert spoilt.outcome.place == pytest.approx(clean.outcome.place, abs=1e-12)
+    assert spoilt.outcome.position == pytest.approx(clean.outcome.position, abs=1e-12)
     assert not spoilt.outcome.weights[~spoilt.valid].any()
 
 
@@ -110,7 +110,7 @@ def test_a_position_without_rebounds_is_given_up() -> None:
     test = Test(BBCOR, metric)
     assert int((test.place < 4.2 * INCH).sum()) == 4
     assert test.outcome.reasons[0] == ""
-    assert test.outcome.place == pytest.approx(6.5 * INCH, abs=2.5e-4)
+    assert test.outcome.position == pytest.approx(6.5 * INCH, abs=2.5e-4)
 
 
 def test_a_scan_without_any_rebound_ends() -> None:
@@ -137,7 +137,7 @@ def test_a_walk_of_many_fine_steps_reaches_the_maximum() -> None:
     rules = replace(BBCOR, scan=scan, attempts=1000)
     test = Test(rules, lambda z: curve(z, 0.124, 0.03, 0.2))
     assert test.outcome.reasons[0] == ""
-    assert test.outcome.place == pytest.approx(0.124, abs=2e-3)
+    assert test.outcome.position == pytest.approx(0.124, abs=2e-3)
 
 
 def test_a_better_position_at_the_edge_of_the_fit_is_visited() -> None:
@@ -151,7 +151,7 @@ def test_a_better_position_at_the_edge_of_the_fit_is_visited() -> None:
     test = Test(BESR, metric)
     best = 7 * INCH
     assert test.outcome.reasons[0] == ""
-    assert abs(test.outcome.place - best) < BESR.scan.fine_step
+    assert abs(test.outcome.position - best) < BESR.scan.fine_step
     for offset in (-2, -1, 0, 1, 2):
         at = best + offset * BESR.scan.fine_step
         assert int((np.abs(test.place - at) < 3e-4).sum()) >= BESR.valid_hits

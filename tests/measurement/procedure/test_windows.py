@@ -67,7 +67,7 @@ def why(
     struck = RateFit(rate=np.array([2e4]), angle=np.full(1, nan), **none)
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
-        place=np.array([place]),
+        position=np.array([place]),
         flights=GateReadings(
             stage="impact",
             passages=Passages(

@@ -192,7 +192,7 @@ def worked(x: dict[str, np.ndarray]):
     )
     readings = ImpactReadings(
         ball=np.zeros(1, dtype=int),
-        place=np.array([LENGTH - 0.15 - B]),
+        position=np.array([LENGTH - 0.15 - B]),
         flights=GateReadings(
             stage="impact",
             passages=Passages(
@@ -253,7 +253,7 @@ def test_e_a_is_corrected_to_the_aimed_position() -> None:
     struck = I_P * OMEGA / (M * lever) / V - 1
     assert beside.collision_efficiency[0] == pytest.approx(struck, rel=1e-11)
     assert got.collision_efficiency[0] == pytest.approx(struck - 1e-3, rel=1e-11)
-    assert beside.place[0] - got.place[0] == pytest.approx(2e-3, rel=1e-9)
+    assert beside.position[0] - got.position[0] == pytest.approx(2e-3, rel=1e-9)
     error = worked(constants(**{"procedure.place_slope_error": 3e-4}))
     straight = worked(constants())
     assert straight.collision_efficiency[0] - error.collision_efficiency[0] == pytest.approx(3e-4)

@@ -206,7 +206,7 @@ class Desk:
             shots, reduction = self.by_rules.shots, self.by_rules
             rows = np.stack(
                 [
-                    reduction.place,
+                    reduction.position,
                     shots.speed,
                     shots.collision_efficiency,
                     reduction.shot_metric,
@@ -250,7 +250,7 @@ class Desk:
         from virtual_lab.measurement.reduction.observations import along_of
 
         following = self.reduced.next_shots if self.day.fired else self.preparation.first_shots
-        positions = following().place
+        positions = following().position
         return (
             float(round_to_setting(positions[:1] - along_of(self.session), exact=False)[0])
             if positions.size

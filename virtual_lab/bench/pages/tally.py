@@ -96,7 +96,7 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
         printed_column("Ball", np.array([ball + 1.0 for ball, _ in desk.day.fired]), ".0f"),
         printed_column(f"Position set [{length}]", log.place / metre, place),
         printed_column(
-            f"Position corrected by the aim paper [{length}]", reduction.place / metre, place
+            f"Position corrected by the aim paper [{length}]", reduction.position / metre, place
         ),
         printed_column(f"Speed [{speed}]", reduction.shots.speed / metre_a_second, ".2f"),
         PrintedColumn("Gates, incoming", incoming, words=True),

@@ -40,9 +40,9 @@ def other_support(
     which = "free" if procedure.recoil == "pivoted" else "pivoted"
     # mass of the lot's mean ball, computed back from the recoil factor of the rules' support
     ball = shots.ball_mass * shots.lot_recoil_factor / shots.recoil_factor
-    axis, place = bat.length - procedure.pivot_from_knob, shots.place
+    axis, position = bat.length - procedure.pivot_from_knob, shots.position
     inverse_M_eff = inverse_effective_mass(
-        which == "free", bat.mass, bat.inertia_cm, bat.z_cm, axis, place
+        which == "free", bat.mass, bat.inertia_cm, bat.z_cm, axis, position
     )
     recoil = np.asarray(recoil_factor(ball, inverse_M_eff))
     restitution = np.asarray(restitution_from_efficiency(shots.lot_collision_efficiency, recoil))

@@ -25,7 +25,7 @@ class SwingResult:
     """The metric for one exponent of the swing law."""
 
     exponent: float
-    place: float  # position of the maximum, from the tip [m]
+    position: float  # position of the maximum, from the tip [m]
     budget: Budget
 
 
@@ -53,7 +53,7 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
         hits = metric_of(variant_rules)(curve, measured)
         objective = Objective(hits, np.ones_like(hits))
         hit_weights = hit_weights_of(
-            variant_rules, 1, reduced.owner, reduced.place, reduced.valid, hits, objective
+            variant_rules, 1, reduced.owner, reduced.position, reduced.valid, hits, objective
         )
         others[exponent] = variant_rules, hit_weights
     if not all(np.isfinite(hit_weights.weights).all() for _, hit_weights in others.values()):
@@ -66,13 +66,13 @@ def swing_range(reduced: Reduction, readings: ImpactReadings) -> tuple[SwingResu
     results = []
     for exponent, (variant_rules, hit_weights) in others.items():
         mask = hit_weights.used
-        hits, places = (
+        hits, positions = (
             metric_of(variant_rules)(variant_curve, bat)[..., mask],
-            np.round(reduced.place[mask], 6),
+            np.round(reduced.position[mask], 6),
         )
         weights = hit_weights.weights[None, mask]
-        budget = means_of_hits(variants, hits, weights, places[None], weights).row(0)
+        budget = means_of_hits(variants, hits, weights, positions[None], weights).row(0)
         results.append(
-            SwingResult(exponent=exponent, place=float(hit_weights.place[0]), budget=budget)
+            SwingResult(exponent=exponent, position=float(hit_weights.position[0]), budget=budget)
         )
     return tuple(results)

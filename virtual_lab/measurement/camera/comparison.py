@@ -107,7 +107,7 @@ def compare_camera(
     compared: dict[str, ComparedQuantity] = {}
     if used.any() and np.isfinite(weights[used]).all():
         share = weights[used] / weights[used].sum()
-        place = np.round(readings.place, 6)[used]
+        place = np.round(readings.position, 6)[used]
         for name, field in COMPARED.items():
             of_gates, of_video = (getattr(each, field)[:, used] for each in moved[:2])
             compared[name] = _compare_quantity(variants, of_gates, of_video, share, place)

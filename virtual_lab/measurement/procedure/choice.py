@@ -37,7 +37,7 @@ def shortfalls(
     procedure: Procedure,
     laboratories: int,
     owner: NDArray[np.intp],
-    place: Array,
+    position: Array,
     valid: Mask,
     metric: Array,
 ) -> Shortfalls:
@@ -65,7 +65,7 @@ def shortfalls(
         from virtual_lab.measurement.procedure.scan_kernel import shortfalls_of_block
 
         order, starts = sort_by_laboratory(owner, laboratories)
-        columns = place[order], valid[order], metric[order]
+        columns = position[order], valid[order], metric[order]
         shortfalls_of_block(starts, *columns, scan_rules(procedure, scan), mean, square)
     return Shortfalls(mean, np.sqrt(square))
 
@@ -88,16 +88,16 @@ def add_shortfall(metric: Budgets, shortfall: Shortfalls) -> Budgets:
 
 
 def variances_within(
-    owner: NDArray[np.intp], place: Array, metric: Array, laboratories: int
+    owner: NDArray[np.intp], position: Array, metric: Array, laboratories: int
 ) -> Array:
     """Return the variance of hits at the same impact position, (laboratory,).
 
     The deviation of a hit is taken from the mean of the hits at its position. The variance is
     pooled over all positions of a laboratory. It has the unit of `metric`, squared. `owner`,
-    `place` and `metric` are the laboratory, the position [m] and the value of each hit, (hit,). The
-    variance is NaN if no position of a laboratory has two hits.
+    `position` and `metric` are the laboratory, the position [m] and the value of each hit, (hit,).
+    The variance is NaN if no position of a laboratory has two hits.
     """
-    of, inverse = np.unique(owner + 1j * np.round(place, 6), return_inverse=True)
+    of, inverse = np.unique(owner + 1j * np.round(position, 6), return_inverse=True)
     counts = np.bincount(inverse)
     deviation = metric - (np.bincount(inverse, metric) / counts)[inverse]
     whose = of.real.astype(np.intp)

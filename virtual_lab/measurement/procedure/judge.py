@@ -155,11 +155,11 @@ def _ball(procedure: Procedure, results: ShotResults) -> Iterator[Criterion]:
 def _place(
     procedure: Procedure, readings: ImpactReadings, percussion: Array | float
 ) -> Iterator[Criterion]:
-    place, nearby = readings.place, procedure.windows.place_tolerance
+    position, nearby = readings.position, procedure.windows.place_tolerance
     if procedure.scan is not None:
         low, high = procedure.scan.low, procedure.scan.high
         yield (
-            (place >= low - SETTING_STEP) & (place <= high + SETTING_STEP),
+            (position >= low - SETTING_STEP) & (position <= high + SETTING_STEP),
             _within(
                 "impact position set to {0:.{d}f} in, allowed {1:.{d}f} to {2:.{d}f} in (range of "
                 "the scan)",
@@ -167,7 +167,7 @@ def _place(
                 high / INCH,
                 3,
             ),
-            place / INCH,
+            position / INCH,
         )
     elif nearby is not None:
 
@@ -176,7 +176,7 @@ def _place(
             text = f"impact position set to {{0:.{{d}}f}} in, allowed {middle:.3f} ± {most:.3f} in"
             return beyond(text, value, middle - most, middle + most, 3)
 
-        yield np.abs(place - percussion) <= nearby, describe, place / INCH
+        yield np.abs(position - percussion) <= nearby, describe, position / INCH
 
 
 def worst_misfit(results: ShotResults, readings: ImpactReadings) -> Array:

@@ -26,7 +26,7 @@ from virtual_lab.units import Array
 class Curve:
     """A bat along its barrel at the test's speeds, with the mean ball of the lot, (..., n)."""
 
-    place: Array  # distance from the barrel tip [m]
+    position: Array  # distance from the barrel tip [m]
     collision_efficiency: Array
     recoil_factor: Array
     restitution: Array
@@ -36,7 +36,7 @@ class Curve:
     def from_shots(cls, shots: SetResults) -> Curve:
         """Return the curve of shots, with one impact position per shot."""
         return cls(
-            place=shots.place,
+            position=shots.position,
             collision_efficiency=shots.lot_collision_efficiency,
             recoil_factor=shots.lot_recoil_factor,
             restitution=shots.lot_restitution,
@@ -71,7 +71,7 @@ def metric_of(
         e_A = efficiency_from_restitution(e, curve.recoil_factor)
         if procedure.metric == "besr":
             return np.asarray(besr(e_A))
-        pitch, bat_speed = field_speeds(procedure, curve.place, bat)
+        pitch, bat_speed = field_speeds(procedure, curve.position, bat)
         return np.asarray(batted_speed(e_A, pitch, bat_speed))
 
     return metric
@@ -88,43 +88,44 @@ class Objective(AlignedArrays):
 
 
 def objective_of(
-    procedure: Procedure, metric: Array, place: Array, bat: BatProperties
+    procedure: Procedure, metric: Array, position: Array, bat: BatProperties
 ) -> Objective:
     """Return the quantity that a scan maximizes, and its derivative with respect to the metric.
 
     The quantity and its derivative have the shape of `metric`, (..., shot). If the scan seeks the
     batted-ball speed, the quantity is v_f [m/s] at the speeds of the procedure, and `metric` must
     be BESR. Otherwise, and without a scan, the quantity is the metric and its derivative is 1.
-    `place` is the impact position from the barrel tip [m].
+    `position` is the impact position from the barrel tip [m].
     """
     if procedure.scan is None or procedure.scan.seeks == "metric":
         return Objective(metric, np.ones_like(metric))
-    pitch, bat_speed = field_speeds(procedure, place, bat)
+    pitch, bat_speed = field_speeds(procedure, position, bat)
     efficiency = metric - besr(0.0)
     return Objective(np.asarray(batted_speed(efficiency, pitch, bat_speed)), pitch + bat_speed)
 
 
-def field_speeds(procedure: Procedure, place: Array, bat: BatProperties) -> tuple[float, Array]:
-    """Return the pitch speed, a number, and the bat speed, an array like `place` [m/s].
+def field_speeds(procedure: Procedure, position: Array, bat: BatProperties) -> tuple[float, Array]:
+    """Return the pitch speed, a number, and the bat speed, an array like `position` [m/s].
 
-    The two speeds are used to compute the batted-ball speed. `place` is the impact position from
+    The two speeds are used to compute the batted-ball speed. `position` is the impact position from
     the barrel tip [m]. The bat speed is the speed at this position. If the procedure states game
     conditions, both are the speeds in the game. Otherwise both are the speeds in the test.
     """
     game = procedure.game
     if game is None:
-        lever = bat.length - procedure.pivot_from_knob - place
+        lever = bat.length - procedure.pivot_from_knob - position
         return procedure.ball_speed, np.asarray(procedure.turn_rate(bat.length) * lever)
-    return game.pitch_speed, _game_speed(game, place, bat)
+    return game.pitch_speed, _game_speed(game, position, bat)
 
 
-def _game_speed(game: Game, place: Array, bat: BatProperties) -> Array:
+def _game_speed(game: Game, position: Array, bat: BatProperties) -> Array:
     if game.axis_from_knob is None:
-        radius, inertia = np.ones_like(place), bat.inertia_cm
+        radius, inertia = np.ones_like(position), bat.inertia_cm
     else:
         axis = bat.length - game.axis_from_knob
         lever = axis - bat.z_cm
-        radius, inertia = axis - place, np.asarray(parallel_axis(bat.inertia_cm, bat.mass, lever))
+        radius = axis - position
+        inertia = np.asarray(parallel_axis(bat.inertia_cm, bat.mass, lever))
     actual, reference = (
         (bat.mass, game.reference_mass)
         if game.scales_with == "mass"

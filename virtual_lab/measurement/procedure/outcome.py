@@ -50,7 +50,7 @@ class HitWeights:
     # derivative of the result with respect to the metric of a hit, (shot,): the weight of the hit,
     # plus its effect by shifting the impact position
     effects: Array
-    place: Array  # impact position of the result, from the tip, (laboratory,) [m]
+    position: Array  # impact position of the result, from the tip, (laboratory,) [m]
     reasons: tuple[str, ...]  # reason why a test gives no result, or empty, (laboratory,)
 
     @property
@@ -64,7 +64,7 @@ class HitWeights:
         return HitWeights(
             weights=self.weights[shots],
             effects=self.effects[shots],
-            place=self.place[rows],
+            position=self.position[rows],
             reasons=self.reasons[rows],
         )
 
@@ -73,7 +73,7 @@ def hit_weights_of(
     procedure: Procedure,
     laboratories: int,
     owner: NDArray[np.intp],
-    place: Array,
+    position: Array,
     valid: Mask,
     metric: Array,
     objective: Objective,
@@ -92,14 +92,14 @@ def hit_weights_of(
         Test procedure. Only its number of valid hits and its scan are used.
     laboratories
         Number of laboratories.
-    owner, place, valid, metric
+    owner, position, valid, metric
         For each shot, (shot,): index of the laboratory, impact position from the tip [m], whether
         the hit is valid, and the metric. The shots of a laboratory are in the order fired.
     objective
         The quantity that a scan maximizes, for the same shots.
     """
     if procedure.scan is not None:
-        shots = ScanShots(owner, place, valid, metric, objective)
+        shots = ScanShots(owner, position, valid, metric, objective)
         return _scan_weights(procedure, procedure.scan, laboratories, shots)
     hits = np.bincount(owner, valid, laboratories)
     enough = hits >= 2
@@ -108,7 +108,7 @@ def hit_weights_of(
     return HitWeights(
         weights=weights,
         effects=weights,
-        place=np.bincount(owner, np.where(valid, place, 0.0), laboratories) / divisor,
+        position=np.bincount(owner, np.where(valid, position, 0.0), laboratories) / divisor,
         reasons=tuple(
             TOO_FEW
             if number < 2
@@ -124,7 +124,7 @@ class ScanShots(NamedTuple):
     """The shots of scans, (shot,)."""
 
     owner: NDArray[np.intp]
-    place: Array
+    position: Array
     valid: Mask
     metric: Array
     objective: Objective
@@ -143,7 +143,7 @@ def _scan_weights(
         result=np.empty(laboratories, np.int64),
     )
     order, starts = sort_by_laboratory(shots.owner, laboratories)
-    columns = shots.place[order], shots.valid[order], shots.objective.value[order]
+    columns = shots.position[order], shots.valid[order], shots.objective.value[order]
     chosen, mask = np.empty((2, order.size), dtype=bool)
     scans_of_block(starts, *columns, scan_rules(procedure, scan), scans, chosen)
     mask[order] = chosen
@@ -162,10 +162,10 @@ def _scan_weights(
     if scan.final_hits:
         many = np.where(has_result, scans.result, np.nan)
         weights = np.where(has_result[shots.owner], mask / many[shots.owner], np.nan)
-        place = np.bincount(shots.owner, np.where(mask, shots.place, 0.0), laboratories) / many
-        return HitWeights(weights=weights, effects=weights, place=place, reasons=reasons)
-    weights, effects, place = _curve_maxima(scan, laboratories, shots, mask)
-    return HitWeights(weights=weights, effects=effects, place=place, reasons=reasons)
+        total = np.bincount(shots.owner, np.where(mask, shots.position, 0.0), laboratories)
+        return HitWeights(weights=weights, effects=weights, position=total / many, reasons=reasons)
+    weights, effects, position = _curve_maxima(scan, laboratories, shots, mask)
+    return HitWeights(weights=weights, effects=effects, position=position, reasons=reasons)
 
 
 def _scan_reason(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_result: bool) -> str:
@@ -199,12 +199,12 @@ def _curve_maxima(
     is_hit = hits >= 0
     counts = is_hit.sum(axis=1)
     with np.errstate(invalid="ignore"):
-        place = np.where(is_hit, shots.place[hits], 0.0)
-        middle = place.sum(axis=1) / np.where(counts > 0, counts, np.nan)
-    unit = np.where(is_hit, (place - middle[:, None]) / scan.fit_half_width, 0.0)
+        position = np.where(is_hit, shots.position[hits], 0.0)
+        middle = position.sum(axis=1) / np.where(counts > 0, counts, np.nan)
+    unit = np.where(is_hit, (position - middle[:, None]) / scan.fit_half_width, 0.0)
     powers = np.arange(4)
     rows = unit[..., None] ** powers * is_hit[..., None]
-    solved = np.linalg.pinv(rows * (powers <= _degrees(place, is_hit)[:, None])[:, None])
+    solved = np.linalg.pinv(rows * (powers <= _degrees(position, is_hit)[:, None])[:, None])
     objective = shots.objective
     value, gain, metric = (
         np.where(is_hit, each[hits], 0.0)
@@ -236,12 +236,12 @@ def _curve_maxima(
     return by_shot[0], by_shot[1], middle + top[:, 0] * scan.fit_half_width
 
 
-def _degrees(place: Array, is_hit: Mask) -> NDArray[np.intp]:
+def _degrees(position: Array, is_hit: Mask) -> NDArray[np.intp]:
     """Return the degree of the polynomial through the hits of each laboratory, at most 3.
 
     It is one less than the number of different positions.
     """
-    at = np.sort(np.where(is_hit, np.round(place, 6), np.inf), axis=1)
+    at = np.sort(np.where(is_hit, np.round(position, 6), np.inf), axis=1)
     differs = np.pad(at[:, 1:] > at[:, :-1], ((0, 0), (1, 0)), constant_values=True)
     return np.asarray(np.minimum(3, (differs & np.isfinite(at)).sum(axis=1) - 1))
 
@@ -257,21 +257,21 @@ def _turns(cubics: Array) -> Array:
     return np.where(bend > 0, 2 * a / np.where(bend > 0, bend, 1.0), np.nan)
 
 
-def curve_of(procedure: Procedure, place: Array, used: Mask, metric: Array) -> Polynomial | None:
+def curve_of(procedure: Procedure, position: Array, used: Mask, metric: Array) -> Polynomial | None:
     """Return the polynomial of the metric over impact position, fitted for the result of a scan.
 
     Positions are distances from the barrel tip [m]. The polynomial is in the unit of `metric`. The
     objective is the quantity that the procedure maximizes along the barrel. The result of the scan
     is the value of the polynomial at the position with the largest objective.
 
-    `place` and `metric` are the values of one laboratory's shots, and `used` is the mask of the
+    `position` and `metric` are the values of one laboratory's shots, and `used` is the mask of the
     shots in the result, all (shot,). Return None if the procedure does not scan, if its result is
     the mean of final hits at one position, or if fewer than two shots are used.
     """
     if procedure.scan is None or procedure.scan.final_hits or used.sum() < 2:
         return None
-    degree = int(_degrees(place[used][None], np.ones((1, used.sum()), dtype=bool))[0])
-    return Polynomial.fit(place[used], metric[used], degree)
+    degree = int(_degrees(position[used][None], np.ones((1, used.sum()), dtype=bool))[0])
+    return Polynomial.fit(position[used], metric[used], degree)
 
 
 class Reason(NamedTuple):

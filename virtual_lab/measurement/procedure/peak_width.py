@@ -42,7 +42,7 @@ class Span(NamedTuple):
         return not (self.low_cut_off or self.high_cut_off)
 
     def scale(self, middle: float, unit: float) -> Span:
-        """Return the interval for positions ``middle + unit * place``."""
+        """Return the interval for positions ``middle + unit * position``."""
         return self._replace(low=middle + unit * self.low, high=middle + unit * self.high)
 
 
@@ -55,7 +55,7 @@ class Width:
     budget: Budget  # budget of the width [m]; a lower limit without u if the span is cut off
 
 
-def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> Width | None:
+def width_of(procedure: Procedure, position: Array, valid: Mask, metric: Array) -> Width | None:
     """Return the length of barrel on which the metric of one bat stays near its maximum [m].
 
     A curve is fitted to the metric of the valid hits. On the returned length, the curve is below
@@ -69,18 +69,18 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     ----------
     procedure
         Test procedure. Only its scan is used.
-    place, valid, metric
+    position, valid, metric
         Impact position from the barrel tip [m], mask of the valid hits, and metric, (shot,).
     """
     if procedure.scan is None or procedure.scan.width_drop is None:
         return None
-    drop, place, metric = procedure.scan.width_drop, place[valid], metric[valid]
+    drop, position, metric = procedure.scan.width_drop, position[valid], metric[valid]
     degree = 5  # a lower degree is too stiff beside the maximum, a higher one follows the noise
-    if np.unique(np.round(place, 6)).size < degree + 2:
+    if np.unique(np.round(position, 6)).size < degree + 2:
         return None
-    middle, half = (place.max() + place.min()) / 2, float(np.ptp(place)) / 2
+    middle, half = (position.max() + position.min()) / 2, float(np.ptp(position)) / 2
     powers = np.arange(degree + 1)
-    design = ((place - middle) / half)[:, None] ** powers
+    design = ((position - middle) / half)[:, None] ** powers
     solved = np.linalg.pinv(design)
     curve = Polynomial(solved @ metric)
     turns = _real(curve.deriv())
@@ -96,7 +96,7 @@ def width_of(procedure: Procedure, place: Array, valid: Mask, metric: Array) -> 
     free = 1 - np.sum(design * solved.T, axis=1)
     u = float(np.linalg.norm(half * (high - low) * residual / free))
     width, width_u = np.array([peak.width]), np.array([u if span.whole else 0.0])
-    scattered = type_a_component(HITS, width, width_u, place.size - powers.size)
+    scattered = type_a_component(HITS, width, width_u, position.size - powers.size)
     return Width(drop=drop, span=peak, budget=combine_components(width, scattered).row(0))
 
 

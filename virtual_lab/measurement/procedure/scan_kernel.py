@@ -39,39 +39,39 @@ class ScanRules(NamedTuple):
 @njit(cache=True)
 def max_scan_shots(rules: ScanRules) -> int:
     """Return an upper limit for the number of shots that a scan can need in one round."""
-    places = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
-    return places * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
+    positions = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
+    return positions * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
 
 
 @njit(cache=True)
-def is_at(place: float, at: float, tolerance: float) -> bool:
-    """Return whether a shot at `place` is at most `tolerance` away from the position `at` [m].
+def is_at(position: float, at: float, tolerance: float) -> bool:
+    """Return whether a shot at `position` is at most `tolerance` away from the position `at` [m].
 
     The comparison allows for rounding errors. A distance of exactly `tolerance` gives True.
     """
-    return bool(abs(place - at) < tolerance + LEAST)
+    return bool(abs(position - at) < tolerance + LEAST)
 
 
 @njit(cache=True)
-def count_scan_hits(place: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
+def count_scan_hits(position: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
     """Fill `counted` with a mask of the hits that count for a scan.
 
     These are the first `rules.valid_hits` valid hits at each position. All arrays are (shot,), for
     the shots of one laboratory in the order fired. Every value of `counted` is overwritten.
     """
-    for shot in range(place.size):
+    for shot in range(position.size):
         counted[shot] = False
         if valid[shot]:
             before = 0
             for earlier in range(shot):
-                if valid[earlier] and is_at(place[earlier], place[shot], rules.tolerance):
+                if valid[earlier] and is_at(position[earlier], position[shot], rules.tolerance):
                     before += 1
             counted[shot] = before < rules.valid_hits
 
 
 @njit(cache=True)
 def mean_at(
-    at: float, most: int, place: Array, valid: Mask, objective: Array, tolerance: float
+    at: float, most: int, position: Array, valid: Mask, objective: Array, tolerance: float
 ) -> tuple[int, float]:
     """Return the number of hits used at a position, and the mean of `objective` over these hits.
 
@@ -80,8 +80,8 @@ def mean_at(
     Without hits the mean is 0. The arrays are (shot,).
     """
     count, total = 0, 0.0
-    for shot in range(place.size):
-        if count < most and valid[shot] and is_at(place[shot], at, tolerance):
+    for shot in range(position.size):
+        if count < most and valid[shot] and is_at(position[shot], at, tolerance):
             count += 1
             total += objective[shot]
     return count, total / max(count, 1)
@@ -89,7 +89,7 @@ def mean_at(
 
 @njit(cache=True)
 def best_of(
-    among: Array, most: int, place: Array, valid: Mask, objective: Array, rules: ScanRules
+    among: Array, most: int, position: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
     """Return the index of the position in `among` with the largest mean objective.
 
@@ -101,7 +101,7 @@ def best_of(
     ----------
     among
         Positions to compare.
-    place
+    position
         Impact position of each hit, (shot,).
     valid
         Whether each hit is valid, (shot,).
@@ -110,7 +110,7 @@ def best_of(
     """
     best, top = 0, -np.inf
     for k in range(among.size):
-        _, mean = mean_at(among[k], most, place, valid, objective, rules.tolerance)
+        _, mean = mean_at(among[k], most, position, valid, objective, rules.tolerance)
         if mean > top:
             best, top = k, mean
     return best
@@ -118,7 +118,7 @@ def best_of(
 
 @njit(cache=True)
 def find_final_hits(
-    best: float, place: Array, valid: Mask, rules: ScanRules, fresh: NDArray[np.int64]
+    best: float, position: Array, valid: Mask, rules: ScanRules, fresh: NDArray[np.int64]
 ) -> int:
     """Fill `fresh` with the indices of the final hits at `best` [m]. Return the number of hits.
 
@@ -129,8 +129,8 @@ def find_final_hits(
     have at least as many elements as there are shots.
     """
     count, of_scan = 0, 0
-    for shot in range(place.size):
-        if not is_at(place[shot], best, rules.tolerance):
+    for shot in range(position.size):
+        if not is_at(position[shot], best, rules.tolerance):
             continue
         if valid[shot] and of_scan < rules.valid_hits:
             of_scan += 1
@@ -143,7 +143,7 @@ def find_final_hits(
 
 
 @njit(cache=True)
-def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
+def next_hits(position: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
     """Fill `out` with the positions of the next shots of one laboratory [m]. Return their number.
 
     The number is 0 if the scan is complete. It is also 0 if at every position most balls did not
@@ -151,15 +151,15 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
     elements as `max_scan_shots` returns. Elements beyond the number are not overwritten.
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
-    coarse = _hopeful(coarse, rules.coarse_hits, place, objective, rules.tolerance)
-    lacking = _lacking(coarse, rules.coarse_hits, place, valid, rules.tolerance, out)
+    coarse = _hopeful(coarse, rules.coarse_hits, position, objective, rules.tolerance)
+    lacking = _lacking(coarse, rules.coarse_hits, position, valid, rules.tolerance, out)
     if lacking or not coarse.size:
         return lacking
-    middle = coarse[best_of(coarse, rules.coarse_hits, place, valid, objective, rules)]
+    middle = coarse[best_of(coarse, rules.coarse_hits, position, valid, objective, rules)]
     below = int((middle - rules.low + LEAST) / rules.fine_step)
     above = int((rules.high - middle + LEAST) / rules.fine_step)
     fine = middle + rules.fine_step * np.arange(-below, above + 1)
-    fine = _hopeful(fine, rules.valid_hits, place, objective, rules.tolerance)
+    fine = _hopeful(fine, rules.valid_hits, position, objective, rules.tolerance)
     # The fit of a curve needs more positions than the two neighbors of the best one.
     rings = 1 if rules.final_hits else 2
     settled = False
@@ -167,20 +167,20 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
         for ring in range(rings):
             limit = rules.fine_step if ring == 0 else rules.fit_half_width
             around = fine[np.abs(fine - middle) < limit + LEAST]
-            lacking = _lacking(around, rules.valid_hits, place, valid, rules.tolerance, out)
+            lacking = _lacking(around, rules.valid_hits, position, valid, rules.tolerance, out)
             if lacking:
                 return lacking
             # The result refers to the best of all positions.
-            complete = _complete(fine, place, valid, rules)
+            complete = _complete(fine, position, valid, rules)
             if not complete.size:
                 return 0
-            best = complete[best_of(complete, rules.valid_hits, place, valid, objective, rules)]
+            best = complete[best_of(complete, rules.valid_hits, position, valid, objective, rules)]
             settled = best == middle
             if not settled:
                 middle = best
                 break
-    fresh = np.empty(place.size, np.int64)
-    more = max(rules.final_hits - find_final_hits(middle, place, valid, rules, fresh), 0)
+    fresh = np.empty(position.size, np.int64)
+    more = max(rules.final_hits - find_final_hits(middle, position, valid, rules, fresh), 0)
     out[:more] = middle
     return more
 
@@ -188,7 +188,7 @@ def next_hits(place: Array, valid: Mask, objective: Array, rules: ScanRules, out
 @njit(cache=True)
 def next_hits_of_block(
     starts: NDArray[np.int64],
-    place: Array,
+    position: Array,
     valid: Mask,
     objective: Array,
     rules: ScanRules,
@@ -202,7 +202,7 @@ def next_hits_of_block(
     starts
         Index of the first shot of each laboratory, and at the end the total number of shots,
         (laboratory + 1,).
-    place
+    position
         Impact position of each shot so far [m], (shot,).
     valid
         Whether each shot is a valid hit, (shot,).
@@ -220,7 +220,7 @@ def next_hits_of_block(
     positions = np.empty(max_scan_shots(rules))
     for laboratory in range(number.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
-        request = next_hits(place[rows], valid[rows], objective[rows], rules, positions)
+        request = next_hits(position[rows], valid[rows], objective[rows], rules, positions)
         remaining = max(rules.attempts - (starts[laboratory + 1] - starts[laboratory]), 0)
         number[laboratory] = min(request, remaining)
         for shot in range(number[laboratory]):  # a slice takes seconds more to compile
@@ -240,7 +240,7 @@ class Scanned(NamedTuple):
 @njit(cache=True)
 def scans_of_block(
     starts: NDArray[np.int64],
-    place: Array,
+    position: Array,
     valid: Mask,
     objective: Array,
     rules: ScanRules,
@@ -259,12 +259,12 @@ def scans_of_block(
       case, they are the last `rules.final_hits` of these hits.
     * Otherwise, they are the hits of the scan within `rules.fit_half_width` of the best position.
 
-    In `place`, `valid` and `objective`, laboratory i has the shots from `starts[i]` up to, but not
-    including, `starts[i + 1]`.
+    In `position`, `valid` and `objective`, laboratory i has the shots from `starts[i]` up to, but
+    not including, `starts[i + 1]`.
     """
     for laboratory in range(scans.best.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
-        at, good, goal, mine = place[rows], valid[rows], objective[rows], used[rows]
+        at, good, goal, mine = position[rows], valid[rows], objective[rows], used[rows]
         complete, counted = _select_complete(at, good, rules)
         mine[:] = False
         scans.complete[laboratory], scans.result[laboratory] = complete.size, 0
@@ -296,7 +296,7 @@ def scans_of_block(
 @njit(cache=True)
 def shortfalls_of_block(
     starts: NDArray[np.int64],
-    place: Array,
+    position: Array,
     valid: Mask,
     metric: Array,
     rules: ScanRules,
@@ -314,7 +314,7 @@ def shortfalls_of_block(
     starts
         First shot of each laboratory. Laboratory i has the shots from `starts[i]` up to, but not
         including, `starts[i + 1]`.
-    place, valid, metric
+    position, valid, metric
         Impact position, validity and metric of each shot, (shot,).
     rules
         Rules of the scan. A position is complete if it has as many valid hits as they require.
@@ -327,7 +327,7 @@ def shortfalls_of_block(
     """
     for laboratory in range(mean.size):
         rows = slice(starts[laboratory], starts[laboratory + 1])
-        at, good, read = place[rows], valid[rows], metric[rows]
+        at, good, read = position[rows], valid[rows], metric[rows]
         complete, counted = _select_complete(at, good, rules)
         mean[laboratory], square[laboratory] = 0.0, 0.0
         if not complete.size:
@@ -350,9 +350,9 @@ def shortfalls_of_block(
 
 
 @njit(cache=True)
-def _round_position(place: Array) -> Array:
+def _round_position(position: Array) -> Array:
     """Return positions rounded to a micrometer, which removes rounding errors of sums."""
-    return np.rint(place * 1e6) / 1e6
+    return np.rint(position * 1e6) / 1e6
 
 
 @njit(cache=True)
@@ -372,11 +372,11 @@ def _sort_distinct(values: Array) -> Array:
 
 
 @njit(cache=True)
-def _select_complete(place: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
+def _select_complete(position: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
     """Return the positions with all hits of a scan, and the mask of these hits."""
-    counted = np.empty(place.size, np.bool_)
-    count_scan_hits(place, valid, rules, counted)
-    at = _round_position(place)
+    counted = np.empty(position.size, np.bool_)
+    count_scan_hits(position, valid, rules, counted)
+    at = _round_position(position)
     positions = _sort_distinct(at[counted])
     full = np.empty(positions.size, np.bool_)
     for k in range(positions.size):
@@ -395,48 +395,50 @@ def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
 
 
 @njit(cache=True)
-def _hopeful(places: Array, hits: int, place: Array, objective: Array, tolerance: float) -> Array:
+def _hopeful(
+    positions: Array, hits: int, position: Array, objective: Array, tolerance: float
+) -> Array:
     """Return the positions at which the maximum can be.
 
     A position is left out if at least `hits` balls did not rebound there and at most as many did.
     The bat returns almost no speed at such a position.
     """
-    hopeful = np.ones(places.size, np.bool_)
-    for k in range(places.size):
+    hopeful = np.ones(positions.size, np.bool_)
+    for k in range(positions.size):
         misses, rebounds = 0, 0
-        for shot in range(place.size):
-            if is_at(place[shot], places[k], tolerance):
+        for shot in range(position.size):
+            if is_at(position[shot], positions[k], tolerance):
                 is_rebound = np.isfinite(objective[shot])
                 rebounds += is_rebound
                 misses += not is_rebound
         hopeful[k] = misses < hits or rebounds > misses
-    return places[hopeful]
+    return positions[hopeful]
 
 
 @njit(cache=True)
-def _hits(at: float, place: Array, valid: Mask, tolerance: float) -> int:
+def _hits(at: float, position: Array, valid: Mask, tolerance: float) -> int:
     count = 0
-    for shot in range(place.size):
-        count += valid[shot] and is_at(place[shot], at, tolerance)
+    for shot in range(position.size):
+        count += valid[shot] and is_at(position[shot], at, tolerance)
     return count
 
 
 @njit(cache=True)
 def _lacking(
-    places: Array, hits: int, place: Array, valid: Mask, tolerance: float, out: Array
+    positions: Array, hits: int, position: Array, valid: Mask, tolerance: float, out: Array
 ) -> int:
     """Fill `out` with each position that lacks hits, once per missing hit. Return their number."""
     count = 0
-    for at in places:
-        for _ in range(hits - _hits(at, place, valid, tolerance)):
+    for at in positions:
+        for _ in range(hits - _hits(at, position, valid, tolerance)):
             out[count] = at
             count += 1
     return count
 
 
 @njit(cache=True)
-def _complete(places: Array, place: Array, valid: Mask, rules: ScanRules) -> Array:
-    full = np.empty(places.size, np.bool_)
-    for k in range(places.size):
-        full[k] = _hits(places[k], place, valid, rules.tolerance) >= rules.valid_hits
-    return places[full]
+def _complete(positions: Array, position: Array, valid: Mask, rules: ScanRules) -> Array:
+    full = np.empty(positions.size, np.bool_)
+    for k in range(positions.size):
+        full[k] = _hits(positions[k], position, valid, rules.tolerance) >= rules.valid_hits
+    return positions[full]

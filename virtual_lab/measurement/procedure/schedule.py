@@ -30,26 +30,26 @@ def percussion_position(bat: Mapping[str, float], pivot_from_knob: float) -> flo
     return float(centre_of_percussion(bat["z_cm"], bat["inertia_cm"], bat["mass"], axis))
 
 
-def round_to_setting(places: Array, *, exact: bool) -> Array:
+def round_to_setting(positions: Array, *, exact: bool) -> Array:
     """Return positions [m] rounded to multiples of 0.5 mm, the resolution of the rig's setting.
 
-    With `exact` they are returned unchanged. The result has the shape of `places`.
+    With `exact` they are returned unchanged. The result has the shape of `positions`.
     """
-    return places if exact else np.round(places / SETTING_STEP) * SETTING_STEP
+    return positions if exact else np.round(positions / SETTING_STEP) * SETTING_STEP
 
 
 class NextShots(NamedTuple):
     """The next shots of a block, sorted by laboratory, (shot,)."""
 
     owner: NDArray[np.intp]  # laboratory of the shot
-    place: Array  # impact position [m]
+    position: Array  # impact position [m]
 
 
 def next_shots(
     procedure: Procedure,
     percussion: Array,
     owner: NDArray[np.intp],
-    place: Array,
+    position: Array,
     valid: Mask,
     objective: Array,
 ) -> NextShots:
@@ -66,7 +66,7 @@ def next_shots(
         Test procedure. Only its numbers of hits and attempts and its scan are used.
     percussion
         Distance of the measured center of percussion from the tip, (laboratory,) [m].
-    owner, place, valid, objective
+    owner, position, valid, objective
         For each shot so far, in the order fired, (shot,): index of the laboratory, impact position
         from the tip [m], whether the hit is valid, and the quantity that the scan maximizes.
     """
@@ -81,7 +81,7 @@ def next_shots(
 
     order, starts = sort_by_laboratory(owner, fired.size)
     number, out = np.empty(fired.size, np.int64), np.empty((fired.size, procedure.attempts))
-    columns = place[order], valid[order], objective[order]
+    columns = position[order], valid[order], objective[order]
     next_hits_of_block(starts, *columns, scan_rules(procedure, procedure.scan), number, out)
     mask = np.arange(procedure.attempts) < number[:, None]
     return NextShots(laboratories.repeat(number), out[mask])

@@ -25,7 +25,7 @@ from virtual_lab.units import KERNEL
 Floats = float | NDArray[np.float64]
 # names of the results of `reduce_shot`: RESULTS for every set of constants, DETAILS for the best
 RESULTS = (
-    *("place", "lot_ball_restitution", "lot_recoil_factor", "aimed_recoil_factor"),
+    *("position", "lot_ball_restitution", "lot_recoil_factor", "aimed_recoil_factor"),
     *("bat_performance_factor", "lot_restitution", "lot_collision_efficiency"),
     *("rebound_efficiency", "recoil_efficiency"),
 )
@@ -376,11 +376,11 @@ def reduce_shot(
     e_A = efficiency_at_aim(
         efficiency, struck - aimed, constants.place_slope, constants.slope_error
     )
-    place = aimed if at_aim else struck
+    position = aimed if at_aim else struck
     # r by Eqs. (7) to (9), about the axis that the procedure requires. e_A hardly depends on the
     # axis, so a misplaced axis only affects the angular momentum above.
     axis = length - pivot_from_knob
-    inverse_M_eff = inverse_effective_mass(free, M, I_cm, z_cm, axis, place)
+    inverse_M_eff = inverse_effective_mass(free, M, I_cm, z_cm, axis, position)
     r, lot_r = recoil_factor(m, inverse_M_eff), recoil_factor(lot_m, inverse_M_eff)
     aimed_r = recoil_factor(lot_m, inverse_effective_mass(free, M, I_cm, z_cm, axis, aimed))
     # e by Eq. (6) and BPF by Eq. (5), with e0 at the relative speed
@@ -394,9 +394,9 @@ def reduce_shot(
     lot_e = factor * lot_e0
     lot_e_A = efficiency_from_restitution(lot_e, lot_r)
     window_e0 = restitution_at_speed(mean_e0, slope, window_speed - mean_speed)
-    place = place + abreast - b
+    position = position + abreast - b
     return (
-        (place, lot_e0, lot_r, aimed_r, factor, lot_e, lot_e_A, by_ball, by_bat),
+        (position, lot_e0, lot_r, aimed_r, factor, lot_e, lot_e_A, by_ball, by_bat),
         (m, v_bat, v_rel, omega, r, e0, window_e0, e_A, e),
     )
 

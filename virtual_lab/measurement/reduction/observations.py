@@ -81,11 +81,11 @@ class ImpactReadings(AlignedArrays):
     """The shots at the bat, arrays (..., shot)."""
 
     ball: NDArray[np.intp]
-    place: Array  # aimed position, from the tip: set position plus offset of the cannon [m]
+    position: Array  # aimed position, from the tip: set position plus offset of the cannon [m]
     flights: FlightReadings
     recoil: RateFit | None  # rotation of a bat that was at rest; None without an encoder
     swing: RateFit | None  # rotation of a bat that was swung; None without an encoder
-    along: Array | float = 0.0  # offset of the cannon along the bat, included in `place` [m]
+    along: Array | float = 0.0  # offset of the cannon along the bat, included in `position` [m]
 
     aligned: ClassVar = EVERY_FIELD
 
@@ -210,10 +210,10 @@ def observe_balls(block: SessionBlock) -> BallReadings:
 def observe_impact(block: SessionBlock) -> ImpactReadings:
     """Return the readings of the shots at the bat, in the order of firing, (shot,).
 
-    `place` is the impact position as aimed, including the calibrated offset of the cannon along the
-    bat [m]. Speeds are computed with the surveyed distances of the gates. All other corrections are
-    applied later. The encoder readings `recoil` and `swing` are in counts. They are None if the rig
-    has no such encoder. Raises `InputError` for a record that is missing or cannot be used.
+    `position` is the impact position as aimed, including the calibrated offset of the cannon along
+    the bat [m]. Speeds are computed with the surveyed distances of the gates. All other corrections
+    are applied later. The encoder readings `recoil` and `swing` are in counts. They are None if the
+    rig has no such encoder. Raises `InputError` for a record that is missing or cannot be used.
     """
     log, flights = _log_and_flights(block, "impact")
     raw, along = flights.raw, _along(block)
@@ -226,7 +226,7 @@ def observe_impact(block: SessionBlock) -> ImpactReadings:
     )
     return ImpactReadings(
         ball=log.ball.astype(np.intp),
-        place=log.place + along,
+        position=log.place + along,
         along=along,
         flights=flights,
         recoil=recoil,

@@ -76,7 +76,7 @@ class MeasuredBalls(AlignedArrays):
 class SetResults(AlignedArrays):
     """Results of each shot for every set of constants, shape (..., shot)."""
 
-    place: Array  # impact position to which e_A refers, from the barrel tip [m]
+    position: Array  # impact position to which e_A refers, from the barrel tip [m]
     # e0 of the lot's mean ball at the nominal relative speed. All results named `lot_...` refer to
     # this ball and speed.
     lot_ball_restitution: Array
@@ -107,7 +107,7 @@ class ShotResults(SetResults):
     ball_restitution: Array  # e0 of the ball at the relative speed of the shot
     # e0 of the ball at the speed to which the procedure's window for balls refers
     window_ball_restitution: Array
-    collision_efficiency: Array  # e_A at `place`, corrected for the offset across the bat
+    collision_efficiency: Array  # e_A at `position`, corrected for the offset across the bat
     restitution: Array
 
 
@@ -333,7 +333,7 @@ def shot_results(
         slope_error=x.get(SLOPE_ERROR, 0.0),
     )
     shots = (
-        *(flights.speed_in, flights.speed_out, _sine_square(x, bat, flights), readings.place),
+        *(flights.speed_in, flights.speed_out, _sine_square(x, bat, flights), readings.position),
         *(readings.along if "impact.cannon.along" in x else 0.0, cosine, swing_rate, counts),
     )
     values = (*constants, *shots, readings.ball)

@@ -61,7 +61,7 @@ class NominalTest:
             tested = certify_block(setup)
         certified, rules, ball = tested.certified, setup.rules.spec, setup.ball.spec
         value = {name: float(each.value[0]) for name, each in certified.results.items()}
-        bat, place = certified.reduced.preparation.bat, float(certified.hit_weights.place[0])
+        bat, place = certified.reduced.preparation.bat, float(certified.hit_weights.position[0])
         length, mass = float(np.ravel(bat.length)[0]), float(np.ravel(bat.mass)[0])
         axis = length - rules.pivot_from_knob
         lever = axis - float(np.ravel(bat.z_cm)[0])

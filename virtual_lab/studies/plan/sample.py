@@ -102,10 +102,10 @@ def sample_of(tested: BlockTest) -> SampledTests:
     used, owner = hit_weights.used, reduced.owner
     shares = np.zeros((count, len(of_balls)))
     np.add.at(shares, (owner[used], certified.readings.ball[used]), hit_weights.effects[used])
-    places = np.round(reduced.place / SETTING_STEP).astype(int)
+    places = np.round(reduced.position / SETTING_STEP).astype(int)
     fired_at, turns = np.unique([owner, places], axis=1, return_inverse=True)
     hits = np.bincount(turns.ravel(), reduced.valid, fired_at.shape[1])
-    best = np.abs(reduced.place - hit_weights.place[owner]) < SETTING_STEP / 2
+    best = np.abs(reduced.position - hit_weights.position[owner]) < SETTING_STEP / 2
     in_turn = reduced.shot_numbers
     weights = np.where(in_turn >= 0, np.where(used, hit_weights.effects, 0.0)[in_turn], 0.0)
     u_ball = parts.u[:, of_balls]

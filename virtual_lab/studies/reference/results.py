@@ -303,7 +303,7 @@ def procedure_result(bat: str, procedure: str) -> float:
     curve = TrueCurve(
         procedure=rule,
         bat=beam(bat),
-        place=Z * INCH,
+        position=Z * INCH,
         collision_efficiency=e_A,
         restitution=np.asarray(restitution_from_efficiency(e_A, recoil)),
         recoil_factor=recoil,

@@ -199,7 +199,7 @@ def readings_of(certified: Certifications) -> dict[str, float]:
         ratio = np.ravel(wall.speed_out / wall.speed_in)
     is_reading = np.ravel(balls.ball) >= 0
     of_ball = np.ravel(balls.ball) + 1j * np.ravel(balls.nominal_speed)
-    place = np.round(reduced.place[valid], 6)
+    place = np.round(reduced.position[valid], 6)
     rows = {
         "hits": largest_deviation(reduced.shot_metric[valid], place),
         "wall hits": largest_deviation(ratio[is_reading], of_ball[is_reading]),

@@ -175,12 +175,12 @@ def _curve(reduced: Reduction, e_A: Array, certification: Certification) -> Stat
     rules, used = reduced.procedure, certification.hit_weights.used
     valid = reduced.valid & np.isfinite(e_A)
     if rules.scan is None:
-        middle, mean = (np.array([each[valid].mean()]) for each in (reduced.place, e_A))
+        middle, mean = (np.array([each[valid].mean()]) for each in (reduced.position, e_A))
         return StatedCurve(place=middle, efficiency=mean, slope=rules.place_slope)
-    place = np.round(reduced.place / SAME_PLACE) * SAME_PLACE
+    place = np.round(reduced.position / SAME_PLACE) * SAME_PLACE
     at, where = np.unique(place[valid], return_inverse=True)
     means = np.bincount(where, e_A[valid]) / np.bincount(where)
-    fitted = curve_of(rules, reduced.place, used, e_A)
+    fitted = curve_of(rules, reduced.position, used, e_A)
     if fitted is None or at.size == 1:
         return StatedCurve(place=at, efficiency=means)
     low, high = float(place[used].min()), float(place[used].max())
