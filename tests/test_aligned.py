@@ -83,7 +83,7 @@ def test_a_missing_row_has_no_values() -> None:
     assert selection.inner.seen.tolist() == [[True, False]]
 
 
-def test_one_row_loses_the_axis() -> None:
+def test_selecting_a_single_row_removes_its_axis() -> None:
     assert outer().select(1).time.tolist() == [10, 11, 12]
 
 

@@ -431,7 +431,7 @@ def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "(3)" not in result.text
 
 
-def test_the_name_of_a_changed_sheet_is_a_files_name_too(tmp_path: Path) -> None:
+def test_the_name_of_a_changed_sheet_can_name_a_file(tmp_path: Path) -> None:
     rules = vl.procedure("astm-f1881").with_({"windows.speed_tolerance": "1 m/s"})
     assert rules.name == "astm-f1881 (windows.speed_tolerance=1 m per s)"
     again = rules.with_(valid_hits=8).with_(valid_hits=9)

@@ -221,7 +221,7 @@ def test_numbers_of_one_slot_and_of_one_index_are_uncorrelated() -> None:
             assert abs(np.corrcoef(x[lag:], x[:-lag])[0, 1]) < 4.5 / sqrt(n)
 
 
-def test_distributions_are_the_standard_ones() -> None:
+def test_random_numbers_have_their_stated_distributions() -> None:
     """Kolmogorov-Smirnov test against the exact laws, n = 200 000, p > 1e-3, fixed seed."""
     draws, slots = Streams(77), np.arange(50_000)
     for normal in (draws.normal("n", 200_000), draws.normal("n", 4, slots).ravel()):

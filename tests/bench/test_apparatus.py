@@ -47,7 +47,7 @@ def test_a_day_by_the_rules_is_the_plain_test(plain: Desk) -> None:
     assert plain.certification.verdict == sound.verdict
 
 
-def test_the_truth_of_a_day_is_that_of_the_plain_test(plain: Desk) -> None:
+def test_a_rehearsed_day_has_the_truth_of_an_automatic_test(plain: Desk) -> None:
     found = apparatus().finish(plain).sealed.measurand
     assert found == pytest.approx(certified(seed=3).sealed.measurand, rel=1e-12)
 

@@ -66,7 +66,7 @@ def test_the_log_only_grows(rehearsal: StoredDay, statement: str) -> None:
     assert [event.action for event in rehearsal.log.events()] == ["tare"]
 
 
-def test_the_log_knows_no_secret(tmp_path: Path) -> None:
+def test_the_log_of_a_day_contains_no_hidden_truth(tmp_path: Path) -> None:
     """Seed, salt and faults lie in a file of their own that only its owner may read."""
     path = tmp_path / "fault.toml"
     text = load_scenario("plain-day").text

@@ -151,7 +151,7 @@ def truths(document: Any) -> Iterator[float]:
 
 
 @pytest.mark.parametrize("form", ["0.27182818", "27.1828182", "<d", ">d", "base64", "sha256"])
-def test_a_planted_canary_is_seen(form: str) -> None:
+def test_a_planted_secret_is_detected(form: str) -> None:
     canary = 0.2718281828459045
     planted = {
         "<d": struct.pack("<d", canary),

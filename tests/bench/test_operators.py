@@ -387,7 +387,7 @@ def test_the_debrief_explains_an_expert_whose_verdict_is_wrong(
     assert found.expert.apart in debrief_page(found).replace("&#39;", "'")
 
 
-def test_only_a_sound_day_is_called_sound() -> None:
+def test_only_a_debrief_without_faults_and_mistakes_says_nothing_went_wrong() -> None:
     assert "Nothing went wrong" in debrief_page(debrief_by("book"))
     assert "Nothing went wrong" not in debrief_page(debrief_by("careless"))
     assert "Nothing went wrong" not in debrief_page(debrief_by("expert", "gate-moved"))

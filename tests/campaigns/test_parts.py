@@ -218,7 +218,7 @@ def test_check_unpacks_nothing_that_was_changed(
     assert len(Campaign.open(copy).check().missing) == 1
 
 
-def test_every_bit_of_a_footer_counts(copy: Path) -> None:
+def test_any_flipped_bit_of_a_footer_is_detected(copy: Path) -> None:
     """Four hundred bits, spread by the golden section, are flipped one at a time."""
     path, known = part(copy, 0), Campaign.open(copy)
     sound = path.read_bytes()
@@ -261,7 +261,7 @@ def other_unit(table: pa.Table) -> pa.Table:
         (lambda table: table.append_column("u", table["u"]), "those of the study"),
     ],
 )
-def test_columns_are_those_of_the_study(
+def test_a_part_with_other_columns_than_the_study_is_refused(
     change: Callable[[pa.Table], pa.Table], said: str, copy: Path
 ) -> None:
     """Names, types and units are compared even if the digests are right."""

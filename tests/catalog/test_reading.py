@@ -157,7 +157,7 @@ def test_every_source_key_is_explained() -> None:
     assert all(entry["text"] for entry in explained.values())
 
 
-def test_provenance_stands_beside_the_number() -> None:
+def test_each_number_keeps_its_source_and_verification() -> None:
     """data/bats/r161.toml as shipped: the paper's length is verified, the fit is not."""
     sheet = {datum.key: datum for datum in catalog.load_bat("r161").sheet}
     assert sheet["published.length"].verified
@@ -414,7 +414,7 @@ wall_factor = {FACTOR}
 """
 
 
-def test_a_modified_bat_is_its_base_but_for_the_change() -> None:
+def test_a_modified_bat_differs_from_its_base_only_by_the_change() -> None:
     """Walls times 0.9 and one added weight; other values keep their provenance."""
     weight = """
 [[lumps]]
@@ -464,7 +464,7 @@ def test_the_hoop_mode_follows_the_wall_like_a_ring() -> None:
     assert thin.modal_mass / whole.modal_mass == pytest.approx(mass[1] / mass[0], rel=1e-12)
 
 
-def test_a_hoop_mode_of_its_own_does_not_follow_the_wall() -> None:
+def test_a_stated_hoop_mode_does_not_change_with_the_wall() -> None:
     own = """
 [hoop]
 frequency = { value = 2, unit = "kHz", source = "heard", verified = false }

@@ -570,7 +570,7 @@ CONTROL: dict[
 
 
 @pytest.mark.parametrize("way", [*CONTROL, "another's"])
-def test_the_control_bats_test_belongs_to_the_test(
+def test_an_altered_or_exchanged_control_test_is_detected(
     controlled: Path, made: Path, tmp_path: Path, way: str
 ) -> None:
     folder = shutil.copytree(controlled, tmp_path / "copy")

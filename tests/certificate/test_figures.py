@@ -146,7 +146,7 @@ def test_an_invalid_test_has_no_distribution_and_no_budget(
 
 
 @pytest.mark.parametrize("least", [1.0, 1e-2, 1e-4])
-def test_the_label_of_an_axis_stands_beside_its_numbers(least: float) -> None:
+def test_an_axis_label_does_not_overlap_its_numbers(least: float) -> None:
     """Numbers end 5 pt from the axis; a sans-serif digit is .556 of its height wide."""
     drawn = Panel(
         left=100, right=200, top=0, bottom=100, x=(0, 1), y=(-least, least), y_label="what"
@@ -216,7 +216,7 @@ def test_an_invalid_test_shows_its_hits_against_the_limit(document: CertificateD
 
 
 @pytest.mark.parametrize("dof", [4.0, None])
-def test_the_result_stands_against_its_limit_with_students_density(
+def test_the_result_figure_shows_students_density_and_the_limit(
     document: CertificateDocument, dof: float | None
 ) -> None:
     """Interval, value, limit and scipy's density, scaled to its maximum; the risk is filled."""
@@ -345,7 +345,7 @@ def test_recoil_and_rebound_stand_against_each_other(document: CertificateDocume
     assert level[:, 1] == pytest.approx(0.0, abs=apart.near()[1])
 
 
-def test_the_encoders_record_stands_over_its_time(document: CertificateDocument) -> None:
+def test_the_encoder_figure_shows_record_and_fit_over_time(document: CertificateDocument) -> None:
     """Left: record and rotation after contact. Right: ring, with its fit from the dotted line."""
     trace = document.encoder
     assert trace is not None

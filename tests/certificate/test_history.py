@@ -44,7 +44,7 @@ def hits(document: dict[str, Any]) -> tuple[float, float]:
     return row["contribution"], row["dof"]
 
 
-def test_the_scatter_is_that_of_all_tests(earlier: Path, tmp_path: Path) -> None:
+def test_the_scatter_is_pooled_over_all_tests(earlier: Path, tmp_path: Path) -> None:
     """The oracle uses the budgets of four certificates, with six hits at one position each.
 
     The remaining variance is 6 u²; ν = 5 (remaining / observed)² gives the observed one.

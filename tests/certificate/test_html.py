@@ -159,7 +159,7 @@ def test_the_result_is_rounded_by_its_uncertainty() -> None:
         ("too few valid hits", "INVALID"),
     ],
 )
-def test_the_verdict_stands_in_words(name: str, verdict: str) -> None:
+def test_the_page_states_the_verdict_in_words(name: str, verdict: str) -> None:
     card = words(notebook_card(certificate(case(name))))
     assert verdict in words(page(name))
     assert verdict in card
@@ -498,7 +498,7 @@ def test_the_encoders_figure_shows_the_counts_as_degrees_after_contact() -> None
     assert np.std(left[settled]) < count
 
 
-def test_the_check_by_the_rebound_takes_the_hits_that_count() -> None:
+def test_the_rebound_check_uses_only_valid_hits() -> None:
     """Two of six shots miss a window of ± 0.5 mph about 60 mph."""
     document = certificate(again((SPEED, "speed_tolerance = { value = 0.5")))
     count = [shot for shot in document.shots if not shot.reason]

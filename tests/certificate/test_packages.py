@@ -98,7 +98,7 @@ def test_each_axis_of_a_record_has_a_meaning() -> None:
         assert {*kind.axes()} <= AXES.keys()
 
 
-def test_sizes_of_units_are_those_of_the_program() -> None:
+def test_sizes_of_units_agree_with_the_table_of_units() -> None:
     """The oracle is the table of units in files."""
     known = {unit: size for units in DIMENSIONS.values() for unit, size in units.items()}
     for name, unit in UNITS.items():

@@ -143,7 +143,7 @@ def test_the_pdf_says_the_same_as_the_page(document: CertificateDocument, pdf: b
 
 
 @pytest.mark.parametrize("kind", ["svg", "png"])
-def test_a_logo_stands_on_page_and_pdf(
+def test_a_logo_appears_on_page_and_pdf(
     document: CertificateDocument, tmp_path: Path, kind: str
 ) -> None:
     """Both forms conform with a logo; the page runs and loads nothing."""

@@ -48,7 +48,7 @@ def clone(repository: Path, tmp_path: Path) -> Path:
     return tmp_path / "clone"
 
 
-def test_the_commit_is_that_of_git(clone: Path) -> None:
+def test_the_commit_agrees_with_git(clone: Path) -> None:
     """The commit is read from a branch file, from packed refs, and without a branch."""
     assert changes(clone) == ""
     git(clone, "checkout", "-q", "-b", "work/of-mine")

@@ -48,7 +48,7 @@ def test_the_digest_of_each_schema_is_unchanged(form: str) -> None:
     assert kept[str(schema)] == digest_of(kind)
 
 
-def test_every_kind_of_change_is_seen() -> None:
+def test_every_kind_of_schema_change_is_detected() -> None:
     """The description covers fields, types and meanings."""
     lines = list(described(document.CertificateDocument))
     assert '"""Sentence on the origin of the result, printed on every page."""' in lines

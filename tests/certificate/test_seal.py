@@ -165,7 +165,7 @@ def test_removed_and_added_records_are_named(folder: Path) -> None:
     ]
 
 
-def test_links_and_pipes_among_records_are_told(folder: Path, tmp_path: Path) -> None:
+def test_links_and_pipes_among_records_are_named(folder: Path, tmp_path: Path) -> None:
     """Links and pipes that replace or accompany files and folders are named, and none is opened."""
     records = folder / "records"
     gates = (records / "impact" / "gates.csv").rename(tmp_path / "gates.csv")

@@ -96,6 +96,6 @@ def test_every_number_has_a_unit(procedure: str, played: Play) -> None:
         assert all(30 < speed < 55 for speed in speeds)
 
 
-def test_a_number_without_a_unit_is_seen() -> None:
+def test_a_number_without_a_unit_is_detected() -> None:
     assert not has_unit(("recoil", "axis"))
     assert list(numbers({"a": [1, {"b": True, "c_mph": 2.0}]})) == [("a",), ("a", "c_mph")]

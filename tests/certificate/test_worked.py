@@ -127,7 +127,7 @@ def test_every_number_of_the_document_follows_from_the_records(case: str) -> Non
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_corrected_result_is_stated_as_found_too(case: str) -> None:
+def test_a_corrected_result_is_also_stated_without_correction(case: str) -> None:
     """Only with a correction in force; with its own u, on a line of its own."""
     expected, correction = by_hand(case)["as_found"], document(case)["ball_correction"]
     text = certificate_text(read_document(folder(case) / "certificate.json"))

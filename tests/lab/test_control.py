@@ -112,7 +112,9 @@ def test_the_intervals_hold_the_truth(rules: str) -> None:
     assert held >= 5
 
 
-def test_a_livelier_lot_goes_out_of_the_ratio(rules: str, tmp_path: Path) -> None:
+def test_the_ratio_to_the_control_bat_removes_most_of_a_livelier_lot(
+    rules: str, tmp_path: Path
+) -> None:
     """If e0 rises by 0.004, e rises by about as much, and the ratio by a tenth of this."""
     ball = catalog.text("balls", "baseball-2003").replace(
         "value = 0.55, unit", "value = 0.554, unit"

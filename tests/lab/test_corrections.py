@@ -687,7 +687,7 @@ def test_a_drive_that_droops_slows_by_its_share_a_second() -> None:
 
 
 @pytest.mark.parametrize("late", [-3.0, 3.0])
-def test_a_slanting_bat_is_seen_through(late: float) -> None:
+def test_the_slant_of_a_swung_bat_is_corrected(late: float) -> None:
     """An otherwise ideal machine is 0.9 ms early or late: 2.5° at 47 rad/s.
 
     The ball meets the bat farther out by lever (1/cos - 1), 0.6 mm, and nearer to the boards or

@@ -24,13 +24,13 @@ ROW = Row(
 
 
 @pytest.mark.parametrize("case", FEW, ids=lambda case: f"{case.kind}-{case.procedure}{case.what}")
-def test_a_few_tests_are_those_of_the_table(case: Case) -> None:
+def test_a_few_tests_agree_with_the_golden_table(case: Case) -> None:
     """Results agree to 1e-9, on any processor."""
     assert differences(row_of(case), table()[case], value=1e-9, dof=1e-6) == []
 
 
 @pytest.mark.long
-def test_every_test_is_that_of_the_table() -> None:
+def test_every_test_agrees_with_the_golden_table() -> None:
     """Results agree to 1e-12, ν to 1e-9, on the processor family that made the table."""
     assert list(table()) == list(cases())
     found = {case: differences(row_of(case), row) for case, row in table().items()}

@@ -175,7 +175,7 @@ def test_a_test_without_a_seed_draws_one() -> None:
 
 
 @pytest.mark.parametrize("bit", [31, 32, 63, 64, 127])
-def test_every_bit_of_a_seed_counts(bit: int) -> None:
+def test_seeds_that_differ_in_one_bit_give_different_laboratories(bit: int) -> None:
     """Two seeds of 128 bits that differ in one bit give two laboratories."""
     seed = 0xB7E151628AED2A6ABF7158809CF4F3C7
     first, other = (
@@ -216,7 +216,7 @@ def test_laboratories_of_one_seed_share_nothing() -> None:
         ),
     ],
 )
-def test_a_laboratory_no_study_has_is_refused(given: dict[str, int], allowed: str) -> None:
+def test_a_laboratory_number_out_of_range_is_refused(given: dict[str, int], allowed: str) -> None:
     with pytest.raises(InputError, match=re.escape(allowed)):
         opened("r161", procedure=PROCEDURE, **given)
 

@@ -126,7 +126,9 @@ def data_of_the_oracles() -> Iterator[None]:
 
 @pytest.mark.parametrize("bat", BASEBALL)
 @pytest.mark.parametrize("procedure", SCANS)
-def test_each_scan_says_what_the_paper_does(procedure: str, bat: str, played: Play) -> None:
+def test_each_scan_agrees_with_the_metric_of_the_paper(
+    procedure: str, bat: str, played: Play
+) -> None:
     """With the same e_A along the barrel, results agree to 1e-6 of the metric."""
     curve = exact_curve(bat, procedure)
     expected = by_the_paper(procedure, bat, lines(curve))
@@ -139,7 +141,7 @@ def test_each_scan_says_what_the_paper_does(procedure: str, bat: str, played: Pl
 
 @pytest.mark.usefixtures("data_of_the_oracles")
 @pytest.mark.parametrize("bat", BASEBALL)
-def test_besr_is_that_of_the_greatest_speed(bat: str) -> None:
+def test_a_scan_states_besr_at_the_position_of_the_greatest_speed(bat: str) -> None:
     """The greatest BESR is 1 to 1.6 in farther from the tip, and 0.011 higher."""
     ideal = certify(bat, procedure="ncaa-besr", reality=Reality.IDEAL, seed=1)
     true, curve = ideal.sealed.measurand, compute_curve(bat, "ncaa-besr")
@@ -174,7 +176,9 @@ def test_the_proposal_is_the_field(bat: str, played: Play) -> None:
 
 
 @pytest.mark.parametrize(("procedure", "bat"), [("astm-f1881", "r161"), ("asa", "softball-34")])
-def test_fixed_places_say_what_the_paper_does(procedure: str, bat: str, played: Play) -> None:
+def test_tests_at_a_fixed_position_agree_with_the_metric_of_the_paper(
+    procedure: str, bat: str, played: Play
+) -> None:
     """BPF at the center of percussion; v_f from e_A there, with bat speeds as M^-1/4."""
     tested = played(bat, Reality.IDEAL, procedure=procedure)
     true, rules = tested.sealed.measurand, tested.certification.procedure

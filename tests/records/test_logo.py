@@ -79,7 +79,7 @@ def test_a_drawing_keeps_its_shapes_alone(tmp_path: Path) -> None:
     assert not re.search(bad, text)
 
 
-def test_a_picture_of_points_is_kept_as_it_is(tmp_path: Path) -> None:
+def test_a_logo_of_pixels_is_stored_unchanged(tmp_path: Path) -> None:
     address = logo_of(written(tmp_path, png(), "logo.png"), tmp_path, "lab.toml")
     assert picture_in(address) == ("png", png())
 

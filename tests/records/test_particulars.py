@@ -58,7 +58,7 @@ def with_particulars(stated: Particulars) -> Certification:
     return certify_session(replace(session, particulars=stated))
 
 
-def test_an_option_comes_before_the_file(stated: Particulars) -> None:
+def test_an_option_overrides_the_file(stated: Particulars) -> None:
     assert stated.bat.serial == "SN 2"
     assert stated.bat.received == "2026-11-20"
     assert stated.customer.name == "Müller & Søn <x>"

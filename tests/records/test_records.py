@@ -151,7 +151,7 @@ def test_joining_rounds_appends_their_shots() -> None:
 
 
 @pytest.mark.parametrize("record", [PendulumRecord, GateRecord])
-def test_join_of_one_is_itself(record: type[Record]) -> None:
+def test_joining_a_single_record_returns_it(record: type[Record]) -> None:
     """Joining a single round returns it."""
     sizes = {"times": np.ones([2] * len(record.columns["times"].axes))}
     others = {name: np.ones(2) for name in record.columns if name != "times"}

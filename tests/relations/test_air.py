@@ -10,7 +10,7 @@ from virtual_lab.relations.air import air_density, air_pressure
     ("celsius", "percent", "hectopascal"),
     [(20, 50, 1013.25), (15, 30, 950), (27, 70, 1050), (23, 10, 900)],
 )
-def test_density_is_that_of_the_simplified_formula(
+def test_the_density_agrees_with_the_simplified_formula_of_oiml(
     celsius: float, percent: float, hectopascal: float
 ) -> None:
     """OIML R 111-1:2004, E.3-1: within 2e-4 from 900 to 1100 hPa, 10 to 30 °C, below 80 %."""
@@ -21,7 +21,7 @@ def test_density_is_that_of_the_simplified_formula(
     assert found == pytest.approx(simplified, rel=2e-4)
 
 
-def test_density_of_dry_air_is_the_standard_one() -> None:
+def test_the_density_of_dry_air_agrees_with_iso_2533() -> None:
     """1.2250 kg/m³ at 15 °C and 1013.25 hPa (ISO 2533), of an ideal gas: 4e-4 less."""
     assert air_density(288.15, 0.0, 101325.0) == pytest.approx(1.2250, rel=5e-4)
 

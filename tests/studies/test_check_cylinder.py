@@ -39,7 +39,7 @@ def test_sessions_scatter_as_the_hits_do() -> None:
     assert np.array_equal(check_cylinder(20, HITS, seed=4), values[:20])
 
 
-def test_a_rig_gone_wrong_is_seen_from_the_day_on() -> None:
+def test_a_rig_error_is_detected_from_its_first_day() -> None:
     """For an error of half an inch along the barrel, e_A from recoil is wrong by 3 to 10 %."""
     sound = check_cylinder(5, 4, seed=2, faults=("aim-along",), since=6)
     wrong = check_cylinder(5, 4, seed=2, faults=("aim-along",), since=4)

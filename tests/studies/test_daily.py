@@ -28,7 +28,7 @@ def test_days_in_control_scatter_as_ten_hits_do() -> None:
     assert abs(neighbours) < 4 / sqrt(300)
 
 
-def test_the_wall_takes_its_part() -> None:
+def test_a_wall_that_gives_way_lowers_e0_by_its_restitution() -> None:
     """The same laboratory at both walls: the ratio is that of the walls, to the timer's steps."""
     fast, loose = (daily(days=40, step=step, since=31) for step in (0.0, 0.1))
     assert np.array_equal(loose.values[:30], fast.values[:30])
@@ -71,7 +71,7 @@ def test_alarms_before_the_change_are_counted_apart() -> None:
     assert rows["8 days on one side"].delay_days is None
 
 
-def test_a_check_ball_that_ages_is_seen_to() -> None:
+def test_the_e0_of_a_check_ball_falls_by_its_daily_loss() -> None:
     """Ten hits per day with the loss of the sheet; the recovering share is back by morning."""
     ageing = catalog.load("balls", "softball-slowpitch", BallSpec).spec.ageing
     daily_loss = 10 * ageing.loss * (1 - ageing.recovering)
@@ -80,7 +80,7 @@ def test_a_check_ball_that_ages_is_seen_to() -> None:
     assert slope == pytest.approx(-daily_loss, rel=0.05)  # standard error 0.7 %
 
 
-def test_a_day_is_a_block_of_its_own() -> None:
+def test_the_first_days_do_not_depend_on_the_number_of_days() -> None:
     """The first days do not depend on the number of days, but on the seed."""
     short, long = daily(days=30), daily(days=60)
     assert np.array_equal(short.values, long.values[:30])

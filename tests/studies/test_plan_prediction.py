@@ -51,7 +51,7 @@ def test_a_forecast_starts_at_the_counts_of_the_procedure(forecast):
         Counts(hits=9, final_hits=0, balls=30, wall_hits=12),
     ],
 )
-def test_predicted_u_is_that_of_simulated_tests(laboratories, forecast, counts):
+def test_the_predicted_u_agrees_with_simulated_tests(laboratories, forecast, counts):
     changes = {"valid_hits": counts.hits, "balls": counts.balls, "wall_hits": counts.wall_hits}
     simulated = _simulated(laboratories, attempts=2 * counts.hits, **changes)
     value, error = simulated.median_u

@@ -55,7 +55,7 @@ def test_hits_beside_a_place_cost_half_the_curvature() -> None:
     assert se < -expected / 10
 
 
-def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
+def test_a_scan_has_less_selection_bias_than_a_fit_at_fixed_positions() -> None:
     """A scan gains less than the bias of a fitted maximum at fixed positions: it keeps looking."""
     scatter = 8e-3  # scatter of a poor laboratory, which shows it in 500 tests by 4 standard errors
     bias, se = rehearsal(BESR).bias(HitScatter(0.0, scatter), Streams(3), 500)
@@ -66,7 +66,7 @@ def test_a_scan_that_goes_where_hits_came_out_high_pays_for_it() -> None:
     assert bias < lift - 2 * se
 
 
-def test_scatter_and_what_the_place_makes_of_it_add_up_to_the_scatter_seen() -> None:
+def test_hit_scatter_and_the_effect_of_the_aim_add_up_to_the_observed_scatter() -> None:
     rules = rehearsal(BESR)
     hit_scatter = rules.hit_scatter(ALONG, 3e-3)
     at = TOP + np.linspace(-1, 1, 9) * INCH
@@ -91,7 +91,7 @@ def test_a_swung_bat_is_read_by_the_balls_speed_back_alone() -> None:
     assert swung.metric(at, 2e-3) == pytest.approx(swung.metric(at), rel=1e-12)
 
 
-def test_a_rehearsal_is_the_same_whenever_it_is_held() -> None:
+def test_the_error_of_a_laboratory_depends_only_on_its_number() -> None:
     rules, hit_scatter = rehearsal(BESR), HitScatter(ALONG, 2e-3)
     errors = rules.errors(hit_scatter, Streams(5), np.array([0, 1, 2]))
     assert len({*errors.tolist()}) == 3

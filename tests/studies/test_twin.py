@@ -189,7 +189,7 @@ def test_holm_adjusts_each_tail_for_those_that_remain() -> None:
     assert holm(np.array([0.01, 0.04, 0.03, 0.005])) == pytest.approx([0.03, 0.06, 0.06, 0.02])
 
 
-def test_the_largest_deviation_is_that_of_grubbs() -> None:
+def test_the_largest_deviation_agrees_with_grubbs_test() -> None:
     values = np.array([1.0, 2.0, 3.0, 10.0])  # mean 4, s² = 50/3; 6 / √(1 - 1/4) / s
     assert largest_deviation(values, np.zeros(4)) == pytest.approx(6 / np.sqrt(0.75 * 50 / 3))
     assert np.isnan(largest_deviation(values, np.arange(4)))
@@ -296,7 +296,7 @@ def sized_set(name: str, size: float) -> FaultSet:
     return FaultSet(faults=(resize(CATALOGUE[name], size),))
 
 
-def test_the_days_of_faults_go_on_where_they_were_cut(days, tmp_path: Path, monkeypatch) -> None:
+def test_an_interrupted_study_of_faults_resumes(days, tmp_path: Path, monkeypatch) -> None:
     few = ["gate-moved", "ounces-as-grams", "sabot-trip"]
     monkeypatch.setattr(noticing, "faults_at", lambda rig: few)
     monkeypatch.setattr(noticing, "SIZES", (1e-4, 1.0))

@@ -48,7 +48,7 @@ def test_global_risks_agree_with_suncal(h: float) -> None:
         vl.Input(low=0.5, high=1.6, inexact=0.2),
     ],
 )
-def test_global_risks_are_those_of_counted_items(prior: vl.Input) -> None:
+def test_global_risks_agree_with_counted_items(prior: vl.Input) -> None:
     """A million items of each prior give all four risks; the text has the definitions."""
     from virtual_lab.uncertainty.inputs import source_of
 

@@ -99,7 +99,7 @@ TWO = [
 ]
 
 
-def test_a_block_gives_back_each_estimate_of_its_own() -> None:
+def test_a_row_of_a_block_is_the_estimate_of_its_laboratory() -> None:
     """Every field returns, after selection by a mask and by an index."""
     block = Estimates.stack(TWO)
     assert [block.row(n) for n in range(2)] == TWO

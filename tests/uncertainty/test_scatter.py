@@ -45,7 +45,7 @@ def test_variances_join_by_degrees_of_freedom() -> None:
     assert joined.dof == pytest.approx(55 * (unexplained / all_seen) ** 2)
 
 
-def test_the_variance_of_a_hit_is_that_of_numpy() -> None:
+def test_the_variance_of_a_hit_agrees_with_numpy() -> None:
     """At one position it is s² with 5 dof; a constant that moves hits reduces it, also below 0."""
     hits = np.array([[1.0, 2.0, 4.0, 4.0, 7.0, 9.0]])
     s2 = hits.var(ddof=1)

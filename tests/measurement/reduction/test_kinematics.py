@@ -77,7 +77,7 @@ def test_free_and_pivoted_recoil_agree_at_the_centre_of_percussion_only() -> Non
         assert (free == pytest.approx(pivoted, rel=1e-12)) == same
 
 
-def test_the_inertia_about_the_knob_is_that_of_table_one() -> None:
+def test_the_inertia_about_the_knob_agrees_with_table_one() -> None:
     about = k.parallel_axis(2539.0, 31.0, 33 - 11.3)
     assert about == pytest.approx(17137, abs=0.5)
 

@@ -98,7 +98,7 @@ def test_rings_are_found() -> None:
     assert np.mean(right) >= 0.95
 
 
-def test_the_residual_is_that_of_counting() -> None:
+def test_the_residual_is_the_noise_of_counting() -> None:
     """The floor of a real number has a uniform error: rms 1/√12 = 0.289 counts, here to 15 %."""
     residual = np.concatenate([fit.residual for _, fit in fitted()])
     assert residual.mean() == pytest.approx(12**-0.5, rel=0.15)

@@ -73,7 +73,7 @@ def test_the_bias_of_the_ripple_is_above_a_tenth_of_its_bound() -> None:
 
 
 @pytest.mark.parametrize("angle", [-0.05, -0.02, 0.0, 0.01, 0.05])
-def test_a_bat_out_of_step_is_met_early_or_late(angle: float) -> None:
+def test_rate_and_angle_of_an_oblique_bat_are_fitted_at_the_true_contact(angle: float) -> None:
     """The ball meets the bat at lever θ before its nominal position, and so much earlier.
 
     Gates give the time at the nominal position; at that time the bat has already stopped.

@@ -91,7 +91,7 @@ def test_a_bat_of_few_modes_is_unchanged_beside_one_of_many() -> None:
 
 
 @pytest.mark.parametrize("which", range(4))
-def test_splines_replace_the_mode_shapes(which: int) -> None:
+def test_splines_of_the_mode_shapes_change_e_a_only_within_the_stated_error(which: int) -> None:
     """The oracle has exact mode shapes; in all other tests, every stepper has the same splines."""
     model, scenes = replace(bats()[which], stepper=OneByOne()), WIDE.draw(300, 60 + which)
 

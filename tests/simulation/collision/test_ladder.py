@@ -163,7 +163,7 @@ def test_the_reason_names_the_positions_and_a_second_contact() -> None:
     assert " at 3 to 16 in from the tip, larger where a second contact begins" in said[1]
 
 
-def test_the_reference_has_an_error_too() -> None:
+def test_the_error_of_the_reference_model_is_stated() -> None:
     """The hundred modes of the reference have no residual flexibility."""
     choice = choose(WOOD, Free(), PROBE, model_name="reference")
     many = ModalModel.of(WOOD, Free(), 150).collide(PROBE).collision_efficiency

@@ -52,7 +52,7 @@ def test_the_error_at_new_points_is_below_the_tolerance(
 
 
 @pytest.mark.parametrize("shape", [(3, 2, 4, 1), (1, 1, 1, 1), (16, 5, 5, 3)])
-def test_the_kernel_is_the_chebyshev_series(shape: tuple[int, ...]) -> None:
+def test_the_kernel_agrees_with_numpys_chebyshev_series(shape: tuple[int, ...]) -> None:
     """The oracle is numpy.polynomial, at more points than a block, with block edges."""
     rng = np.random.default_rng(5)
     coefficients = rng.normal(size=shape)

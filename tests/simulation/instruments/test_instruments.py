@@ -249,7 +249,7 @@ def test_cannon_marks_tell_its_aim() -> None:
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
 
 
-def test_the_drag_rate_is_that_by_hand() -> None:
+def test_the_drag_rate_agrees_with_a_hand_calculation() -> None:
     """κ = ρ C_d π R²/(2 m): 1.2 x 0.4 x π x 0.0366² / (2 x 0.145) = 6.9655e-3 per meter."""
     spec = HallAirSpec(
         kind="air",

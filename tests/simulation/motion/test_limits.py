@@ -41,7 +41,7 @@ def test_unsafe_settings_are_refused(key: str, settings: dict[str, Any], allowed
     assert allowed in str(refused.value)
 
 
-def test_the_longest_step_is_that_of_ball_and_barrel() -> None:
+def test_the_longest_step_agrees_with_a_hand_calculation() -> None:
     """By hand: a swung tip adds to the speed, a thin post replaces the radius of the barrel."""
     limit = longest(scene())
     PymunkSettings(step=limit * 0.999).check(scene())

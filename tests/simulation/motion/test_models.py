@@ -115,7 +115,7 @@ def test_steps_by_the_present_speed_find_the_same_contacts(
 
 
 @EVERY
-def test_any_moment_is_the_end_of_a_shorter_record(model: str) -> None:
+def test_the_state_at_a_moment_is_that_at_the_end_of_a_shorter_record(model: str) -> None:
     moments = (0.01, 0.033, 0.08)
     shots: dict[str, Any] = {"z": [5 * INCH, 7 * INCH], "vz": 1.0}
     played = scene(**shots, duration=0.08)

@@ -47,7 +47,7 @@ def test_wall_contact_is_the_integral_of_the_force_law(a: float, e0: float, k: f
     assert -second.y[1, -1] / SPEED == pytest.approx(e0, rel=1e-9)
 
 
-def test_linear_lossless_ball_is_half_a_period_of_a_spring() -> None:
+def test_a_linear_lossless_ball_stays_on_the_wall_for_half_a_spring_period() -> None:
     wall = wall_contact(*(np.array(x) for x in (MASS, SPEED, 3.5e6, 1.0, 1.0)))
     assert wall.time == pytest.approx(np.pi * np.sqrt(MASS / 3.5e6), rel=1e-12)
 

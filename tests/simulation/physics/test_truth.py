@@ -23,7 +23,7 @@ def test_both_moduli_of_a_bat_scatter_by_one_factor(name: str) -> None:
         assert made.shear_modulus / drawn.shear_modulus == pytest.approx(stiffer, rel=1e-12)
 
 
-def test_the_mean_ball_is_that_of_the_balls_used() -> None:
+def test_the_mean_ball_excludes_rejected_balls() -> None:
     """Of balls of 140, 150 and 190 g the last is set aside: 145 g, and likewise for e0."""
     lot = draw_balls(load("balls", "baseball-2003", BallSpec).spec, 3, Streams(1))
     mass, e0 = np.array([0.140, 0.150, 0.190]), np.array([0.54, 0.56, 0.70])

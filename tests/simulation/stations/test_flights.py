@@ -122,7 +122,7 @@ def test_a_ball_beside_the_opening_never_moves_the_bat() -> None:
     assert np.isnan(output.truth["collision_efficiency"]).all()
 
 
-def test_the_stop_shows_in_the_counts() -> None:
+def test_the_recoil_reverses_at_the_stop() -> None:
     """The recoil reverses at the angle of the stop, with its restitution, ringing included."""
     stop = {"stop": {"angle": 0.5, "restitution": 0.5}}
     station = fired("astm-pivot")[0]

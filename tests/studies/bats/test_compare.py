@@ -66,7 +66,7 @@ def test_peak_at_an_end_is_taken_there() -> None:
     assert peak(np.arange(5.0), np.arange(5.0) ** 2) == pytest.approx((16, 4))
 
 
-def test_peaks_are_those_of_the_model_itself(compared: BatComparison) -> None:
+def test_peaks_agree_with_the_model_on_a_fine_grid(compared: BatComparison) -> None:
     """The oracle uses positions 0.01 in apart and no spline."""
     z = np.arange(6.8, 7.8, 0.01)
     model = ModalModel.of(load_bat("ea70").spec.body, Free())

@@ -23,7 +23,7 @@ BARE = TrueLens(
 PLAIN = BallLook(albedo=1.0, seam_contrast=0.0)
 
 
-def test_the_projection_is_that_of_opencv() -> None:
+def test_the_projection_agrees_with_opencv() -> None:
     """`cv2.projectPoints` with the same pose and distortion agrees to 1e-9 px."""
     lens = Camera.commission(SPEC, Streams(1), "lens").lens
     points = Streams(2).uniform("points", (50, 3)) * [0.8, 0.5, 0.2]

@@ -289,7 +289,7 @@ def test_a_summed_swing_scatters_as_its_counts_do() -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
-def test_the_gain_of_a_ball_at_the_end_of_a_board_is_that_of_a_line(missing: int) -> None:
+def test_the_gain_of_a_ball_at_the_end_of_a_board_agrees_with_a_fitted_line(missing: int) -> None:
     """The oracle is the intercept of numpy.polyfit at the ball's center, through the beams left.
 
     The midpoint of a beam has two edges. Beams on one side give the passage with a larger
@@ -303,7 +303,7 @@ def test_the_gain_of_a_ball_at_the_end_of_a_board_is_that_of_a_line(missing: int
 
 
 @pytest.mark.parametrize("missing", [0, 3, 7])
-def test_the_gains_of_the_height_are_those_of_a_weighted_parabola(missing: int) -> None:
+def test_the_gains_of_the_height_agree_with_a_weighted_parabola(missing: int) -> None:
     """The oracle is numpy.polyfit through the squares of the chords: slope at the ball's center.
 
     An error of half a chord changes its square by 2 √square of it; a chord has two edges.
