@@ -19,18 +19,10 @@ from virtual_lab.video.follow.ruler import VAGUE, Ruler
 from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.sharpening import SharpBall
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContactSettings:
-    """Thresholds for a contact, for its kind, and for stating its restitution."""
-
-    # smallest speed along a floor or wall, before and after, at which a reversal means that the
-    # ball struck two objects [share of the speed into the floor or wall]
-    turned_back: float = 0.2
-    coverage: float = 2.0  # coverage factor beyond which a difference is significant [u]
-
-
-CONTACTS = ContactSettings()
+# smallest speed along a floor or wall, before and after, at which a reversal means that the ball
+# struck two objects [share of the speed into the floor or wall]
+TURNED_BACK = 0.2
+COVERAGE = 2.0  # coverage factor beyond which a difference is significant [u]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +93,7 @@ def contacts_of(
         time = estimate_of(lambda f: _closest(f, k, t)[0], fit, others, unit=step)  # noqa: B023
         # The contact must be between the last position of the incoming flight and the first
         # position of the outgoing flight.
-        room = CONTACTS.coverage * time.u / step + (scene.exposure or 1.0) / 2
+        room = COVERAGE * time.u / step + (scene.exposure or 1.0) / 2
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
             notes.append(_outside(ways, k, t, step))
             continue
@@ -111,7 +103,8 @@ def contacts_of(
         if long_enough and kind != "other":
             ratio, flag, why = _restitution(by.fit, by.rest, k, t, normal, kind, sharp is not None)
             if flag:
-                notes.append((flag, f"contact at frame {frame:.1f}: {why}"))
+                words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
+                notes.append((flag, words))
         if sharp:
             flat = (fit.at(k, t) + fit.at(k + 1, t))[0, :2] / 2
             place, metres = sharp.in_picture(flat, frame), sharp.metres(flat)
@@ -142,12 +135,9 @@ def contacts_of(
 
 def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
     end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
-    words = (
-        f"flights {k + 1} and {k + 2} are nearest to each other at {1e3 * step * t:.4g} ms, not "
-        f"between {end:.4g} and {start:.4g} ms, where one ends and the other begins; they do not "
-        "meet in one contact, so no contact is stated"
-    )
-    return "CONTACT_OUTSIDE", words
+    words = f"flights {k + 1} and {k + 2} are nearest to each other at {1e3 * step * t:.4g} ms"
+    times = f"{end:.4g} and {start:.4g} ms, where one ends and the other begins"
+    return "CONTACT_OUTSIDE", f"{words}, not between {times}; no contact is stated"
 
 
 def _place(axis: int, first: int, t: float, fit: Fit) -> float:
@@ -223,26 +213,17 @@ def _restitution(
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])
         along = np.array([before @ side, after @ side]) / abs(before @ normal)
-        if along.prod() < 0 and np.abs(along).min() > CONTACTS.turned_back:
-            why = (
-                f"the ball also reverses along the {kind}, so it struck two surfaces; no "
-                "restitution is stated"
-            )
+        if along.prod() < 0 and np.abs(along).min() > TURNED_BACK:
+            why = f"the ball also reverses along the {kind}, so it struck two surfaces"
             return None, "CONTACT_UNCLEAR", why
         slope = float((after + ratio.value * before) @ side / (before @ normal))
         if not sharp and not (kind == "floor" and fit.floor):
             ratio = replace(ratio, u=float(np.hypot(ratio.u, FLIGHT_FIT.slant_u * slope)))
-    if ratio.value - CONTACTS.coverage * ratio.u > 1:
-        why = (
-            f"the ratio of the speeds is {ratio.value:.3g}, but an object at rest cannot return "
-            "more speed than it receives; the object moved, the clip runs backward, or another "
-            "object was followed. No restitution is stated"
-        )
-        return None, "ABOVE_ONE", why
+    if ratio.value - COVERAGE * ratio.u > 1:
+        why = "which needs a moving object, a clip that runs backward, or two different balls"
+        return None, "ABOVE_ONE", f"the ratio of the speeds is {ratio.value:.3g}, {why}"
     if ratio.value <= 0:
-        why = f"the ball passes through the {kind}; no restitution is stated"
-        return None, "CONTACT_UNCLEAR", why
+        return None, "CONTACT_UNCLEAR", f"the ball passes through the {kind}"
     if ratio.u > VAGUE:
-        why = "the flights are too uncertain; no restitution is stated"
-        return None, "CONTACT_UNCLEAR", why
+        return None, "CONTACT_UNCLEAR", "the flights are too uncertain"
     return ratio, "", ""

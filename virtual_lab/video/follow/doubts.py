@@ -66,18 +66,17 @@ class Falls:
 
         Gravity then sets no scale.
         """
-        return replace(
-            self.knowledge, rate=self.rate, rate_u=self.rate_u, rate_of=GRAVITY, ruler=BALL
-        )
+        rate, rate_u = self.rate, self.rate_u
+        return replace(self.knowledge, rate=rate, rate_u=rate_u, rate_of=GRAVITY, ruler=BALL)
 
     def of_rate(self) -> Note:
         """Return the note that the frame rate was fitted."""
+        rate = with_uncertainty(self.rate, self.rate * self.rate_u)
         words = (
-            f"no frame rate is given; with the rate that the file states, "
-            f"{self.knowledge.rate:.4g} per second, and {SAID[self.scale.source]} as the scale, "
-            f"the ball would fall at {self.shared.value:.3g} m/s². The rate used, "
-            f"{with_uncertainty(self.rate, self.rate * self.rate_u)} per second, gives "
-            f"{self.knowledge.gravity:.3g} m/s²; it is as accurate as the scale (or use --fps)"
+            f"with the file's own rate of {self.knowledge.rate:.4g} per second and "
+            f"{SAID[self.scale.source]} as the scale, the ball would fall at "
+            f"{self.shared.value:.3g} m/s². The rate {rate} is used, which gives "
+            f"{self.knowledge.gravity:.3g} m/s²; state the true rate with --fps"
         )
         return "RATE_FITTED", words
 
@@ -103,9 +102,8 @@ class Falls:
             return []
         words = (
             f"with {SAID[self.scale.source]} as the scale, the ball falls at "
-            f"{self.shared.value:.3g} m/s² instead of {g:.3g} m/s²; either that length is wrong, "
-            "or the frame rate and with it every speed (a slow-motion file states its playback "
-            f"rate; --fps {self.rate:.3g} would fit: state the nearest rate that the camera has)"
+            f"{self.shared.value:.3g} m/s² instead of {g:.3g} m/s²: that length is wrong, or the "
+            f"frame rate and every speed, as in a slow-motion file; --fps {self.rate:.3g} would fit"
         )
         return [("GRAVITY", words)]
 
@@ -141,11 +139,8 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
     coverage, share = FALLS.apart
     if apart < coverage or abs(ratio - 1) < share:
         return []
-    words = (
-        f"measured with the given length, the ball is {ratio:.3g} times as large as --ball states, "
-        f"a difference of {apart:.2g} standard uncertainties; one of the two is wrong"
-    )
-    return [("BALL_SIZE", words)]
+    words = f"by the given length the ball is {ratio:.3g} times as large as --ball states"
+    return [("BALL_SIZE", f"{words}, a difference of {apart:.2g} u; one of the two is wrong")]
 
 
 def against_flights(
@@ -177,41 +172,27 @@ def against_flights(
     notes = []
     if more := beside(scene, ways, pieces):
         first = min(int(each.frames[0]) for each in more)
-        words = (
-            f"from frame {first} on, a second ball flies beside the one that is followed; select "
-            "the ball with --ball-at. Flights of balls that look alike may be mixed up"
-        )
-        notes.append(("SECOND_BALL", words))
+        words = f"from frame {first} on, a second ball flies beside the one that is followed"
+        notes.append(("SECOND_BALL", f"{words}, and may be mistaken for it; select with --ball-at"))
     share = explained_share(scene, ways, pieces)
     if share < 1 and ways[0].u is None:  # sharp positions near a bat are left out
-        words = (
-            f"the flights explain {100 * share:.0f} % of the frames in which the ball moves; in "
-            "the others it is carried, rolls or is struck, or a flight was missed"
-        )
-        notes.append(("UNEXPLAINED" if share < FALLS.explained else "", words))
+        words = f"the flights explain {100 * share:.0f} % of the frames in which the ball moves"
+        why = "in the others it is carried, rolls or is struck, or a flight was missed"
+        notes.append(("UNEXPLAINED" if share < FALLS.explained else "", f"{words}; {why}"))
     frames = np.concatenate([way.frames for way in ways])
     leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
     if leaps:
-        words = (
-            f"the background jumps by {max(leaps.values()):.2g} pixels before frame {min(leaps)}; "
-            "the drift of the camera is unknown there, so flights near that frame may be bent or "
-            "broken. If the camera stands still, use --tripod"
-        )
-        notes.append(("DRIFT_LEAPS", words))
+        words = f"the background jumps by {max(leaps.values()):.2g} pixels before frame"
+        why = "flights near it may be wrong. If the camera stands still, use --tripod"
+        notes.append(("DRIFT_LEAPS", f"{words} {min(leaps)}; {why}"))
     if watched.interlaced:
-        words = (
-            "each frame combines two fields recorded at different times (interlaced), so the image "
-            "of a moving ball is split; convert the clip to one frame per field, for example with "
-            "ffmpeg -i CLIP -vf bwdif=1 NEW, which doubles the frame rate"
-        )
-        notes.append(("INTERLACED", words))
+        words = "each frame combines two fields of different times; convert the clip to one frame "
+        way = "per field, for example with ffmpeg -i CLIP -vf bwdif=1 NEW, at twice the frame rate"
+        notes.append(("INTERLACED", words + way))
     if lost := scene.lost(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
-        words = (
-            f"frames are missing although the time stamps are even ({where}); the times were "
-            "corrected"
-        )
-        notes.append(("LOST_FRAMES", words))
+        words = "frames are missing although the time stamps are even"
+        notes.append(("LOST_FRAMES", f"{words} ({where}); the times were corrected"))
     return notes
 
 
@@ -220,17 +201,13 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 
     `pieces` are the pieces of smooth motion in the clip. None of them is a flight.
     """
+    at = "point at the ball with --ball-at X,Y@FRAME"
     if not pieces:
-        return (
-            "no round object moves smoothly through five frames; point at the ball with --ball-at "
-            "X,Y@FRAME, or exclude other moving objects with --frames and --region"
-        )
-    places = sum(len(each.t) for each in pieces)
-    return (
-        f"no object falls freely: whatever moves ({places} positions) is carried, hangs, rolls or "
-        "is not a ball; point at the ball with --ball-at X,Y@FRAME, and check the frame rate "
-        "(--fps)"
-    )
+        words = f"no round object moves smoothly through five frames; {at}, or exclude other"
+        return f"{words} moving objects with --frames and --region"
+    count = sum(len(each.t) for each in pieces)
+    words = f"no object falls freely: what moves ({count} positions) is carried, hangs, rolls or is"
+    return f"{words} not a ball; {at}, and check the frame rate (--fps)"
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
@@ -241,26 +218,16 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
     """
     notes, fit = [], model.fit
     if model.tilted:
-        words = (
-            "the acceleration changes across the picture, which shows that the camera looks up or "
-            "down by ten degrees or more; a perspective was fitted, and scale and speeds refer to "
-            "the middle of the picture"
-        )
-        notes.append(("TILTED", words))
+        words = "the camera looks up or down by ten degrees or more; a perspective was fitted, and"
+        notes.append(("TILTED", f"{words} scale and speeds refer to the middle of the picture"))
     if fit.readout and model.longest:
-        words = (
-            f"the camera has a rolling shutter: the flights fit a readout time of about "
-            f"{fit.readout:.2g} frame intervals, and the u of the speeds covers up to one; state "
-            "the readout time with --readout"
-        )
-        notes.append(("ROLLING_SHUTTER", words))
+        words = f"a rolling shutter with a readout time of about {fit.readout:.2g} frame intervals"
+        why = "the u of the speeds covers up to one; state the readout time with --readout"
+        notes.append(("ROLLING_SHUTTER", f"the flights fit {words}; {why}"))
     if drift > FALLS.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
-        words = (
-            "the background has too few edges to show whether the camera moves; the u of speeds "
-            "and restitutions covers the usual drift of a hand-held camera. If the camera stands "
-            "still, use --tripod"
-        )
-        notes.append(("DRIFT_UNSEEN", words))
+        words = "the background has too few edges to show whether the camera moves"
+        why = "u covers the usual drift of a hand. If the camera stands still, use --tripod"
+        notes.append(("DRIFT_UNSEEN", f"{words}; {why}"))
     return notes
 
 
@@ -280,8 +247,5 @@ def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
         "shutter with a readout time of up to one frame interval"
     )
     if any(one for one, _ in pairs):
-        words += (
-            "; the u of the restitutions does not: a readout time of half a frame interval would "
-            f"change one of them by {most:.2g}"
-        )
+        words += f"; that of the restitutions does not, half a frame may change one by {most:.2g}"
     return "READOUT_UNKNOWN", words
