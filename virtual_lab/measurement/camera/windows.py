@@ -91,8 +91,6 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
         free, out = (each[0] for each in _free(times[None, frames], began[None, :, 0], size))
         used = np.concatenate([_spread(free & ~out), _spread(free & out)])
         blurs = _blurs(times[frames], began, out, of["exposure"])
-        if not used.size:
-            continue
         positions = place(
             part_of(regions, used),
             Located.start(began[used], size * radius, blurs[used]),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError, of_extra
 from virtual_lab.units import Array
-from virtual_lab.video.clips.source import Source, Stamped, Wanted, rate_of
+from virtual_lab.video.clips.source import Frame, Source, Stamped, Wanted, rate_of
 
 
 @contextmanager
@@ -99,15 +99,15 @@ def mraw(path: Path) -> Source:
     if bits not in {8, 12, 16}:
         raise InputError(str(path), ".mraw", f"{bits} bits", "allowed: gray of 8, 12 or 16 bits")
     size = shape[0] * shape[1] * bits // 8
+    complete = min(count, data.stat().st_size // size)
 
-    def read(_: Wanted) -> Stamped:
-        with data.open("rb") as file:
-            for _number in range(count):
-                if len(raw := file.read(size)) < size:
-                    return
-                yield _grey(np.frombuffer(raw, np.uint8), bits).reshape(shape), np.nan
+    def read_frame(number: int) -> tuple[Frame, float]:
+        raw = np.fromfile(data, np.uint8, size, offset=number * size)
+        return _grey(raw, bits).reshape(shape), np.nan
 
-    return Source(path=path, declared=count, rate=rate, read=read)
+    return Source(
+        path=path, declared=count, rate=rate, read=lambda _: map(read_frame, range(complete))
+    )
 
 
 def _grey(raw: NDArray[np.uint8], bits: int) -> NDArray[Any]:

@@ -165,10 +165,8 @@ def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
         outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         # number of pixels on and in each outline, by Pick's theorem
         areas = [cv2.contourArea(each) + len(each) / 2 + 1 for each in outlines]
-        for area, k in sorted(zip(areas, range(len(areas)), strict=True), reverse=True)[
-            : _SEARCH.regions
-        ]:
-            if _SEARCH.least_area <= area <= largest:
+        for k in np.argsort(areas, kind="stable")[::-1][: _SEARCH.regions]:
+            if _SEARCH.least_area <= areas[k] <= largest:
                 left, top, wide, high = cv2.boundingRect(outlines[k])
                 yield shrink * left, shrink * top, shrink * wide, shrink * high
 

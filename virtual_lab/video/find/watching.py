@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
@@ -191,11 +192,6 @@ def lulls(change: Array) -> Mask:
     # number of frames on each side, smallest change there [DN], largest share of this change in a
     # repeat
     beside, least, share = 2, 8.0, 0.3
-    changes = np.nan_to_num(change)
-    same = np.zeros(len(changes), bool)
-    for k in range(1, len(changes)):
-        left, right = changes[max(0, k - beside) : k], changes[k + 1 : k + 1 + beside]
-        if left.size and right.size:
-            most = min(float(left.max()), float(right.max()))
-            same[k] = most > least and changes[k] < share * most
-    return same & np.isfinite(change)
+    around = sliding_window_view(np.pad(np.nan_to_num(change), beside), 2 * beside + 1)
+    most = np.minimum(around[:, :beside].max(axis=1), around[:, beside + 1 :].max(axis=1))
+    return np.asarray((most > least) & (change < share * most))

@@ -19,25 +19,16 @@ from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
 from virtual_lab.video.follow.scene import FlightScene
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DoubtSettings:
-    """Limits beyond which a difference is flagged."""
-
-    # smallest motion per frame with which a ball cannot look the same in two frames [ball radii]
-    moved: float = 0.1
-    drift_matters: float = 0.002  # largest tolerated hidden drift [share of a flight's speed]
-    # largest allowed difference from g, or between two scales: in standard uncertainties, and as a
-    # share, whichever is larger
-    apart: tuple[float, float] = (3.0, 0.04)
-    explained: float = 0.9  # smallest share of a moving ball's frames that flights must span
-    # acceleration beyond which the frame rate must be wrong [g], because no ball's size is that
-    # wrong
-    absurd: float = 3.0
-    diameters: tuple[float, float] = (5e-3, 1.0)  # possible diameters of a ball [m]
-
-
-FALLS = DoubtSettings()
+# smallest motion per frame with which a ball cannot look the same in two frames [ball radii]
+MOVED = 0.1
+DRIFT_MATTERS = 0.002  # largest tolerated hidden drift [share of a flight's speed]
+# largest allowed difference from g, or between two scales: in standard uncertainties, and as a
+# share, whichever is larger
+APART = (3.0, 0.04)
+EXPLAINED = 0.9  # smallest share of a moving ball's frames that flights must span
+# acceleration beyond which the frame rate must be wrong [g], because no ball's size is that wrong
+ABSURD = 3.0
+DIAMETERS = (5e-3, 1.0)  # possible diameters of a ball [m]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,8 +73,8 @@ class Falls:
 
     def require_rate(self, where: str) -> None:
         """Raise `InputError` if the balls fall so fast that the frame rate must be wrong."""
-        least = self.shared.value - FALLS.apart[0] * self.shared.u
-        if least > FALLS.absurd * self.knowledge.gravity:
+        least = self.shared.value - APART[0] * self.shared.u
+        if least > ABSURD * self.knowledge.gravity:
             ratio = self.knowledge.gravity / self.shared.value
             length = f"a length {ratio:.3g} times as long"
             if self.scale.source == BALL and self.knowledge.ball:
@@ -97,7 +88,7 @@ class Falls:
 
     def against(self) -> list[Note]:
         """Return one note if length and frame rate contradict g, otherwise an empty list."""
-        g, (coverage, share) = self.knowledge.gravity, FALLS.apart
+        g, (coverage, share) = self.knowledge.gravity, APART
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
         words = (
@@ -109,14 +100,14 @@ class Falls:
 
 
 def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:
-    """Raise `InputError` if the diameter of the ball is outside `FALLS.diameters`.
+    """Raise `InputError` if the diameter of the ball is outside `DIAMETERS`.
 
     The diameter is computed from the radius in the picture and from `scale`, which was found from
     gravity. No real ball has a diameter outside this range. The frame rate `rate` [1/s] must then
     be wrong.
     """
     diameter = 2 * scale.metres_per_pixel * float(np.median([each.radius for each in ways]))
-    least, most = FALLS.diameters
+    least, most = DIAMETERS
     if not least <= diameter <= most:
         allowed = (
             "with gravity as the scale, the ball would have a diameter of "
@@ -136,7 +127,7 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
         return []
     length, ball = by[GIVEN], by[BALL]
     ratio, apart = length.metres_per_pixel / ball.metres_per_pixel, abs(off_u(length, ball))
-    coverage, share = FALLS.apart
+    coverage, share = APART
     if apart < coverage or abs(ratio - 1) < share:
         return []
     words = f"by the given length the ball is {ratio:.3g} times as large as --ball states"
@@ -178,7 +169,7 @@ def against_flights(
     if share < 1 and ways[0].u is None:  # sharp positions near a bat are left out
         words = f"the flights explain {100 * share:.0f} % of the frames in which the ball moves"
         why = "in the others it is carried, rolls or is struck, or a flight was missed"
-        notes.append(("UNEXPLAINED" if share < FALLS.explained else "", f"{words}; {why}"))
+        notes.append(("UNEXPLAINED" if share < EXPLAINED else "", f"{words}; {why}"))
     frames = np.concatenate([way.frames for way in ways])
     leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
     if leaps:
@@ -224,7 +215,7 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
         words = f"a rolling shutter with a readout time of about {fit.readout:.2g} frame intervals"
         why = "the u of the speeds covers up to one; state the readout time with --readout"
         notes.append(("ROLLING_SHUTTER", f"the flights fit {words}; {why}"))
-    if drift > FALLS.drift_matters * np.hypot(*fit.states[:, 2:].T).min():
+    if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():
         words = "the background has too few edges to show whether the camera moves"
         why = "u covers the usual drift of a hand. If the camera stands still, use --tripod"
         notes.append(("DRIFT_UNSEEN", f"{words}; {why}"))

@@ -15,7 +15,7 @@ from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.doubts import (
-    FALLS,
+    MOVED,
     Falls,
     against_flights,
     against_size,
@@ -260,7 +260,7 @@ def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
     counted = np.zeros(len(same), bool)
     for way in ways:
         t, steps = way.frames, np.hypot(*np.diff(way.xy, axis=0).T) / np.diff(way.frames)
-        for k in np.flatnonzero(steps > FALLS.moved * way.radius):
+        for k in np.flatnonzero(steps > MOVED * way.radius):
             counted[t[k] + 1 : t[k + 1] + 1] = True
     counted &= same
     return counted if counted.sum() > 1 else np.zeros_like(counted)

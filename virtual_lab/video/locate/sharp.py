@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,23 +12,14 @@ from virtual_lab.video.locate.edge_fit import RIM_FIT, fit_edge
 from virtual_lab.video.locate.located import Located, Regions, part_of
 from virtual_lab.video.locate.noise import Noise
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SharpSettings:
-    """Settings of a ball's fit: its rounds and starting points."""
-
-    # number of pixels from the sampled frames, enough for the noise to 1 %
-    noise_sample_px: float = 5e5
-    # smallest radius of a blob that is a whole ball [share of the ball's radius]; part of a smaller
-    # blob is in the dark
-    lit_share: float = 0.93
-    # largest shift from start to end of a fit. After a larger shift the fit is repeated, because it
-    # may have mistaken the outline for a pattern.
-    refit_shift_px: float = 0.3
-    rounds: int = 4
-
-
-SHARP = SharpSettings()
+NOISE_SAMPLE_PX = 5e5  # number of pixels from the sampled frames, enough for the noise to 1 %
+# smallest radius of a blob that is a whole ball [share of the ball's radius]; part of a smaller
+# blob is in the dark
+LIT_SHARE = 0.93
+# largest shift from start to end of a fit. After a larger shift the fit is repeated, because it may
+# have mistaken the outline for a pattern.
+REFIT_SHIFT_PX = 0.3
+ROUNDS = 4
 
 
 def noise_of_clip(clip: Clip) -> Noise:
@@ -36,7 +27,7 @@ def noise_of_clip(clip: Clip) -> Noise:
 
     At least two frames must have been sampled.
     """
-    every = max(1, int(np.sqrt(clip.samples.size / SHARP.noise_sample_px)))
+    every = max(1, int(np.sqrt(clip.samples.size / NOISE_SAMPLE_PX)))
     return Noise.from_frames(clip.grey_samples(every), clip.full_scale)
 
 
@@ -58,7 +49,7 @@ def sharp_places(
         Radius of the ball [pixels]; None if the scale of the clip is unknown. With it, a ball that
         is lit from the side is located by its lit edge.
     """
-    if ball_radius and float(np.median(start.radius)) < SHARP.lit_share * ball_radius:
+    if ball_radius and float(np.median(start.radius)) < LIT_SHARE * ball_radius:
         start = on_the_limb(regions, replace(start, radius=np.full(len(start.x), ball_radius)))
     middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
     return place(regions, start, noise=noise_of_clip(clip), lens=lens, middle=middle)
@@ -100,13 +91,13 @@ def place(
     ovals = k * np.stack([x**2 - y**2, 2 * x * y], axis=1)
     left = np.arange(len(x))
     result = part_of(start, left)  # a copy
-    for _ in range(SHARP.rounds):
+    for _ in range(ROUNDS):
         some, begin = part_of(regions, left), part_of(result, left)
         fitted = fit_edge(some, begin, noise=noise, lens=lens, oval=ovals[left], oval_u=oval_u)
         for each in fields(Located):
             getattr(result, each.name)[left] = getattr(fitted, each.name)
         moved = np.hypot(*(fitted.places - begin.places).T)
-        left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > SHARP.refit_shift_px]
+        left = left[np.fmax(moved, np.abs(fitted.radius - begin.radius)) > REFIT_SHIFT_PX]
         if not left.size:
             break
     return result
