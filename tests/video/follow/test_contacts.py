@@ -23,7 +23,7 @@ FLOOR = 600.0  # height of the floor [px]
 SCALE = PixelScale(metres_per_pixel=1e-3, relative_u=0.0, source="given")
 
 
-def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece], FittedFlights]:
+def bounce(across: float, readout: float = 0.0) -> FittedFlights:
     """Return a bounce with restitution 0.7; each frame shows the ball when its row is read."""
     frames = np.arange(95.0)
     late = np.zeros(95)
@@ -43,37 +43,35 @@ def bounce(across: float, readout: float = 0.0) -> tuple[FlightScene, list[Piece
     )
     ways, _ = flights_of(scene, pieces(blobs, frames))
     assert len(ways) == 2
-    return scene, ways, FittedFlights.of(scene, ways)
+    return FittedFlights.of(scene, ways)
 
 
-def contact(scene: FlightScene, ways: list[Piece], model: FittedFlights) -> Contact:
-    (result,), _ = contacts_of(
-        scene, ways, model, 1.0, Ruler.of(SCALE, ClipKnowledge(rate=1.0)), None
-    )
+def contact(model: FittedFlights) -> Contact:
+    (result,), _ = contacts_of(model, 1.0, Ruler.of(SCALE, ClipKnowledge(rate=1.0)), None)
     return result
 
 
 def test_time_and_frame_of_a_contact_are_corrected_for_the_readout() -> None:
     """The row of the floor is read 0.86 of a frame after the first one."""
-    result = contact(*bounce(5.0, readout=1.0))
+    result = contact(bounce(5.0, readout=1.0))
     read_at = MET - FLOOR / (SIZE[1] - 1)
     assert result.frame == pytest.approx(read_at, abs=0.05)
     assert result.time.value == pytest.approx(read_at, abs=0.05)
 
 
 def test_the_u_of_a_contact_s_time_includes_alternative_fits() -> None:
-    scene, ways, model = bounce(5.0)
+    model = bounce(5.0)
     vector = model.fit.vector.copy()
     vector[-3] += 3.0  # second flight 3 px lower: contact 0.2 frames later
     late = 3.0 / (9.0 + 6.3)
     beside = replace(model, rest=[*model.rest, (model.fit.with_vector(vector), 1.0)])
-    apart = contact(scene, ways, beside).time.u ** 2 - contact(scene, ways, model).time.u ** 2
+    apart = contact(beside).time.u ** 2 - contact(model).time.u ** 2
     assert np.sqrt(apart) == pytest.approx(late, rel=0.1)
 
 
 def test_a_tilted_floor_adds_to_the_u_of_an_oblique_bounce() -> None:
     """A floor turned by 0.2 degrees converts tan(0.2 deg) of the tangential speed."""
-    result = contact(*bounce(20.0))
+    result = contact(bounce(20.0))
     assert result.restitution is not None
     least = np.radians(0.2) * (20.0 + 0.7 * 20.0) / 9.0
     assert least < result.restitution.u < 2 * least

@@ -42,12 +42,7 @@ class Contact:
 
 
 def contacts_of(
-    scene: FlightScene,
-    ways: list[Piece],
-    model: FittedFlights,
-    step: float,
-    scale: Ruler,
-    sharp: SharpBall | None,
+    model: FittedFlights, step: float, scale: Ruler, sharp: SharpBall | None
 ) -> tuple[list[Contact], list[Note]]:
     """Return the contacts between consecutive flights, and notes on doubtful contacts.
 
@@ -66,12 +61,8 @@ def contacts_of(
 
     Parameters
     ----------
-    scene
-        Blobs, frame times, and properties of the camera.
-    ways
-        Flights in the order of time.
     model
-        Fit of these flights, and alternative fits for the u.
+        Flights in the order of time, their fit, and alternative fits for the u.
     step
         Duration of a time step [s].
     scale
@@ -83,7 +74,7 @@ def contacts_of(
     """
     notes: list[Note] = []
     contacts = []
-    fit, others = model.fit, model.rest
+    scene, ways, fit, others = model.scene, model.ways, model.fit, model.rest
     # Without the line of a floor, a fitted tilt of a few degrees would falsify restitutions.
     by = model.level or model
     for k, near in meetings(ways, fit):
@@ -97,11 +88,11 @@ def contacts_of(
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
             notes.append(_outside(ways, k, t, step))
             continue
-        normal, kind = _normal(scene, by.fit, out - into, ways)
+        normal, kind = _normal(by, out - into)
         frame, ratio = _frame(scene, one, other, t), None
         long_enough = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
         if long_enough and kind != "other":
-            ratio, flag, why = _restitution(by.fit, by.rest, k, t, normal, kind, sharp is not None)
+            ratio, flag, why = _restitution(by, k, t, normal, kind, sharp is not None)
             if flag:
                 words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
                 notes.append((flag, words))
@@ -154,15 +145,13 @@ def _frame(scene: FlightScene, one: Piece, other: Piece, t: float) -> float:
     return float(np.interp(t, times, between))
 
 
-def _normal(
-    scene: FlightScene, fit: Fit, change: Array, ways: list[Piece]
-) -> tuple[Array | None, str]:
+def _normal(model: FittedFlights, change: Array) -> tuple[Array | None, str]:
     """Return the normal (2,) and the kind of the struck object.
 
     Without a normal (None) only speeds can be compared.
     """
-    along = change / np.hypot(*change)
-    if not fit.down or not (bends(ways, fit) or scene.pull is not None):
+    along, fit, pull = change / np.hypot(*change), model.fit, model.scene.pull
+    if not fit.down or not (bends(model.ways, fit) or pull is not None):
         return None, "struck"
     up = -np.array([fit.down.real, fit.down.imag])
     side = np.array([-up[1], up[0]])
@@ -170,7 +159,7 @@ def _normal(
         if along @ normal > np.cos(OFF_NORMAL):
             return normal, kind
     # If g is known, only the ratio of speeds is computed for a hit in any other direction.
-    return None, "other" if scene.pull is None else "struck"
+    return None, "other" if pull is None else "struck"
 
 
 def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, Array, Array]:
@@ -186,15 +175,10 @@ def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, 
 
 
 def _restitution(
-    fit: Fit,
-    others: Sequence[tuple[Fit, float]],
-    first: int,
-    t: float,
-    normal: Array | None,
-    kind: str,
-    sharp: bool,
+    model: FittedFlights, first: int, t: float, normal: Array | None, kind: str, sharp: bool
 ) -> tuple[Estimate | None, str, str]:
     """Return the restitution, a flag and a reason; the last two are set if it is None."""
+    fit = model.fit
 
     def ratio_of(turns: bool, some: Fit) -> float:
         _, before, after = _closest(some, first, t)
@@ -207,7 +191,7 @@ def _restitution(
         return float(-after / before)
 
     ratio = estimate_of(partial(ratio_of, bool(fit.floor)), fit)
-    beside = [share * (ratio.value - ratio_of(True, other)) for other, share in others]
+    beside = [share * (ratio.value - ratio_of(True, other)) for other, share in model.rest]
     ratio = replace(ratio, u=float(np.linalg.norm([ratio.u, *beside])))
     if normal is not None:  # a floor is level, and a wall upright, within `slant_u`
         _, before, after = _closest(fit, first, t)

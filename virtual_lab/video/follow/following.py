@@ -197,20 +197,20 @@ def measure(
         model = replace(model, rest=[*model.rest, *sharp.aside])
     else:
         ball = watched.blobs[[k for each in ways or pieces for k in each.blobs]]
-        rulers = rulers_of(knowledge, ball, model, ways, step, where)
+        rulers = rulers_of(knowledge, ball, model, step, where)
     scale = rulers[0] if rulers else None
     shared, flights = None, []
     contacts: list[Contact] = []
     if model and scale:
         hidden = drift > 0 and watched.still.hidden_drift is None
         notes += of_camera(model, drift if hidden else 0.0) if not sharp else []
-        contacts, against = contacts_of(scene, ways, model, step, scale, sharp)
+        contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size is None:
             require_diameter(scale, ways, knowledge.rate, where)
         alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp and scene.pull is None:
-            shared, alone[:] = _falls(scene, ways, model, size, step)
+            shared, alone[:] = _falls(model, size, step)
             falls = Falls(knowledge=knowledge, shared=shared, scale=size)
             off = falls.against()
             if off and knowledge.rate_of == FILE:
@@ -218,11 +218,11 @@ def measure(
                 return measure(clip, watched, fitted, search, earlier=[falls.of_rate()])
             falls.require_rate(where)
             against += off
-        flights = _flights(scene, ways, model, alone, contacts, scale, step)
+        flights = _flights(model, alone, contacts, scale, step)
         notes += against
         if knowledge.readout is None and not model.fit.readout:
             rolled = replace(model, fit=refit(scene, ways, model.fit, readout=0.5), level=None)
-            others, _ = contacts_of(scene, ways, rolled, step, scale, None)
+            others, _ = contacts_of(rolled, step, scale, None)
             notes.append(of_readout(contacts, others))
     notes += against_size(rulers)
     if not ways:
@@ -267,8 +267,6 @@ def _while_moving(same: Mask, ways: Sequence[Piece]) -> Mask:
 
 
 def _flights(
-    scene: FlightScene,
-    ways: list[Piece],
     model: FittedFlights,
     alone: Sequence[Estimate | None],
     contacts: list[Contact],
@@ -276,14 +274,13 @@ def _flights(
     step: float,
 ) -> list[Flight]:
     """Return the flights in meters and seconds."""
-    fit = model.fit
-    others = [*model.rest, *model.longest]
+    fit, others = model.fit, [*model.rest, *model.longest]
     unit = scale.metres_per_pixel / step
     before = {each.after: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
     flights = []
-    for k, way in enumerate(ways):
-        late = float(np.median(scene.late(way.blobs)))
+    for k, way in enumerate(model.ways):
+        late = float(np.median(model.scene.late(way.blobs)))
         ends: dict[str, Estimate] = {}
         for name, met, end in (("in", before, 1), ("out", after, -1)):
             t = met.get(k, float(way.t[::end][0]))
@@ -304,18 +301,12 @@ def _flights(
     return flights
 
 
-def _falls(
-    scene: FlightScene,
-    ways: list[Piece],
-    model: FittedFlights,
-    scale: Ruler,
-    step: float,
-) -> tuple[Estimate, list[Estimate]]:
+def _falls(model: FittedFlights, scale: Ruler, step: float) -> tuple[Estimate, list[Estimate]]:
     """Return the common acceleration of the flights, and that of each flight [m/s²]."""
-    alike = refit(scene, ways, model.fit, shared=False, tilt=np.zeros(2))
+    alike = refit(model.scene, model.ways, model.fit, shared=False, tilt=np.zeros(2))
     scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, (), **scaling)
-    alone = [estimate_of(partial(_pull, k), alike, (), **scaling) for k in range(len(ways))]
+    alone = [estimate_of(partial(_pull, k), alike, (), **scaling) for k in range(len(model.ways))]
     return shared, alone
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,13 @@ Others = Sequence[tuple[Fit, float]]  # other fits, and their u as a fraction of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedFlights:
-    """A fit of flights, and fits by other models.
+    """Flights with their fit, and fits by other models.
 
     If the readout time is unknown, `longest` has fits with the longest one, for the u of speeds.
     """
 
+    scene: FlightScene
+    ways: Sequence[Piece]
     fit: Fit
     rest: Others
     tilted: bool = False  # whether the camera looks up or down by more than a level camera
@@ -41,11 +44,12 @@ class FittedFlights:
     @classmethod
     def of(cls, scene: FlightScene, ways: Sequence[Piece], drift: float = 0.0) -> FittedFlights:
         """Fit flights; `drift` is the camera's largest undetected drift per axis [px/frame]."""
+        of_ways = partial(cls, scene=scene, ways=ways)
         if ways[0].u is not None:  # flights of a calibrated camera that stands still
             fit = fit_flights(scene, ways)
             drag, u = scene.drag or (0.0, 0.0)
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)
-            return cls(fit=fit, rest=[(more, 1.0)])
+            return of_ways(fit=fit, rest=[(more, 1.0)])
         fit = fit_flights(scene, ways, readout=readout_of(scene, ways))
         if scene.pull is None:  # a known g gives the normal more accurately than the contacts
             fit = refit(scene, ways, fit, floor=_floor(ways, fit))
@@ -59,9 +63,9 @@ class FittedFlights:
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
         if np.hypot(*fit.tilt) > np.tan(STEEPEST) / FOCAL / max(scene.size):
-            return cls(fit=fit, rest=rest, tilted=True, longest=longest)
-        level = None if fit.floor else cls(fit=flat, rest=beside)
-        return cls(fit=fit, rest=rest[:-1], longest=longest, level=level)
+            return of_ways(fit=fit, rest=rest, tilted=True, longest=longest)
+        level = None if fit.floor else of_ways(fit=flat, rest=beside)
+        return of_ways(fit=fit, rest=rest[:-1], longest=longest, level=level)
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:

@@ -26,7 +26,6 @@ is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +36,6 @@ from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge
 from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights
-from virtual_lab.video.follow.pieces import Piece
 
 SAID = {
     GIVEN: "the length given",
@@ -106,7 +104,6 @@ def rulers_of(
     knowledge: ClipKnowledge,
     blobs: Blobs,
     model: FittedFlights | None,
-    ways: Sequence[Piece],
     step: float,
     where: str,
 ) -> list[Ruler]:
@@ -122,9 +119,7 @@ def rulers_of(
     blobs
         Blobs of the ball, an array of `find.blobs.BLOB`.
     model
-        Fit of the ball's flights; None without flights.
-    ways
-        Flights of the ball.
+        Flights of the ball and their fit; None without flights.
     step
         Duration of a time step [s].
     where
@@ -141,8 +136,7 @@ def rulers_of(
         ball = _by_ball(blobs, knowledge.ball, knowledge.ball_u, model.fit if model else None)
         rulers.append(Ruler.of(ball, knowledge))
     if model and not model.tilted and knowledge.rate_of != GRAVITY:
-        radius = float(np.median([each.radius for each in ways]))
-        by_gravity = _by_gravity(model, radius, knowledge, step)
+        by_gravity = _by_gravity(model, knowledge, step)
         rulers += [by_gravity] if by_gravity else []
     if knowledge.ruler == GRAVITY and not any(each.source == GRAVITY for each in rulers):
         allowed = "no flight measures gravity to 25 %, or the camera is tilted; give --ball"
@@ -179,15 +173,11 @@ def _by_ball(blobs: Blobs, diameter: float, diameter_u: float, fit: Fit | None) 
     return PixelScale(metres_per_pixel=diameter / (2 * radius), relative_u=relative, source=BALL)
 
 
-def _by_gravity(
-    model: FittedFlights, radius: float, knowledge: ClipKnowledge, step: float
-) -> Ruler | None:
-    """Return the ruler from gravity; None if g is not fitted or hardly visible.
-
-    `radius` is the radius of the ball [pixels].
-    """
+def _by_gravity(model: FittedFlights, knowledge: ClipKnowledge, step: float) -> Ruler | None:
+    """Return the ruler from gravity; None if g is not fitted or hardly visible."""
     if not model.fit.covariance[0, 0]:
         return None
+    radius = float(np.median([each.radius for each in model.ways]))
     # ratio of the density of the air to that of the ball
     air = 8 / 3 / DRAG_COEFFICIENT * model.fit.drag * radius
     tilt = 1 / np.cos(knowledge.level_u) - 1
