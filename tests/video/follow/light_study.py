@@ -134,7 +134,7 @@ def follow_phone(made: Made) -> FollowedClip:
 def speeds_of(result: FollowedClip) -> tuple[Estimate, Estimate]:
     """Return the speeds before and after the first contact."""
     contact = result.contacts[0]
-    return result.flights[contact.before].speed_out, result.flights[contact.after].speed_in
+    return result.flights[contact.before].speed_out, result.flights[contact.before + 1].speed_in
 
 
 def followed(kind: str, seed: int) -> tuple[FollowedClip, tuple[float, float], float]:

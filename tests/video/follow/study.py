@@ -93,7 +93,7 @@ def score_of(made: Made, result: FollowedClip) -> Score:
             errors.append((abs(said.value - true.restitution) / said.u, f"restitution {at}"))
         for said, velocity in (
             (result.flights[contact.before].speed_out, true.velocity_in),
-            (result.flights[contact.after].speed_in, true.velocity_out),
+            (result.flights[contact.before + 1].speed_in, true.velocity_out),
         ):
             errors.append((abs(said.value - np.hypot(*velocity)) / said.u, f"speed {at}"))
     for flight in result.flights:

@@ -29,8 +29,7 @@ COVERAGE = 2.0  # coverage factor beyond which a difference is significant [u]
 class Contact:
     """A contact between two flights."""
 
-    before: int  # number of the flight
-    after: int
+    before: int  # number of the flight before it
     t: float  # [steps]
     frame: float  # frame number, with a fraction between stored frames
     time: Estimate  # [s]
@@ -96,18 +95,15 @@ def contacts_of(
             if flag:
                 words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
                 notes.append((flag, words))
-        if sharp:
-            flat = (fit.at(k, t) + fit.at(k + 1, t))[0, :2] / 2
-            place, metres = sharp.in_picture(flat, frame), sharp.metres(flat)
-        else:
-            place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
-            metres = scale.metres_per_pixel * place
+        place = (fit.in_picture(k, t) + fit.in_picture(k + 1, t))[0] / 2
+        metres = scale.metres_per_pixel * place
+        if sharp:  # the fit is in the plane of the ball
+            place, metres = sharp.in_picture(place, frame), metres * [1, sharp.plane.sense]
         ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
         contacts.append(
             Contact(
                 before=k,
-                after=k + 1,
                 t=t - late,
                 frame=frame - late,
                 time=replace(time, value=step * (t - late)),

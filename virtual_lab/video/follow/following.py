@@ -30,7 +30,6 @@ from virtual_lab.video.follow.models import FittedFlights, refit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.registering import register
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
-from virtual_lab.video.follow.scene import FlightScene
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene, search, step_of
 from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpen, wants_sharp
 
@@ -54,15 +53,12 @@ class Flight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FollowedClip:
+class FollowedClip(FlightsFound):
     """A ball that was followed through a clip: its flights, contacts, scale and doubts."""
 
     clip: Clip
     watched: Watched
     knowledge: ClipKnowledge
-    scene: FlightScene
-    pieces: list[Piece]
-    ways: list[Piece]  # positions of each flight
     seconds: float  # duration of one step of `t` [s]
     fit: Fit | None
     flights: list[Flight]
@@ -276,7 +272,7 @@ def _flights(
     """Return the flights in meters and seconds."""
     fit, others = model.fit, [*model.rest, *model.longest]
     unit = scale.metres_per_pixel / step
-    before = {each.after: each.t for each in contacts}
+    before = {each.before + 1: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
     flights = []
     for k, way in enumerate(model.ways):

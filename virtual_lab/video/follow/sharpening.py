@@ -66,10 +66,6 @@ class SharpBall:
     # fits in which the slope of one flight to the plane is one standard uncertainty larger
     aside: tuple[tuple[Fit, float], ...] = ()
 
-    def metres(self, place: Array) -> Array:
-        """Return the position in the plane [m] of a position (2,) of the fit [pixels]."""
-        return self.plane.metres_per_pixel * place * [1, self.plane.sense]
-
     def in_picture(self, place: Array, frame: float) -> Array:
         """Return the approximate position in the picture of a position (2,) of the fit [pixels]."""
         away = np.abs(self.frames - frame)

@@ -157,7 +157,8 @@ def _roll(track: FollowedClip) -> float | None:
 def _hit(track: FollowedClip) -> list[Flight | None]:
     """Return the incoming and the outgoing flight as `track_document` defines them, or None."""
     if len(track.contacts) == 1:
-        return [track.flights[k] for k in (track.contacts[0].before, track.contacts[0].after)]
+        first = track.contacts[0].before
+        return [*track.flights[first : first + 2]]
     alone = track.flights if track.sharp or len(track.flights) == 1 else []
     return [*alone, None, None][:2]
 
@@ -202,7 +203,7 @@ def track_text(track: FollowedClip) -> str:
         if contact := contacts.get(k):
             value, of = contact.restitution, RATIOS.get(contact.kind, "speeds")
             ratio = f"{_format(value)} (ratio of {of})" if value else "not stated"
-            turn = track.flights[contact.after].angle_in.value - flight.angle_out.value
+            turn = track.flights[k + 1].angle_in.value - flight.angle_out.value
             lines.append(
                 f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
                 f"restitution {ratio}, turned by {turn / DEGREE % 360:.1f} deg"
