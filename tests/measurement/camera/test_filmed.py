@@ -41,12 +41,12 @@ def timed(course: Course) -> Flights:
 
 def seen_by(camera, course: Course, detail: RecordDetail, draws=None, bat=None) -> Sightings:
     record, _ = camera.watch(course, draws or Quiet(), "clip", np.arange(3), detail, bat)
-    return sight(record, constants(camera), STAGE)
+    return sight(record, constants(camera))
 
 
 def measured(camera, course: Course, sightings: Sightings, **changed: np.ndarray) -> CameraResults:
     x = constants(camera) | {f"{STAGE}.camera.{name}": value for name, value in changed.items()}
-    return reduce_film(x, STAGE, sightings, course.passage.drag, timed(course))
+    return reduce_film(x, sightings, course.passage.drag, timed(course))
 
 
 @pytest.mark.parametrize("name", ["camera-overhead", "camera-backlit"])
@@ -96,7 +96,7 @@ def test_speeds_of_a_stitched_ball_at_1500_rpm_are_right_to_1e_4() -> None:
     course = replace(course, spin_in=spin, spin_out=spin)
     sightings = seen_by(camera, course, RecordDetail.FULL, Streams(12), bat_of(course))
     got = measured(camera, course, sightings)
-    u = frames_u(constants(camera), STAGE, sightings, got)
+    u = frames_u(constants(camera), sightings, got)
     for result, true, sure in (
         (got.flights.speed_in, course.passage.speed_in, u["speed_in"]),
         (got.flights.speed_out, course.passage.speed_out, u["speed_out"]),
@@ -118,7 +118,7 @@ def test_speeds_scatter_by_their_stated_uncertainty() -> None:
     for seed in range(150):
         sightings = seen_by(camera, course, RecordDetail.SUMMED, Streams(seed))
         got = measured(camera, course, sightings)
-        u = frames_u(constants(camera), STAGE, sightings, got)
+        u = frames_u(constants(camera), sightings, got)
         scores.append(
             [
                 (got.flights.speed_in - course.passage.speed_in) / u["speed_in"],
@@ -158,13 +158,13 @@ def test_the_uncertainty_of_a_line_is_the_closed_form() -> None:
         angle_in=one,
         met=np.array([(frames - 1) / 2 * dt]),
     )
-    u = frames_u(x, STAGE, sightings, result)
+    u = frames_u(x, sightings, result)
     # tolerance: the camera is tilted by a few milliradians
     assert u["speed_in"][0] == pytest.approx(by_hand, rel=2e-5)
     assert u["speed_out"][0] == pytest.approx(by_hand, rel=2e-5)
     assert u["place"][0] == pytest.approx(scale * sigma / np.sqrt(frames), rel=2e-5)
     # errors that drift from frame to frame: they change the slope, constant ones do not
-    slow = frames_u(x, STAGE, replace(sightings, pattern_u=np.full_like(times, sigma)), result)
+    slow = frames_u(x, replace(sightings, pattern_u=np.full_like(times, sigma)), result)
     assert slow["speed_in"][0] > 2 * by_hand
 
 
@@ -202,7 +202,7 @@ def test_a_rebound_that_the_gates_missed_has_no_speed() -> None:
     camera, course = camera_of(spec, Quiet()), course_of()
     sightings = seen_by(camera, course, RecordDetail.SUMMED)
     gates = replace(timed(course), slope_out=np.array([np.nan, 0.0, 0.0]))
-    got = reduce_film(constants(camera), STAGE, sightings, course.passage.drag, gates)
+    got = reduce_film(constants(camera), sightings, course.passage.drag, gates)
     assert np.isnan(got.flights.speed_out).tolist() == [True, False, False]
     assert np.isfinite(got.flights.speed_in).all()
 
@@ -214,8 +214,8 @@ def test_bad_windows_are_named() -> None:
     assert isinstance(record, ClipRecord)
     x = constants(camera)
     with pytest.raises(InputError, match="pixels"):
-        sight(replace(record, pixels=None), x, STAGE)
+        sight(replace(record, pixels=None), x)
     with pytest.raises(InputError, match="background"):
-        sight(replace(record, background=None), x, STAGE)
+        sight(replace(record, background=None), x)
     with pytest.raises(InputError, match="left_px"):
-        sight(replace(record, left=record.left + 4000), x, STAGE)
+        sight(replace(record, left=record.left + 4000), x)

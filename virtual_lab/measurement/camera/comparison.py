@@ -98,7 +98,7 @@ def compare_camera(
     variants, model = Variants.of(reduced.constants), reduced.single_model(readings)
     best = {name: values[0, 0, 0] for name, values in best_values(reduced.constants).items()}
     columns = {name: values[0] for name, values in variants.columns.items()}
-    sightings = sight(record, best, "impact")
+    sightings = sight(record, best)
     by_gates, by_video, camera = _by_both(model, sightings, best, gates.correct)
     moved = _by_both(model, sightings, columns, gates.correct)
     risen = _by_both(model, sightings, best, heights_moved(gates))
@@ -112,7 +112,7 @@ def compare_camera(
             of_gates, of_video = (getattr(each, field)[:, used] for each in moved[:2])
             compared[name] = _compare_quantity(variants, of_gates, of_video, share, place)
     moved_by, risen_by = _per_shot(*moved[1:]), _per_shot(*risen[1:])
-    u = frames_u(best, "impact", sightings, camera)
+    u = frames_u(best, sightings, camera)
     for name, value in _per_shot(by_video, camera).items():
         by_heights = np.sum((risen_by[name] - value) ** 2, axis=0)
         u[name] = np.sqrt(u[name] ** 2 + variants.u(moved_by[name]) ** 2 + by_heights)
@@ -133,7 +133,7 @@ def _by_both(
     bat = bat_properties(x)
     gates = model.shots(x, bat, by_gates)
     drag = drag_of(x, of_ball(ball_masses(x, model.balls), model.readings.ball))
-    results = reduce_film(x, "impact", sightings, drag, by_gates(x, drag))
+    results = reduce_film(x, sightings, drag, by_gates(x, drag))
     return gates, model.shots(x, bat, lambda *_: results.flights), results
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.camera.windows import Sightings
 
 Constants = Mapping[str, Array]
+CAMERA = "impact.camera."  # beginning of the names of the camera's constants
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,9 +36,7 @@ class CameraResults:
     met: Array  # time of contact after the first used frame, by the camera's clock [s]
 
 
-def reduce_film(
-    x: Constants, stage: str, sightings: Sightings, drag: Array, timed: Flights
-) -> CameraResults:
+def reduce_film(x: Constants, sightings: Sightings, drag: Array, timed: Flights) -> CameraResults:
     """Return the ball's flights, impact position and angle from the camera's pictures, (shot,).
 
     The values are NaN for a shot in which the camera did not see the ball.
@@ -47,9 +46,6 @@ def reduce_film(
     x
         Calibration constants keyed by name: numbers, or columns (k, 1) for k sets of constants.
         With columns, the results have the shape (k, shot).
-    stage
-        Kind of measurement, always ``impact``, because only the station for hits at the bat has a
-        camera. The names of the constants begin with it.
     sightings
         Positions of the ball, (shot, frame).
     drag
@@ -60,19 +56,19 @@ def reduce_film(
     """
     # The height changes slowly along the flight, so the distance of the ball from the target is
     # computed with the first set of constants only.
-    used = {name for name in x if name.startswith(f"{stage}.camera.")} | {"ball.radius"}
+    used = {name for name in x if name.startswith(CAMERA)} | {"ball.radius"}
     first = {name: np.ravel(x[name])[:1, None] for name in used}
     level = np.asarray(timed.offset).reshape(-1, len(sightings.times))[:1, :, None]
-    ahead = -_places(first, stage, sightings, level)[0][0]
+    ahead = -_places(first, sightings, level)[0][0]
     slope = np.where(sightings.out, timed.slope_out[..., None], timed.slope_in[..., None])
     speed = np.where(sightings.out, timed.speed_out[..., None], timed.speed_in[..., None])
     fallen = x["hall.gravity"][..., None] / 2 * (ahead / speed) ** 2
     height = np.asarray(timed.offset)[..., None] + slope * ahead - fallen
-    beyond, along = _places(x, stage, sightings, height)
+    beyond, along = _places(x, sightings, height)
     ahead = -beyond
     kappa = np.asarray(drag)[..., None]
     way = time_before(ahead, 1.0, np.where(sightings.out, -kappa, kappa))
-    clock = x[f"{stage}.camera.clock"]
+    clock = x[f"{CAMERA}clock"]
     speed_in, met = _line(sightings, ~sightings.out, way)
     speed_out, _ = _line(sightings, sightings.out, way)
     drift, aside = _line(sightings, ~sightings.out, along, at=met)
@@ -84,15 +80,13 @@ def reduce_film(
             slope_in=timed.slope_in,
             slope_out=timed.slope_out,
         ),
-        place=x[f"{stage}.camera.over"] - aside,
+        place=x[f"{CAMERA}over"] - aside,
         angle_in=np.arctan2(drift, -speed_in),
         met=met,
     )
 
 
-def frames_u(
-    x: Constants, stage: str, sightings: Sightings, results: CameraResults
-) -> dict[str, Array]:
+def frames_u(x: Constants, sightings: Sightings, results: CameraResults) -> dict[str, Array]:
     """Return the u of the camera's results caused by errors in single frames, (shot,).
 
     The keys are ``speed_in`` and ``speed_out`` [m/s], ``efficiency`` (e_A), ``place`` [m] and
@@ -101,7 +95,7 @@ def frames_u(
     is assumed.
     """
     flights = results.flights
-    scale = (x[f"{stage}.camera.place_z"] - x[f"{stage}.camera.plane"]) / x[f"{stage}.camera.focal"]
+    scale = (x[f"{CAMERA}place_z"] - x[f"{CAMERA}plane"]) / x[f"{CAMERA}focal"]
     slope_in, middle, moment = _line_weights(sightings, ~sightings.out)
     slope_out, _, _ = _line_weights(sightings, sightings.out)
     at_contact = middle + slope_in * (results.met - moment)[:, None]
@@ -139,11 +133,11 @@ def _u(sightings: Sightings, parts: Array) -> Array:
     return np.asarray(np.sqrt(noise + worst))
 
 
-def _places(x: Constants, stage: str, sightings: Sightings, height: Array) -> tuple[Array, Array]:
+def _places(x: Constants, sightings: Sightings, height: Array) -> tuple[Array, Array]:
     """Return X and Y of the ball's center in the rig's axes, (..., shot, frame) [m]."""
 
     def of(names: str) -> list[Array]:
-        return [np.asarray(x[f"{stage}.camera.{name}"])[..., None] for name in names.split()]
+        return [np.asarray(x[f"{CAMERA}{name}"])[..., None] for name in names.split()]
 
     # Many sets of constants share a lens, so each lens is computed once.
     columns = np.broadcast_arrays(*of("focal centre_x centre_y k1 k2 p1 p2 k3"))

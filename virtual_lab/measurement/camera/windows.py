@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.camera.filmed import CAMERA
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, cut, part_of
@@ -44,7 +45,7 @@ class Sightings:
     out: Mask  # whether the ball flies out
 
 
-def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightings:
+def sight(record: ClipRecord | TrackRecord, x: Constants) -> Sightings:
     """Return the positions of the ball in the camera's frames [px], (shot, frame).
 
     A position is NaN if the ball was not located reliably in the frame.
@@ -56,16 +57,13 @@ def sight(record: ClipRecord | TrackRecord, x: Constants, stage: str) -> Sightin
     x
         Calibration constants of the camera and the radius of the ball, keyed by name, such as
         ``impact.camera.focal`` and ``ball.radius``. Each is a single number.
-    stage
-        First part of the names of the camera's constants, always ``impact``.
 
     Raises
     ------
     InputError
         The record has windows without pixels, without background, or beyond the edge of the frame.
     """
-    stem = f"{stage}.camera."
-    of = {name.removeprefix(stem): float(x[name]) for name in x if name.startswith(stem)}
+    of = {name.removeprefix(CAMERA): float(x[name]) for name in x if name.startswith(CAMERA)}
     size, radius = of["focal"] / (of["place_z"] - of["plane"]), float(x["ball.radius"])  # [px/m, m]
     if isinstance(record, TrackRecord):
         still = np.zeros_like(record.u)
