@@ -308,13 +308,10 @@ def _fit(
     inverse[fitted] = np.linalg.pinv(whole[:, fitted] / scale[fitted]) / scale[fitted, None]
     free = max(int(residuals.size - fitted.sum()), 1)
     part = inverse[[*range(9), *range(9 + 6 * plane, 15 + 6 * plane)]]
+    focal_centre = matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+    values = focal_centre, distortion, poses[plane], shifts[plane]
     solved = Solved(
-        values=np.concatenate(
-            [
-                matrix[[0, 1, 0, 1], [0, 1, 2, 2]],
-                *map(np.ravel, (distortion, poses[plane], shifts[plane])),
-            ]
-        ),
+        values=np.concatenate([np.ravel(each) for each in values]),
         covariance=part @ part.T * float((residuals**2).sum()) / free,
         view=view,
         places=places,

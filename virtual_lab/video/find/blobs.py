@@ -196,10 +196,8 @@ def _blob(
             np.asarray(cv2.resize(each[cutting], smaller, interpolation=cv2.INTER_AREA), np.uint8)
             for each in (part, behind)
         )
-    off = np.asarray(
-        cv2.GaussianBlur(difference_of(part, behind).astype(np.float32), (0, 0), _SEARCH.softened),
-        np.float32,
-    )
+    plain = difference_of(part, behind).astype(np.float32)
+    off = np.asarray(cv2.GaussianBlur(plain, (0, 0), _SEARCH.softened), np.float32)
     inner = off[
         (top - y0) // fine : (top - y0 + high) // fine,
         (left - x0) // fine : (left - x0 + wide) // fine,

@@ -70,11 +70,8 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
     blobs, t = blobs[order], np.where(np.isnan(times), stamped, times)[order]
     names = table["flight"].iloc[order].reset_index(drop=True)
     flights = map(np.asarray, names.groupby(names).indices.values())  # "" is not a flight
-    watched = Watched(
-        still=still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length())),
-        blobs=blobs,
-        change=np.full(clip.count, np.nan),
-    )
+    still = still_of(list(clip.samples[:1]), max(8, int(clip.full_scale).bit_length()))
+    watched = Watched(still=still, blobs=blobs, change=np.full(clip.count, np.nan))
     long = [rows for rows in flights if len(rows) >= GROWTH.least_places]
     pieces = [Piece.of(blobs, rows, t[rows]) for rows in sorted(long, key=lambda rows: rows[0])]
     for one, other in pairwise(pieces):

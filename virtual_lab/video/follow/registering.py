@@ -62,16 +62,13 @@ def _places(way: Piece, blobs: Blobs, views: Sequence[BlobView]) -> Array:
     curve = np.vander(way.t, 3, increasing=True) @ polynomial(way.t, way.xy, 2)[0]
     off = (curve - middles) / shrink
     for _ in range(3):  # two more rounds change no result by more than its scatter
-        light = np.mean(
-            [
-                _moved(picture - behind * _outside(behind, at, radius), -at)
-                for (picture, behind), at in zip(pairs, off, strict=True)
-            ],
-            axis=0,
-        )
-        off = np.array(
-            [at + _step(*pair, light, at, radius) for pair, at in zip(pairs, off, strict=True)]
-        )
+        balls = [
+            _moved(picture - behind * _outside(behind, at, radius), -at)
+            for (picture, behind), at in zip(pairs, off, strict=True)
+        ]
+        light = np.mean(balls, axis=0)
+        steps = [_step(*pair, light, at, radius) for pair, at in zip(pairs, off, strict=True)]
+        off = off + np.array(steps)
     return np.asarray(middles + shrink * off)
 
 

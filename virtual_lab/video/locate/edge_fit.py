@@ -135,11 +135,8 @@ def fit_edge(
         rim = blurred_profiles(radius, width, RIM_FIT.cell_px, blur)
         sectors = max(3, round(2 * pi * radius / RIM_FIT.cell_px))
         for k in np.flatnonzero(usable):
-            here, behind = (
-                np.ascontiguousarray(each[k], float)
-                for each in (regions.pixels, regions.background)
-            )
-            view = View(here, behind, ways[k])
+            here, behind = regions.pixels[k], regions.background[k]
+            view = View(here.astype(float, "C"), behind.astype(float, "C"), ways[k])
             with suppress(np.linalg.LinAlgError):
                 table[k], flags[k] = _outline(view, rim, noise, prior, sectors, p[k])
     table[:, :2] += regions.corners

@@ -131,9 +131,8 @@ def on_the_limb(regions: Regions, start: Located) -> Located:
     for k, (left, top) in enumerate(regions.corners):
         off = np.abs(regions.pixels[k].astype(np.float32) - regions.background[k])
         smooth = cv2.GaussianBlur(off, (0, 0), 1.0)
-        contours, _ = cv2.findContours(
-            standing_out(smooth), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE
-        )
+        mask = standing_out(smooth)
+        contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         largest = max(contours, key=cv2.contourArea, default=None)
         if largest is None or len(largest) < start.radius[k]:
             continue
