@@ -177,9 +177,9 @@ def against_flights(
         why = "flights near it may be wrong. If the camera stands still, use --tripod"
         notes.append(("DRIFT_LEAPS", f"{words} {min(leaps)}; {why}"))
     if watched.interlaced:
-        words = "each frame combines two fields of different times; convert the clip to one frame "
-        way = "per field, for example with ffmpeg -i CLIP -vf bwdif=1 NEW, at twice the frame rate"
-        notes.append(("INTERLACED", words + way))
+        words = "each frame combines two fields of different times (interlaced); convert the clip"
+        advice = "to one frame per field, for example with ffmpeg -i CLIP -vf bwdif=1 NEW"
+        notes.append(("INTERLACED", f"{words} {advice}"))
     if lost := scene.lost(ways):
         where = ", ".join(f"{n} before frame {frame}" for frame, n in sorted(lost.items())[:6])
         words = "frames are missing although the time stamps are even"
