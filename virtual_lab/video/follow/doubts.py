@@ -40,36 +40,27 @@ class Falls:
     scale: Ruler
 
     @property
-    def rate(self) -> float:
-        """Frame rate with which the flights would fall with g [1/s]."""
-        return self.knowledge.rate * float(np.sqrt(self.knowledge.gravity / self.shared.value))
+    def by_gravity(self) -> ClipKnowledge:
+        """Facts about the clip with the frame rate with which the flights would fall with g.
+
+        The relative u of this rate is half the relative u of the acceleration, which includes the u
+        of lengths. Gravity then sets no scale.
+        """
+        rate = self.knowledge.rate * float(np.sqrt(self.knowledge.gravity / self.shared.value))
+        rate_u = self.shared.u / self.shared.value / 2
+        return replace(self.knowledge, rate=rate, rate_u=rate_u, rate_of=GRAVITY, ruler=BALL)
 
     @property
-    def rate_u(self) -> float:
-        """Relative u of `rate`: half the relative u of the acceleration.
-
-        The u of the acceleration includes the u of lengths.
-        """
-        return self.shared.u / self.shared.value / 2
-
-    def with_fitted_rate(self) -> ClipKnowledge:
-        """Return the facts about the clip with a frame rate from gravity.
-
-        Gravity then sets no scale.
-        """
-        rate, rate_u = self.rate, self.rate_u
-        return replace(self.knowledge, rate=rate, rate_u=rate_u, rate_of=GRAVITY, ruler=BALL)
+    def finding(self) -> str:
+        """The acceleration of the ball as a sentence."""
+        fall = f"the ball would fall at {self.shared.value:.4g} m/s²"
+        return f"with {SAID[self.scale.source]} as the scale, {fall}"
 
     def of_rate(self) -> Note:
         """Return the note that the frame rate was fitted."""
-        rate = with_uncertainty(self.rate, self.rate * self.rate_u)
-        words = (
-            f"with the file's own rate of {self.knowledge.rate:.4g} per second and "
-            f"{SAID[self.scale.source]} as the scale, the ball would fall at "
-            f"{self.shared.value:.3g} m/s². The rate {rate} is used, which gives "
-            f"{self.knowledge.gravity:.3g} m/s²; state the true rate with --fps"
-        )
-        return "RATE_FITTED", words
+        rate = with_uncertainty(self.by_gravity.rate, self.by_gravity.rate * self.by_gravity.rate_u)
+        why = f"at the file's own {self.knowledge.rate:.4g} per second and {self.finding}"
+        return "RATE_FITTED", f"a rate of {rate} per second was fitted; {why} (or use --fps)"
 
     def require_rate(self, where: str) -> None:
         """Raise `InputError` if the balls fall so fast that the frame rate must be wrong."""
@@ -79,11 +70,8 @@ class Falls:
             length = f"a length {ratio:.3g} times as long"
             if self.scale.source == BALL and self.knowledge.ball:
                 length = f"--ball {1e3 * ratio * self.knowledge.ball:.3g}mm"
-            allowed = (
-                f"with {SAID[self.scale.source]} as the scale, the ball would fall at "
-                f"{self.shared.value:.4g} m/s²; --fps {self.rate:.3g} or {length} would give "
-                f"{self.knowledge.gravity:.3g} m/s²"
-            )
+            rate, g = self.by_gravity.rate, self.knowledge.gravity
+            allowed = f"{self.finding}; --fps {rate:.3g} or {length} would give {g:.3g} m/s²"
             raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
 
     def against(self) -> list[Note]:
@@ -91,12 +79,9 @@ class Falls:
         g, (coverage, share) = self.knowledge.gravity, APART
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
-        words = (
-            f"with {SAID[self.scale.source]} as the scale, the ball falls at "
-            f"{self.shared.value:.3g} m/s² instead of {g:.3g} m/s²: that length is wrong, or the "
-            f"frame rate and every speed, as in a slow-motion file; --fps {self.rate:.3g} would fit"
-        )
-        return [("GRAVITY", words)]
+        words = f"{self.finding} instead of {g:.3g} m/s²; that length is wrong, or the frame rate"
+        why = f"as in slow motion, and every speed; --fps {self.by_gravity.rate:.3g} would fit"
+        return [("GRAVITY", f"{words}, {why}")]
 
 
 def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:

@@ -210,8 +210,7 @@ def measure(
             falls = Falls(knowledge=knowledge, shared=shared, scale=size)
             off = falls.against()
             if off and knowledge.rate_of == FILE:
-                fitted = falls.with_fitted_rate()
-                return measure(clip, watched, fitted, search, earlier=[falls.of_rate()])
+                return measure(clip, watched, falls.by_gravity, search, earlier=[falls.of_rate()])
             falls.require_rate(where)
             against += off
         flights = _flights(model, alone, contacts, scale, step)
