@@ -9,7 +9,7 @@ from the gates.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,13 +73,7 @@ def reduce_film(x: Constants, sightings: Sightings, drag: Array, timed: Flights)
     speed_out, _ = _line(sightings, sightings.out, way)
     drift, aside = _line(sightings, ~sightings.out, along, at=met)
     return CameraResults(
-        flights=Flights(
-            speed_in=-speed_in * clock,
-            speed_out=speed_out * clock,
-            offset=timed.offset,
-            slope_in=timed.slope_in,
-            slope_out=timed.slope_out,
-        ),
+        flights=replace(timed, speed_in=-speed_in * clock, speed_out=speed_out * clock),
         place=x[f"{CAMERA}over"] - aside,
         angle_in=np.arctan2(drift, -speed_in),
         met=met,
