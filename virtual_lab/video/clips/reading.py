@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
 from itertools import chain
+from os.path import commonprefix
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,9 +72,7 @@ def _image_files(folder: Path) -> list[Path]:
     entries = [each for each in folder.iterdir() if not each.name.startswith(".")]
     images = [each for each in entries if each.suffix.lower() in IMAGES]
     names = [each.name.lower() for each in images]
-    ends = min(names, default=""), max(names, default="")
-    alike = [one == other for one, other in zip(*ends, strict=False)]
-    start = ends[0][: [*alike, False].index(False)]  # prefix that all names share
+    start = commonprefix(names)  # noqa: RUF071  # common characters, not folders
     signs = r"(?<![^\W_])"
     if any(re.match(r"\+?\d", name[len(start) :]) for name in names):
         signs = f"(?:{signs}|(?<=^{re.escape(start)}))"

@@ -292,9 +292,5 @@ def _hull(off: NDArray[np.float32], level: float) -> Hull | None:
     if solid < _SEARCH.solid or short + 0.5 < _SEARCH.thinnest * (long + 0.5):
         return None
     # OpenCV's outline passes through the middle of pixels, half a pixel inside the edge.
-    return (
-        float((x + 0.5) / fine - 0.5),
-        float((y + 0.5) / fine - 0.5),
-        float((short + 0.5) / fine),
-        float((long + 0.5) / fine),
-    )
+    x, y, short, long = (float((each + 0.5) / fine) for each in (x, y, short, long))
+    return x - 0.5, y - 0.5, short, long

@@ -163,11 +163,7 @@ def _closest(fit: Fit, first: int, t: float, room: float = 1.0) -> tuple[float, 
     before, after = fit.at(first, t)[0], fit.at(first + 1, t)[0]
     apart, change = (after - before)[:2], (after - before)[2:]
     late = float(np.clip(-(apart @ change) / max(float(change @ change), 1e-12), -room, room))
-    return (
-        t + late,
-        before[2:] + late * fit.pull[first],
-        after[2:] + late * fit.pull[first + 1],
-    )
+    return t + late, before[2:] + late * fit.pull[first], after[2:] + late * fit.pull[first + 1]
 
 
 def _restitution(

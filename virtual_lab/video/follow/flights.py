@@ -352,11 +352,8 @@ def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
         apart = np.diff(number[there]) > GROWTH.gap_frames + 1
         apart &= (there[1:] <= first) | (there[:-1] >= last)
         near = max(np.split(near, np.flatnonzero(apart) + 1), key=len)
-        length = moving["length"][blobs[near]]
-        sure = (
-            length - FLIGHTS.end_length * np.median(length)
-            < np.hypot(*fit.at(k, t[near])[:, 2:].T) / 2
-        )
+        length, speed = moving["length"][blobs[near]], np.hypot(*fit.at(k, t[near])[:, 2:].T)
+        sure = length - FLIGHTS.end_length * np.median(length) < speed / 2
         sure &= off[near] < max(FLIGHTS.end_room * piece.radius, FAR_U * fit.spread)
         sure |= np.minimum(frames[near] - before, after - frames[near]) <= FLIGHTS.contact_frames
         if near.size >= GROWTH.least_places and sure.any():

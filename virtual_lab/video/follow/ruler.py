@@ -186,13 +186,9 @@ def _by_gravity(model: FittedFlights, knowledge: ClipKnowledge, step: float) -> 
     fall = knowledge.gravity * step**2
     others = [*model.rest, *model.longest]
     length = estimate_of(lambda fit: fall / fit.size, model.fit, others, relative_u=rest_u)
-    relative = length.u / length.value
-    if relative > VAGUE:
+    scale, relative_u = length.value, length.u / length.value
+    if relative_u > VAGUE:
         return None
     return Ruler(
-        metres_per_pixel=length.value,
-        relative_u=relative,
-        source=GRAVITY,
-        fall=fall,
-        rest_u=rest_u,
+        metres_per_pixel=scale, relative_u=relative_u, source=GRAVITY, fall=fall, rest_u=rest_u
     )

@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import exp, pi, sqrt
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from virtual_lab.video.locate.edge_kernel import View
 
 Places = NDArray[np.int_]
+Equations = tuple[Array, Array, Array, Array]  # see `_equations`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,8 +168,9 @@ def _outline(
             weight[: AT.level] = RIM_FIT.held_weight
         weight[AT.plain :] = 1.0 / bright**2  # prior: shading is about as strong as the brightness
         equations = _equations(sums, knots)
-        equations.shared[:, :-1] += np.diag(weight)
-        equations.shared[:, -1] += weight * (start - p)
+        shared = equations[-1]
+        shared[:, :-1] += np.diag(weight)
+        shared[:, -1] += weight * (start - p)
         last = np.full(2, np.inf)
         for again in range(1 if settling else RIM_FIT.rounds):
             if again:
@@ -176,8 +178,7 @@ def _outline(
                 power = np.maximum(power, np.maximum(_before(power), _next(power)))
                 amplitude = np.sqrt(faintest**2 + power).clip(max=RIM_FIT.strongest_pattern)
             spread = amplitude * bright
-            solved = _solve(equations, pattern, spread, rim.stiffness)
-            step, change, covariance, by_pattern = solved
+            step, change, covariance, by_pattern = _solve(equations, pattern, spread, rim.stiffness)
             u = sqrt(covariance[0, 0])
             if np.abs(step[:2] - last).max() < RIM_FIT.strength_step_over_u * u:
                 break
@@ -199,27 +200,24 @@ def _outline(
     return _assess(p, np.diagonal(covariance), shifts, tally, sway, hidden)
 
 
-class Equations(NamedTuple):
-    """Normal equations: a ring of blocks, one per sector boundary, and the shared parameters."""
-
-    blocks: Array  # (sector, knot, knot)
-    links: Array  # (sector, knot, knot) coupling of each sector with the next
-    border: Array  # (sector, knot, shared + 1) coupling with the shared parameters, and right side
-    shared: Array  # (shared, shared + 1)
-
-
 def _equations(sums: Array, knots: int) -> Equations:
-    """Return the equations from the kernel's sums."""
+    """Return the normal equations from the kernel's sums.
+
+    They have a ring of blocks, one per sector boundary, and shared parameters. The result is:
+
+    * blocks, (sector, knot, knot)
+    * links, the coupling of each sector with the next, (sector, knot, knot)
+    * border, the coupling with the shared parameters, and the right side, (sector, knot, shared +
+      1)
+    * equations of the shared parameters, and their right side, (shared, shared + 1)
+    """
     count = len(AT)
     begin, end = np.s_[count : count + knots], np.s_[count + knots : -1]
     rest = np.r_[:count, -1]
     ring = sums[:-1]
-    return Equations(
-        ring[:, begin, begin] + _before(ring[:, end, end]),
-        ring[:, begin, end],
-        ring[:, begin][..., rest] + _before(ring[:, end][..., rest]),
-        sums.sum(axis=0)[:count][:, rest],
-    )
+    blocks = ring[:, begin, begin] + _before(ring[:, end, end])
+    border = ring[:, begin][..., rest] + _before(ring[:, end][..., rest])
+    return blocks, ring[:, begin, end], border, sums.sum(axis=0)[:count][:, rest]
 
 
 def _solve(
