@@ -157,16 +157,14 @@ def _doubt(blob: BlobRow) -> tuple[bool, float]:
 
 def _boxes(off: Image, shrink: int) -> Iterator[tuple[int, int, int, int]]:
     """Yield left, top, width and height [full pixels] of differing regions, for each threshold."""
-    kernel = np.ones((3, 3), np.uint8)
-    largest = _SEARCH.largest * off.size
     for threshold in _SEARCH.thresholds:
         mask = cv2.threshold(off, threshold, 1, cv2.THRESH_BINARY)[1]
-        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+        mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
         outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         # number of pixels on and in each outline, by Pick's theorem
         areas = [cv2.contourArea(each) + len(each) / 2 + 1 for each in outlines]
         for k in np.argsort(areas, kind="stable")[::-1][: _SEARCH.regions]:
-            if _SEARCH.least_area <= areas[k] <= largest:
+            if _SEARCH.least_area <= areas[k] <= _SEARCH.largest * off.size:
                 left, top, wide, high = cv2.boundingRect(outlines[k])
                 yield shrink * left, shrink * top, shrink * wide, shrink * high
 

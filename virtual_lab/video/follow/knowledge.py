@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -45,8 +45,8 @@ class ClipKnowledge:
     frames: tuple[int, int] | None = None
     region: tuple[float, float, float, float] | None = None
     ball_at: tuple[float, float, int] | None = None  # x, y, frame
-    # calibration of a camera with which the ball is located sharply
-    calibration: ClipCalibration | None = None
+    # calibration of a camera with which the ball is located sharply; empty if there is none
+    calibration: ClipCalibration = field(default_factory=ClipCalibration)
 
 
 def knowledge_of(clip: Clip, calibration: ClipCalibration) -> ClipKnowledge:

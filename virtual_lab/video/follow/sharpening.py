@@ -88,9 +88,7 @@ def wants_sharp(knowledge: ClipKnowledge, watched: Watched, ways: Sequence[Piece
     """
     calibration = knowledge.calibration
     # A file that only states rate or scale replaces options and is not a reason for an outline fit.
-    has_camera = calibration is not None and (
-        calibration.camera or calibration.lens_blur_px or calibration.exposure_s
-    )
+    has_camera = calibration.camera or calibration.lens_blur_px or calibration.exposure_s
     if not has_camera or watched.still.drifts or watched.interlaced or knowledge.ruler == GRAVITY:
         return False
     return 0 < len(ways) <= 2
@@ -125,7 +123,6 @@ def sharpen(
         The scale is unknown.
     """
     calibration, scene, ways = knowledge.calibration, search.scene, search.ways
-    assert calibration is not None
     lens, exposure = calibration.lens_blur_px, knowledge.exposure
     if lens is None or exposure is None:
         words = "lens_blur_px (virtual-lab calibrate measures it)"
@@ -207,8 +204,6 @@ def settle(
         The located ball. It has the positions of all flights in `ways`, in the same order.
     """
     calibration, located, plane = knowledge.calibration, ball.located, ball.plane
-    assert calibration is not None
-    assert knowledge.exposure is not None
     good = located.usable
     parts = np.split(np.arange(len(good)), np.cumsum([len(way.t) for way in ways])[:-1])
     pattern = float(np.median(located.pattern_u[good])) if good.any() else 0.0
@@ -223,7 +218,6 @@ def settle(
         drag=(calibration.drag_per_m * scale, calibration.drag_per_m_u * scale),
         in_radii=False,
         readout=0.0,
-        exposure=knowledge.exposure / step,
     )
     agreed = [_reject_outliers(scene, way) for way in ways]
     flown = [_reject_outliers(scene, way) for way in without_contacts(scene, agreed)]
@@ -278,7 +272,6 @@ def _flatten(
     knowledge, a slope of 0 with a u of half a degree, unless the growth contradicts it.
     """
     calibration, plane = knowledge.calibration, ball.plane
-    assert calibration is not None
     camera, fit, notes = calibration.camera, fit_flights(scene, ways), []
     # For an unknown camera the axis passes the center of the picture, and the distance is infinite.
     foot, far, bend = (np.array(scene.size) - 1) / 2, np.inf, 0.0

@@ -124,6 +124,8 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
     # A faster clip comes from a laboratory's camera.
     rolls = not calibrated and clip.source.path.is_file() and rate is not None and rate <= 480
     unsure = "phone" not in said and any(UNSURE_RATE in each for each in clip.warnings)
+    # Without a calibrated camera, or with positions by hand, the ball cannot be located sharply.
+    by_outline = calibrated and "corrected" not in said
     more = {each.name: said[each.name] for each in fields(ClipKnowledge) if each.name in said}
     knowledge = replace(
         knowledge_of(clip, calibration),
@@ -134,9 +136,7 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
             "tripod": calibrated,
             # With a calibrated camera, the size of the ball is more accurate than gravity.
             "ruler": BALL if calibrated else None,
-            # Without a calibrated camera, or with positions by hand, the ball cannot be located
-            # sharply.
-            "calibration": calibration if calibrated and "corrected" not in said else None,
+            "calibration": calibration if by_outline else ClipCalibration(),
         }
         | more,
     )
