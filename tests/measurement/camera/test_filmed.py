@@ -8,8 +8,8 @@ from scipy import stats
 
 from tests.simulation.instruments.camera.scenes import SHOTS, bat_of, camera_of, course_of, spec_of
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.camera.filmed import CameraResults, frames_u, reduce_film
-from virtual_lab.measurement.camera.windows import Sightings, sight
+from virtual_lab.measurement.camera.filmed import CameraResults, Sightings, frames_u, reduce_film
+from virtual_lab.measurement.camera.windows import sight
 from virtual_lab.measurement.reduction.flights import Flights
 from virtual_lab.records import ClipRecord
 from virtual_lab.simulation.instruments import RecordDetail

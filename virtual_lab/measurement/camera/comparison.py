@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.measurement.camera.filmed import CameraResults, frames_u, reduce_film
+from virtual_lab.measurement.camera.filmed import (
+    CameraResults,
+    Sightings,
+    frames_u,
+    reduce_film,
+)
 from virtual_lab.measurement.procedure import HitWeights
 from virtual_lab.measurement.procedure.model import MeasurementModel
 from virtual_lab.measurement.reduction.flights import FlightModel
@@ -31,9 +35,6 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.uncertainty.budget import Budget, Variants, means_of_hits
 from virtual_lab.uncertainty.scatter import Scatter
 from virtual_lab.units import Array
-
-if TYPE_CHECKING:
-    from virtual_lab.measurement.camera.windows import Sightings
 
 COMPARED: Mapping[str, str] = {  # name in a certificate: field of the shots that is averaged
     "collision_efficiency": "lot_collision_efficiency",

@@ -8,22 +8,32 @@ from the gates.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.measurement.reduction.flights import Flights
+from virtual_lab.measurement.reduction.flights import Constants, Flights
 from virtual_lab.relations.flight import time_before
 from virtual_lab.relations.pinhole import looking_down, undistort
 from virtual_lab.units import Array, Mask
 
-if TYPE_CHECKING:
-    from virtual_lab.measurement.camera.windows import Sightings
-
-Constants = Mapping[str, Array]
 CAMERA = "impact.camera."  # beginning of the names of the camera's constants
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sightings:
+    """Positions of the ball in free flight, arrays (shot, frame); NaN: not located reliably.
+
+    Positions are in pixels of the whole frame, not corrected for distortion. Times are by the
+    camera clock [s].
+    """
+
+    times: Array
+    x: Array
+    y: Array
+    u: Array  # standard uncertainty of x, and of y, from noise, independent in every frame [px]
+    pattern_u: Array  # the same, caused by the ball's pattern, similar in neighboring frames [px]
+    out: Mask  # whether the ball flies out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.camera.filmed import CAMERA
+from virtual_lab.measurement.camera.filmed import CAMERA, Sightings
+from virtual_lab.measurement.reduction.flights import Constants
 from virtual_lab.records import ClipRecord, TrackRecord
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.locate.located import Located, PlaceFlag, Regions, cut, part_of
 from virtual_lab.video.locate.noise import ROUNDING, Noise
 from virtual_lab.video.locate.sharp import place, standing_out
-
-Constants = Mapping[str, Array]
-
 
 # distance from the ball's farthest position within which it may touch the bat [m]
 NEAR_BAT = 8e-3
@@ -27,22 +24,6 @@ LEAST_FRAMES, MOST_FRAMES = 4, 24
 # uncertainty of the ovality of an outline off the axis, caused by lens and pose [share of the
 # radius]
 OVAL_U = 1e-3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sightings:
-    """Positions of the ball in free flight, arrays (shot, frame); NaN: not located reliably.
-
-    Positions are in pixels of the whole frame, not corrected for distortion. Times are by the
-    camera clock [s].
-    """
-
-    times: Array
-    x: Array
-    y: Array
-    u: Array  # standard uncertainty of x, and of y, from noise, independent in every frame [px]
-    pattern_u: Array  # the same, caused by the ball's pattern, similar in neighboring frames [px]
-    out: Mask  # whether the ball flies out
 
 
 def sight(record: ClipRecord | TrackRecord, x: Constants) -> Sightings:
