@@ -273,6 +273,11 @@ def test_a_script_is_played_line_by_line_and_a_wrong_line_is_named(tmp_path: Pat
         by_script({"actions": [{"do": "sing"}]}, "day.json")
     with pytest.raises(InputError, match=r"actions\[2\]"):
         by_script({"actions": [{"do": "tare"}, "tare"]}, "day.json")
+    for last, said in (("fire", "fire: ball; is missing"), ("tare", "not been handed in")):
+        path.write_text(json.dumps({"actions": [{"do": "tare"}, {"do": last}]}), "utf-8")
+        number = 2 if last == "fire" else 3
+        with pytest.raises(InputError, match=rf"day.json: actions\[{number}\]; .*{said}"):
+            vl.rehearse(script=path, seed=3)
 
 
 def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:

@@ -1,12 +1,17 @@
 """Plans of a laboratory: those in the table, their simulation, and bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
-from virtual_lab.studies.plan.laboratory import better_instruments
+from virtual_lab.lab import RoundRobin
+from virtual_lab.studies.plan.laboratory import PlannedLaboratory, better_instruments, feasible
+from virtual_lab.studies.plan.prediction import Counts, Forecast
+from virtual_lab.studies.plan.sample import SampledTests
 
 TESTS = 200
 
@@ -14,6 +19,14 @@ TESTS = 200
 @pytest.fixture(scope="module")
 def plans():
     return vl.plan("asa", bat="softball-34", target_u=0.11, laboratories=TESTS)
+
+
+@pytest.fixture(scope="module")
+def scanned():
+    """Return the laboratory of a procedure that scans the barrel, from a few tests."""
+    shared = RoundRobin.of("r161", "bbcor")
+    forecast = Forecast(rules=shared.setup.rules.spec, sample=SampledTests.of(shared, 64, 3))
+    return PlannedLaboratory(shared=shared, seed=1, workers=1, exchanges={}, forecast=forecast)
 
 
 def test_plans_reach_the_target_for_the_fewest_minutes(plans):
@@ -68,6 +81,27 @@ def test_minutes_of_the_present_laboratory(plans):
     assert least <= plans[0].minutes <= least + 0.3 * per_shot  # few shots are rejected
 
 
+def test_minutes_follow_the_counts(scanned):
+    """By hand, at a rig without an encoder: nobody zeroes it."""
+    forecast = scanned.forecast
+    actions = catalog.sheet("bench", "actions")[0]["actions"]
+    minutes = {name: action["minutes"]["value"] for name, action in actions.items()}
+    present = forecast.present
+
+    def more(**counts):
+        changed = replace(present, **counts)
+        shots = forecast.shots(changed) - forecast.shots(present)
+        return scanned.minutes(changed) - scanned.minutes(present), shots
+
+    twice, _ = more(wall_hits=2 * present.wall_hits)
+    assert twice == pytest.approx(minutes["hit-wall"])
+    twice, _ = more(balls=2 * present.balls)
+    assert twice == pytest.approx(minutes["hit-wall"] + minutes["weigh-balls"])
+    twice, shots = more(hits=2 * present.hits)
+    shot = ["load-ball", "clear-scrap", "wait-pressure", "wait-rest", "fire", "accept"]
+    assert twice == pytest.approx(shots * sum(minutes[name] for name in shot))
+
+
 def test_exchanges_of_a_laboratory():
     exchanges = better_instruments(["astm-pivot", "bench"])
     assert {"pivot", "pivot-gates", "pivot-encoder", "lab-scale"} <= exchanges.keys()
@@ -79,9 +113,32 @@ def test_exchanges_of_a_laboratory():
 
 
 def test_present_laboratory_may_reach_the_target():
-    plans = vl.plan("asa", bat="softball-34", target_u=0.2, laboratories=TESTS)
+    """Nearly half of the tests have a larger u than the procedure allows, as in a sweep."""
+    rules = vl.procedure("asa").with_(largest_speed_u="0.137 mph")
+    plans = vl.plan(rules, bat="softball-34", target_u=0.2, laboratories=TESTS)
     assert [row.plan for row in plans] == ["present"]
     assert "present laboratory reaches the target" in plans.text
+    tests = vl.sweep("softball-34", procedures=rules, laboratories=TESTS)
+    assert plans[0].invalid == (tests["verdict"] == "INVALID").sum() > 20
+
+
+def test_an_exchange_that_hardly_lowers_u_is_left_out():
+    better = better_instruments(["astm-pivot", "bench"])
+    few = {name: better[name] for name in ("hall-gravity", "balance-stand")}
+    laboratory = PlannedLaboratory.of("softball-34", "asa", few, seed=1, workers=1)
+    assert list(laboratory.exchanges) == ["balance-stand"]
+    assert len(laboratory.predict_u(laboratory.forecast.present)) == 2
+
+
+def test_a_plan_with_too_many_shots_is_impossible(scanned):
+    """1000 shots are the most that a procedure may allow; bbcor allows 120 for about 30."""
+    forecast = scanned.forecast
+    hits = np.array([6, 12, 300])
+    counts = Counts(hits=hits, final_hits=0 * hits + 6, balls=0 * hits + 12, wall_hits=0 * hits + 4)
+    wall = replace(forecast.present, wall_hits=np.array([1000, 1001]))
+    assert feasible(forecast, counts).tolist() == [True, True, False]
+    assert feasible(forecast, wall).tolist() == [True, False]
+    assert np.isinf(scanned.predict_u(counts)).tolist() == [[False, False, True]]
 
 
 def test_floor_if_no_plan_reaches_the_target():
@@ -105,6 +162,7 @@ def test_picture_and_table(plans, tmp_path):
     ("changes", "message"),
     [
         ({"target_u": 0}, "target_u = 0"),
+        ({"target_u": np.inf}, "target_u = inf; allowed: more than 0, finite"),
         ({"laboratories": 99}, "laboratories = 99; allowed: at least 100"),
         ({"bat": "no-such-bat"}, "bat = .no-such-bat"),
     ],

@@ -83,6 +83,7 @@ def test_offered_sheet_replaces_the_instrument(prices, tmp_path):
         ("pivot-gates", "pivot-gate", "instruments.pivot-gate.*pivot-gates"),
         ('5000, unit = "EUR"', '5000, unit = "USD"', "pivot-gates is in USD"),
         ("value = 50,", "value = 0,", "at least 1"),
+        (PRICES.splitlines()[1], "tests = 50", "tests = 50; must be a table { value, unit, source"),
     ],
 )
 def test_bad_prices(prices, old, new, message):
@@ -134,6 +135,30 @@ def test_daily_checks_give_the_scatter_at_the_wall(tmp_path):
     (text,) = balls_of(history, "r161", "astm-f1881", seed=5).values()
     scatter = parse_toml(text, "")["spread"]["hit_restitution"]["value"]
     assert scatter == pytest.approx(0.0037, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (b"", "the file is empty"),
+        (b"ball_restitution_sd\n.003\n", "ball_restitution_dof; this column is missing"),
+        (b"ball_restitution_sd,ball_restitution_dof\n.003,5\nx,5\n", "sd = 'x'.*see row 2"),
+        (b"ball_restitution_sd,ball_restitution_dof\n.003,5\n,5\n", "sd = nan.*see row 2"),
+        (b"ball_restitution_sd,ball_restitution_dof\n.003,0\n.003,5\n", "dof = 0.*see row 1"),
+        (b"ball_restitution_sd,ball_restitution_dof\n-.003,5\n.003,5\n", "sd = -0.003; must be"),
+    ],
+)
+def test_bad_table_of_daily_checks(rows, message, tmp_path):
+    (tmp_path / "daily.csv").write_bytes(rows)
+    with pytest.raises(InputError, match=rf"daily\.csv.*{message}"):
+        read_history([tmp_path], Setup.of("r161", procedure="astm-f1881"))
+
+
+def test_days_are_pooled_by_their_degrees_of_freedom():
+    days = DailyScatter(
+        variance=np.array([1.0, 2.0, 1.5]), dof=np.array([5.0, 10.0, 30.0]), at_wall=True
+    )
+    assert days.pooled == pytest.approx((5 * 1 + 10 * 2 + 30 * 1.5) / 45)
 
 
 def test_days_that_differ_are_not_pooled():

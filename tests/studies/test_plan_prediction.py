@@ -8,7 +8,8 @@ import pytest
 
 from virtual_lab import catalog
 from virtual_lab.lab import RoundRobin
-from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.procedure import CHOICE, Procedure
+from virtual_lab.measurement.reduction.observations import REPEATABILITY, SLOPE_REPEATABILITY
 from virtual_lab.sheets import Sheet
 from virtual_lab.studies.plan.choosing import cheapest, cheapest_single_change, irreducible
 from virtual_lab.studies.plan.prediction import Counts, Exchanged, Forecast
@@ -80,6 +81,32 @@ def test_exchanges_multiply_the_terms_of_their_instruments(forecast):
     assert largest == "hits"
 
 
+def test_terms_follow_the_counts(forecast):
+    """By hand: the powers of the counts that each term follows to first order."""
+    names = (*forecast.names, SLOPE_REPEATABILITY)
+    squares = np.c_[forecast.sample.squares, np.full(TESTS, 5.0)]
+    squares[:, names.index(CHOICE)] = 4.0
+    known = replace(forecast, sample=replace(forecast.sample, names=names, squares=squares))
+    present = known.present
+
+    def variance(name, counts, of=known):
+        return of.contributions(counts, 0)[name] ** 2
+
+    more = replace(present, wall_hits=12, balls=24)
+    assert variance(SLOPE_REPEATABILITY, more) == pytest.approx(5 / (3 * 2))
+    twice = replace(present, hits=12)
+    assert variance(CHOICE, twice) == pytest.approx(4 / 2)
+    fewer = replace(known.sample, squares=squares / 4)
+    doubled = replace(known, doubled=fewer)
+    assert variance(CHOICE, twice, doubled) == pytest.approx(4 / 4)
+    assert variance(CHOICE, replace(present, hits=24), doubled) == pytest.approx(4 / 16)
+    final = replace(present, final_hits=12)
+    assert variance("hits", final) == pytest.approx(variance("hits", twice))
+    # twice the hits with twice the balls: each ball has the same hits, and errors average
+    both = replace(present, hits=12, balls=24)
+    assert variance(REPEATABILITY, both) == pytest.approx(variance(REPEATABILITY, present) / 2)
+
+
 def test_error_of_the_median_by_repetition():
     rng = np.random.default_rng(1)
     medians, errors = [], []
@@ -140,6 +167,18 @@ def test_cheapest_plans_by_brute_force():
     assert cheapest(u, cost, 0.5, 2) == _brute(u, cost, 0.5)[:2]
 
 
+def test_plans_of_equal_cost_are_sorted_by_exchanges_then_by_u():
+    """Three instruments of different worth, none of which costs anything."""
+    sets, hits, balls = np.meshgrid(np.arange(8), np.arange(5), np.arange(4), indexing="ij")
+    bits = (sets & 1, sets >> 1 & 1, sets >> 2 & 1)
+    cost = 1.0 + hits + balls
+    for worth in ((0.7, 0.9, 1.1), (0.2, 0.5, 1.4)):
+        gain = sum(each * bit for each, bit in zip(worth, bits, strict=True))
+        u = 1 / (1 + 0.6 * hits + 0.4 * balls + gain)
+        for target in (0.55, 0.4, 0.3, 0.25):
+            assert cheapest(u, cost, target, 100) == _brute(u, cost, target)
+
+
 def test_cheapest_single_change():
     u = np.array([[[4.0, 3.0], [2.0, 1.0]], [[3.5, 2.5], [1.5, 0.5]]])
     cost = np.array([[[0, 5], [3, 8]], [[4, 9], [7, 12]]])
@@ -149,3 +188,6 @@ def test_cheapest_single_change():
     assert cheapest_single_change(u, cost, 3.0) == (0, 0, 1)
     assert cheapest_single_change(u, cost, 3.5) == (1, 0, 0)
     assert cheapest_single_change(u, cost, 1.5) is None
+    both = np.array([4.0, 3.0, 3.0, 2.0]).reshape(4, 1)  # sets of two instruments
+    assert cheapest_single_change(both, np.zeros((4, 1)), 2.5) is None
+    assert cheapest_single_change(both, np.array([[0], [5], [4], [0]]), 3.5) == (2, 0)

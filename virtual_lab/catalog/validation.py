@@ -40,6 +40,8 @@ def validate(document: Mapping[str, Any], where: str, spec: type[T]) -> T:
         message = error["msg"].removeprefix("Value error, ")
         for theirs, ours in WORDS.items():
             message = message.replace(theirs, ours)
+        if error["type"] == "dataclass_type":
+            message = f"must be a table {{ {', '.join(_keys(spec, place))} }}"
         if error["type"] == "missing":
             key, value, message = ".".join(map(str, error["loc"])), None, "this key is missing"
         if unknown:

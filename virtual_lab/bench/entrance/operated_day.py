@@ -18,6 +18,7 @@ from virtual_lab.bench.scoring.debrief import Debrief, debrief_of
 from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
+from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import preformatted
@@ -149,7 +150,13 @@ def rehearse(
     with TemporaryDirectory(prefix="virtual-lab-day-") as parent:
         folder = Path(parent) / "day"
         day = StoredDay.begin(folder, entry, seed)
-        day.run_operator(taker)
-        debrief = debrief_of(day)
+        try:
+            day.run_operator(taker)
+            debrief = debrief_of(day)
+        except InputError as fault:
+            if script is None:
+                raise
+            number = len(day.day.events) - day.day.supplied_events + 1
+            raise InputError(str(script), f"actions[{number}]", None, str(fault)) from fault
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
     return RehearsedDay(debrief=debrief, files=files, desk=day.desk)

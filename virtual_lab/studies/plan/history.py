@@ -16,10 +16,11 @@ from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import read_document
 from virtual_lab.certificate.history import FEWEST, earlier_tests
 from virtual_lab.errors import InputError
-from virtual_lab.files import parse_toml
+from virtual_lab.files import parse_toml, read_table
 from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.metrics import METRICS
+from virtual_lab.records.record import require_numbers
 from virtual_lab.sheets import toml_text
 from virtual_lab.studies.plan.sample import SampledTests
 from virtual_lab.uncertainty.scatter import bartlett_p
@@ -94,18 +95,19 @@ def read_history(folders: Sequence[Path], setup: TestSetup) -> DailyScatter:
 
 
 def _of_daily_checks(path: Path) -> DailyScatter:
-    import pandas as pd
-
-    table = pd.read_csv(path)
-    for column in ("ball_restitution_sd", "ball_restitution_dof"):
+    table, columns = read_table(path), ["ball_restitution_sd", "ball_restitution_dof"]
+    for column in columns:
         if column not in table:
             allowed = "this column is missing; allowed: a table of virtual-lab daily"
             raise InputError(str(path), column, None, allowed)
-    return DailyScatter(
-        variance=table["ball_restitution_sd"].to_numpy() ** 2,
-        dof=table["ball_restitution_dof"].to_numpy(),
-        at_wall=True,
-    )
+    require_numbers(table[columns], str(path))
+    for column in columns:
+        values = table[column].to_numpy(float)
+        if (wrong := ~(np.isfinite(values) & (values > 0))).any():
+            row = int(wrong.argmax())
+            raise InputError(str(path), column, values[row], f"must be above 0; see row {row + 1}")
+    deviation, dof = table[columns].to_numpy(float).T
+    return DailyScatter(variance=deviation**2, dof=dof, at_wall=True)
 
 
 def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict[Key, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -173,8 +174,8 @@ def plan(
         read. The history has fewer than three days, another metric, or days that differ.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
-    if not target_u > 0:
-        raise InputError("", "target_u", target_u, "allowed: more than 0")
+    if not 0 < target_u < inf:
+        raise InputError("", "target_u", target_u, "allowed: more than 0, finite")
     if laboratories < 100:
         raise InputError("", "laboratories", laboratories, "allowed: at least 100")
     setup = TestSetup.of(bat, procedure=procedure)
