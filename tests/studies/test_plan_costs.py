@@ -162,6 +162,14 @@ def test_days_are_pooled_by_their_degrees_of_freedom():
 
 
 def test_days_that_differ_are_not_pooled():
+    """The p-value is .053 for the first days and .041 for the next."""
+    near, apart = (
+        DailyScatter(variance=np.array([1.0, 1.0, last]), dof=np.full(3, 20.0), at_wall=False)
+        for last in (2.5, 2.6)
+    )
+    assert near.pooled == pytest.approx(1.5)
+    with pytest.raises(InputError, match=r"p = 0\.041"):
+        _ = apart.pooled
     with pytest.raises(InputError, match=r"Bartlett's test, p = 0\.0011"):
         _ = DailyScatter(
             variance=np.array([1.0, 1.0, 4.0]), dof=np.full(3, 20.0), at_wall=False
