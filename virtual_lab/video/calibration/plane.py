@@ -66,8 +66,7 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
         # of a pixel that covers the area S of a plane at the angle t is proportional to S cos t /
         # D², and cos t is proportional to 1 / D. The radius in pixels is therefore proportional to
         # √(D / S).
-        above = np.full(len(places), camera.plane_height_m)
-        far = np.linalg.norm(np.column_stack([places, above]) - _pose(camera)[1], axis=1)
+        far = np.linalg.norm(np.pad(places, ((0, 0), (0, 1))) - foot_of(camera), axis=1)
         sizes = np.sqrt(far / np.abs(stretch))
         middle = float(np.nanmedian(stretch))
         return Plane(

@@ -59,8 +59,8 @@ class Falls:
     def of_rate(self) -> Note:
         """Return the note that the frame rate was fitted."""
         rate = with_uncertainty(self.by_gravity.rate, self.by_gravity.rate * self.by_gravity.rate_u)
-        why = f"at the file's own {self.knowledge.rate:.4g} per second and {self.finding}"
-        return "RATE_FITTED", f"a rate of {rate} per second was fitted; {why} (or use --fps)"
+        why = f"at the file's own rate of {self.knowledge.rate:.4g}, {self.finding}"
+        return "RATE_FITTED", f"a rate of {rate} per second was fitted: {why}; or use --fps"
 
     def require_rate(self, where: str) -> None:
         """Raise `InputError` if the balls fall so fast that the frame rate must be wrong."""
@@ -80,8 +80,8 @@ class Falls:
         if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
             return []
         words = f"{self.finding} instead of {g:.3g} m/s²; that length is wrong, or the frame rate"
-        why = f"as in slow motion, and every speed; --fps {self.by_gravity.rate:.3g} would fit"
-        return [("GRAVITY", f"{words}, {why}")]
+        why = f"and with it every speed (slow motion?); --fps {self.by_gravity.rate:.3g} would fit"
+        return [("GRAVITY", f"{words} {why}")]
 
 
 def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:

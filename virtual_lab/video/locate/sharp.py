@@ -22,22 +22,14 @@ REFIT_SHIFT_PX = 0.3
 ROUNDS = 4
 
 
-def noise_of_clip(clip: Clip) -> Noise:
-    """Return the model of a clip's pixel noise, from the differences between its sampled frames.
-
-    At least two frames must have been sampled.
-    """
-    every = max(1, int(np.sqrt(clip.samples.size / NOISE_SAMPLE_PX)))
-    return Noise.from_frames(clip.grey_samples(every), clip.full_scale)
-
-
 def sharp_places(
     clip: Clip, regions: Regions, start: Located, *, lens: float, ball_radius: float | None = None
 ) -> Located:
     """Return position and radius of the ball in regions of a clip, from fits of its outline.
 
     Positions are in pixels of the full frame. A ball that cannot be fitted has the flag
-    `NOT_FOUND`, and its position is NaN.
+    `NOT_FOUND`, and its position is NaN. The noise of the pixels is found from the differences
+    between the sampled frames, of which there must be at least two.
 
     Parameters
     ----------
@@ -52,7 +44,9 @@ def sharp_places(
     if ball_radius and float(np.median(start.radius)) < LIT_SHARE * ball_radius:
         start = on_the_limb(regions, replace(start, radius=np.full(len(start.x), ball_radius)))
     middle = ((clip.shape[1] - 1) / 2, (clip.shape[0] - 1) / 2)
-    return place(regions, start, noise=noise_of_clip(clip), lens=lens, middle=middle)
+    every = max(1, int(np.sqrt(clip.samples.size / NOISE_SAMPLE_PX)))
+    noise = Noise.from_frames(clip.grey_samples(every), clip.full_scale)
+    return place(regions, start, noise=noise, lens=lens, middle=middle)
 
 
 def place(
