@@ -165,7 +165,6 @@ def fit_flights(
     flights: Sequence[Piece],
     *,
     readout: float | None = None,
-    drag: bool = True,
     shared: bool = True,
     tilt: Array | None = None,
     floor: Floor = (),
@@ -176,16 +175,14 @@ def fit_flights(
 
     The positions of a flight are sharp if they come from a fit of the ball's outline. Each sharp
     position has a standard uncertainty (`Piece.u`). The positions of other flights come from bright
-    regions.
+    regions. The drag is fitted, except for flights with sharp positions, and if the drag of the
+    scene is 0. Their drag is the drag of the scene.
 
     Parameters
     ----------
     readout
         Time from the readout of the first row to the readout of the last row [frames]. None: the
         readout time of the scene, or 0 if it is unknown.
-    drag
-        Whether the balls have drag; otherwise drag is 0. The drag is fitted, except for flights
-        with sharp positions. Their drag is the drag of the scene.
     shared
         Whether all flights have the same g; otherwise each flight has its own.
     tilt
@@ -220,8 +217,8 @@ def fit_flights(
         before[:k], u[:k] = np.tile(scene.pull, k // 2), 0.0
     said = scene.drag or (FLIGHT_FIT.drag, FLIGHT_FIT.drag * FLIGHT_FIT.drag_u)
     length = radius if scene.in_radii or scene.drag is None else 1.0
-    before[k] = np.log(said[0] / length) if drag and said[0] else -np.inf
-    u[k] = said[1] / said[0] if drag and said[0] else 0.0
+    before[k] = np.log(said[0] / length) if said[0] else -np.inf
+    u[k] = said[1] / said[0] if said[0] else 0.0
     if tilt is None:
         u[k + 1 : k + 3] = scene.tilt_u
     else:

@@ -54,18 +54,16 @@ class FittedFlights:
         if scene.pull is None:  # a known g gives the normal more accurately than the contacts
             fit = refit(scene, ways, fit, floor=_floor(ways, fit))
         flat = refit(scene, ways, fit, tilt=np.zeros(2))
-        rest: list[tuple[Fit, float]] = []
-        beside: list[tuple[Fit, float]] = []
-        for fits, one, other in ((rest, fit, flat), (beside, flat, fit)):
-            fits += [(one.with_drift(each), 1.0) for each in drift * np.eye(2) if drift]
-            fits.append((other, 1.0))
+        drifts = [drift * axis for axis in np.eye(2)] if drift else []
+        rest = [(fit.with_drift(each), 1.0) for each in drifts]
         longest = []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
         if np.hypot(*fit.tilt) > np.tan(STEEPEST) / FOCAL / max(scene.size):
-            return of_ways(fit=fit, rest=rest, tilted=True, longest=longest)
+            return of_ways(fit=fit, rest=[*rest, (flat, 1.0)], tilted=True, longest=longest)
+        beside = [*((flat.with_drift(each), 1.0) for each in drifts), (fit, 1.0)]
         level = None if fit.floor else of_ways(fit=flat, rest=beside)
-        return of_ways(fit=fit, rest=rest[:-1], longest=longest, level=level)
+        return of_ways(fit=fit, rest=rest, longest=longest, level=level)
 
 
 def refit(scene: FlightScene, ways: Sequence[Piece], fit: Fit, **changed: Any) -> Fit:
