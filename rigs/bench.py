@@ -37,7 +37,7 @@ from virtual_lab.simulation.instruments.indicator import (
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.streams import Draws, in_turn
+from virtual_lab.streams import Draws, owners_and_slots
 from virtual_lab.units import Array
 
 Repeats = Annotated[int, Gt(1), Dimension("number")]
@@ -211,7 +211,7 @@ class BenchStation(FittedStation):
 
     def _reference(self, draws: Draws) -> MassReadings:
         """Weigh the reference mass before bat and balls (item 0) and after them (item 1)."""
-        owner, items = in_turn(self.scale.laboratories, 2)
+        owner, items = owners_and_slots(self.scale.laboratories, 2)
         return self.scale.at(owner).weigh(
             np.full(items.size, self.spec.reference),
             self.spec.repeats,

@@ -12,7 +12,7 @@ from scipy import stats
 from scipy.special import ndtri
 
 from virtual_lab.errors import InputError
-from virtual_lab.streams import Quiet, Streams, commitment, generator, in_turn, of_owners
+from virtual_lab.streams import Quiet, Streams, commitment, generator, of_owners, owners_and_slots
 from virtual_lab.streams.philox import fill
 
 NAMES = st.text(min_size=1, max_size=20)
@@ -123,9 +123,11 @@ def test_a_row_depends_only_on_its_slot() -> None:
     slots = np.random.default_rng(1).permutation(5000)
     for each in (1, 2, 5, 6):
         numbers = Streams(4).normal("a", each, slots)
-        in_turn = Streams(4).normal("a", each, np.arange(5000))
-        assert np.array_equal(numbers, in_turn[slots])
-        assert np.array_equal(in_turn[::7], Streams(4).normal("a", each, np.arange(0, 5000, 7)))
+        owners_and_slots = Streams(4).normal("a", each, np.arange(5000))
+        assert np.array_equal(numbers, owners_and_slots[slots])
+        assert np.array_equal(
+            owners_and_slots[::7], Streams(4).normal("a", each, np.arange(0, 5000, 7))
+        )
 
 
 def test_normal_numbers_are_the_quantiles_of_the_uniform_ones() -> None:
@@ -257,10 +259,10 @@ def test_a_block_has_a_leading_axis_of_laboratories() -> None:
 
 
 def test_readings_in_turn_count_laboratory_after_laboratory() -> None:
-    owner, slots = in_turn((2,), 3)
+    owner, slots = owners_and_slots((2,), 3)
     assert owner.tolist() == [0, 0, 0, 1, 1, 1]
     assert slots.tolist() == [0, 1, 2, 0, 1, 2]
-    owner, slots = in_turn((), 3)
+    owner, slots = owners_and_slots((), 3)
     assert owner is ...
     assert slots.tolist() == [0, 1, 2]
 

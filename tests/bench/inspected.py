@@ -67,7 +67,7 @@ def looker(shots: int) -> object:
 
     def taken_so(look: Look) -> Iterator[Action]:
         yield from map(action_of, (*preparation(), *CHECKS))
-        place = None if look().missing else look().next_position
+        place = None if look().reduction_error else look().next_position
         yield action_of("set-place", {"place": round((place or 0.163) * 1e3, 3)})
         for shot in range(shots):
             yield action_of("load-ball", {"ball": shot % 12 + 1})

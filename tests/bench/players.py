@@ -81,7 +81,7 @@ def _until_it_passes(look: Look) -> Iterator[Action]:
         counted = look().reduced.valid
         if left < 1 or not counted.any():
             return
-        highest = int(np.where(counted, look().by_rules.shot_metric, -np.inf).argmax())
+        highest = int(np.where(counted, look().reduction_by_rules.shot_metric, -np.inf).argmax())
         yield action_of("reject", {"shot": highest + 1, "because": "did not sound right"})
         yield action_of("load-ball", {"ball": look().next_ball + 1})
         yield from map(action_of, (*ready_steps(look().day), "fire"))

@@ -62,7 +62,7 @@ def found(fault: str, seeds: Iterable[int]) -> int:
 def features(day: Day) -> list[float]:
     """Return what a trainer's list shows of a day: steps, hits decided otherwise, checks."""
     desk = Desk(day)
-    reasons = desk.reasons if not desk.missing else ()
+    reasons = desk.reasons if not desk.reduction_error else ()
     decided = [(day.decisions[shot].accepted, not why) for shot, why in enumerate(reasons)]
     return [
         len(omitted_steps(day)),

@@ -174,7 +174,7 @@ def test_a_bat_not_at_rest_is_noticed_in_most_shots(plain: Desk) -> None:
 
 def test_without_the_wait_for_pressure_balls_are_2_5_mph_slow(plain: Desk) -> None:
     slow = Desk(day_of(without("wait-pressure")))
-    off = slow.by_rules.shots.speed - plain.by_rules.shots.speed
+    off = slow.reduction_by_rules.shots.speed - plain.reduction_by_rules.shots.speed
     assert off / 0.44704 == pytest.approx(np.full(off.shape, -2.5), abs=0.01)
     assert all(reason.startswith("ball speed") for reason in slow.reasons)
 
@@ -186,7 +186,7 @@ def test_scrap_breaks_the_first_gate_30_mm_too_early(plain: Desk) -> None:
     tripped = early[:, 0, 0, 0] > 0
     assert not tripped[0]
     assert tripped.any()
-    speed = plain.by_rules.shots.speed
+    speed = plain.reduction_by_rules.shots.speed
     assert early[tripped, 0, 0, 0] * speed[tripped] == pytest.approx(0.03, abs=1e-3)
 
 
@@ -246,7 +246,7 @@ def test_a_new_aim_moves_the_marks_and_the_calibration(plain: Desk) -> None:
 )
 def test_without_a_reading_there_is_no_result(name: str, missing: str) -> None:
     day = day_of(without(name))
-    assert missing in Desk(day).missing
+    assert missing in Desk(day).reduction_error
     with pytest.raises(InputError, match=missing):
         play_actions(apparatus(), asked([*without(name), ("reduce", {})]))
 

@@ -75,7 +75,7 @@ def test_no_scenario_tests_a_bat_that_its_rules_exempt() -> None:
 def to_two_undecided_hits(look: Callable[[], Desk]) -> Iterator[Action]:
     """Fire where the rules ask for it until two hits are within the windows; decide none."""
     yield from map(action_of, preparation())
-    while len(look().waiting) < 2:
+    while len(look().undecided_hits) < 2:
         if look().needs_position:
             yield action_of("set-place", {"place": round((look().next_position or 0.0) * 1e3, 3)})
         yield action_of("load-ball", {"ball": look().next_ball + 1})
@@ -87,8 +87,8 @@ def test_a_college_day_shows_its_rules_and_the_hits_that_hold_the_scan() -> None
     told = load_scenario("college-day").spec
     machines = Apparatus(laboratory_of(told, 3, b""))
     held = Desk(run_operator(machines, to_two_undecided_hits))
-    assert len(held.waiting) == 2
-    assert all(not held.reasons[shot] for shot in held.waiting)
+    assert len(held.undecided_hits) == 2
+    assert all(not held.reasons[shot] for shot in held.undecided_hits)
     page = day_page(held, told.briefing())
     place = re.search(r"still requires hits at ([\d.]+) mm", page)
     following = re.search(r"the next impact position is ([\d.]+) mm", page)
@@ -97,10 +97,10 @@ def test_a_college_day_shows_its_rules_and_the_hits_that_hold_the_scan() -> None
     assert float(following[1]) - float(place[1]) == pytest.approx(25.4, abs=0.6)
     assert page.count('value="accept-within"') == 2  # beside the sentence and in the part of hits
     accepted = held
-    for shot in held.waiting:
+    for shot in held.undecided_hits:
         action = action_of("accept", {"shot": shot + 1})
         accepted = accepted.after(do_action(machines, accepted.day, action))
-    assert accepted.next_position == held.with_waiting_accepted.next_position
+    assert accepted.next_position == held.with_undecided_accepted.next_position
     assert "Undecided hits do not count" not in day_page(accepted, told.briefing())
 
     reduced = accepted.after(do_action(machines, accepted.day, action_of("reduce")))

@@ -54,7 +54,7 @@ class HandDesk:
     result: tuple[float, float] | None = (TRUTH, U)
     reasons: tuple[str, ...] = ("", "")
     entered: tuple[EnteredResult, ...] = ()
-    missing: str = ""
+    reduction_error: str = ""
     hits: tuple[Any, ...] = ()
     rules: Any = field(
         default_factory=lambda: SimpleNamespace(

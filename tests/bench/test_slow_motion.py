@@ -85,7 +85,7 @@ def test_the_sketch_shows_the_true_events() -> None:
     fired = [event.sketch for event in day.events if event.action == "fire"]
     assert [sketch["struck"] for sketch in fired] == [["bat"]] * 7
     assert {sketch["way"] for sketch in fired} == {"back"}
-    found = Desk(day).by_rules.shots.collision_efficiency
+    found = Desk(day).reduction_by_rules.shots.collision_efficiency
     assert np.abs([sketch["rebound"] for sketch in fired] - found).max() < 0.2
 
 

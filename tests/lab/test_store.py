@@ -33,7 +33,7 @@ def stored(**changes: float) -> Iterator[None]:
 def results(bat: str, procedure: str, inches: list[float], humidity: float) -> np.ndarray:
     """Return e and e0 of a lot kept at a humidity, at the greatest e of some positions."""
     laboratory = opened(bat, procedure=procedure, reality=Reality.NOISE_FREE)
-    balls = laboratory.specimen.balls.kept_at(humidity)
+    balls = laboratory.specimen.balls.after_storage(humidity)
     specimen = replace(laboratory.specimen, balls=balls)
     places = np.array(inches) * INCH
     curve = true_curve(laboratory.impact, specimen, laboratory.rules.spec, places)

@@ -8,7 +8,7 @@ from scipy import stats
 
 from virtual_lab.uncertainty.budget import Variants, means_of_hits
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
-from virtual_lab.uncertainty.scatter import HitVariance, Scatter, larger_today
+from virtual_lab.uncertainty.scatter import HitVariance, Scatter, has_larger_scatter
 
 HITS = 6
 
@@ -70,7 +70,7 @@ def test_a_larger_scatter_today_counts_alone() -> None:
             Estimate(value=v, u=v * float(np.sqrt(2 / dof)), dof=dof)
             for v, dof in ((ratio, 5.0), (1.0, 50.0))
         )
-        assert larger_today(today, earlier) == alone
+        assert has_larger_scatter(today, earlier) == alone
 
 
 def test_the_f_test_compares_observed_variances() -> None:

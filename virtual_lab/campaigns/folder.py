@@ -180,7 +180,7 @@ class Campaign:
 
         return before(numbers.stop) - before(numbers.start)
 
-    def numbers_there(self) -> list[int]:
+    def present_numbers(self) -> list[int]:
         """Return the numbers of all blocks that have a file, in order.
 
         Raises `InputError` if a file among the parts does not belong to this campaign.
@@ -205,9 +205,9 @@ class Campaign:
     def states(self, numbers: range, *, whole: bool = False) -> Iterator[Part]:
         """Yield the parts of a range of blocks, including parts without a file.
 
-        Raises `InputError` in the same cases as `numbers_there`.
+        Raises `InputError` in the same cases as `present_numbers`.
         """
-        present = set(self.numbers_there())
+        present = set(self.present_numbers())
         for number in numbers:
             absent = None if number in present else Part(self.block(number), NOT_MADE)
             yield absent or self.part(number, whole=whole)
@@ -263,7 +263,7 @@ class Campaign:
         import pandas as pd
         import pyarrow as pa
 
-        parts = (self.part(number, whole=True) for number in self.numbers_there())
+        parts = (self.part(number, whole=True) for number in self.present_numbers())
         tables = [part.table() for part in parts if not part.wrong]
         table = (
             cast("pd.DataFrame", pa.concat_tables(tables).to_pandas())

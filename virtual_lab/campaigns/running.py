@@ -87,7 +87,7 @@ def campaign(
     numbers = opened.share(blocks)
     with draft_in(opened.parts):
         pass  # removes unfinished files of killed processes
-    parts = [opened.part(number) for number in opened.numbers_there() if number in numbers]
+    parts = [opened.part(number) for number in opened.present_numbers() if number in numbers]
     again = {str(part.block): part.wrong for part in parts if part.wrong}
     finished = {part.block.number: part.block.rows for part in parts if not part.wrong}
     done, tests = sum(finished.values()), opened.tests(numbers)

@@ -76,7 +76,7 @@ from virtual_lab.records.particulars import Particulars
 from virtual_lab.records.session import Session
 from virtual_lab.uncertainty.budget import HITS, Budget, Budgets, combine_components
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO
-from virtual_lab.uncertainty.scatter import larger_today
+from virtual_lab.uncertainty.scatter import has_larger_scatter
 from virtual_lab.units import INCH, MPH, Array
 
 HISTORY = 10  # number of earlier tests for the benefit stated by a certificate without history
@@ -466,7 +466,7 @@ def _scatter(certification: Certification, linear: Budgets) -> str:
             f"interval would be {100 * less:.0f} % shorter. If the few hits of this test agree by "
             "chance, the interval is too short."
         )
-    if "metric" in today and larger_today(today["metric"], earlier):
+    if "metric" in today and has_larger_scatter(today["metric"], earlier):
         return (
             f"{alone}, because it is significantly larger than in {earlier.source} (F test, 1 %)."
         )

@@ -15,7 +15,7 @@ from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, RigOutput, ShotPlan, Stage
-from virtual_lab.streams import in_turn
+from virtual_lab.streams import owners_and_slots
 from virtual_lab.units import Array, Mask
 
 ALONE = ()  # shape of a single laboratory; (n,) for a block
@@ -28,7 +28,7 @@ def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotP
     the plan have one entry per laboratory and ball, sorted by laboratory. Speed and position are
     NaN.
     """
-    owner, ball = in_turn(laboratories, rules.balls)
+    owner, ball = owners_and_slots(laboratories, rules.balls)
     nothing = np.full(ball.shape, np.nan)
     return ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
 
@@ -49,7 +49,7 @@ def wall_plan(
         The tuple ``(n,)`` for a block of n laboratories, or ``()`` for one laboratory.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
-    owner, slot = in_turn(laboratories, rules.balls * speeds.size)
+    owner, slot = owners_and_slots(laboratories, rules.balls * speeds.size)
     return ShotPlan(
         slot=slot,
         ball=slot // speeds.size,

@@ -95,9 +95,9 @@ class SessionBlock:
             laboratories=1,
         )
 
-    def known_to(self, laboratory: int) -> Mapping[str, Estimate]:
+    def constants_of(self, laboratory: int) -> Mapping[str, Estimate]:
         """Return the calibration constants of one laboratory keyed by name."""
-        return _OfOne(self.calibration, laboratory)
+        return _LaboratoryConstants(self.calibration, laboratory)
 
 
 def _stack(estimates: Mapping[str, Estimate]) -> dict[str, Estimates]:
@@ -105,7 +105,7 @@ def _stack(estimates: Mapping[str, Estimate]) -> dict[str, Estimates]:
 
 
 @dataclass(frozen=True, slots=True)
-class _OfOne(Mapping[str, Estimate]):
+class _LaboratoryConstants(Mapping[str, Estimate]):
     """The estimates of one laboratory, keyed by name. Each is made when it is requested."""
 
     block: Mapping[str, Estimates]

@@ -60,7 +60,7 @@ def of_owners(values: ArrayLike, owner: Owner) -> Any:
     return np.asarray(values)[owner][()]
 
 
-def in_turn(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
+def owners_and_slots(laboratories: tuple[int, ...], count: int) -> tuple[Owner, Slots]:
     """Return the owner and the slot of `count` consecutive readings in each laboratory of a block.
 
     The owner of a reading is the index of its laboratory in the block. The slot of a reading is its

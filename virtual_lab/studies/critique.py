@@ -100,13 +100,13 @@ class Pair:
 
     bat: str
     against: str
-    swing_exponent: float | None  # of the field's swing law; None: constant energy
+    swing_exponent: float | None  # n of the field; None: constant energy
     batted_speed_difference_mph: float
     procedure: str
     procedure_swing_exponent: float | None  # None: the procedure has no swing law
     metric: str
     unit: str
-    error_free_difference: float | None  # of the metric in an error-free laboratory
+    error_free_difference: float | None  # in an error-free laboratory
     ranking: Ranking = inline()
 
 
@@ -118,7 +118,7 @@ class ProcedureResults:
     ball: str
     metric: str  # symbol of the metric
     unit: str
-    swing_exponent: float | None  # of the procedure; None: it has no swing law
+    swing_exponent: float | None  # n of the procedure; None: it has no swing law
     exact: Array  # metric in an error-free laboratory, (bat,); NaN without a result
     measured: Array  # metric, (laboratory, bat)
 
@@ -283,7 +283,7 @@ def critique(
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
     compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
-    top = [row.peaks["peak_batted_speed_mph"] for row in compared.peaks]  # by bat, then by n
+    top = [row.peaks["peak_batted_speed_mph"] for row in compared.peaks]  # (bat, n)
     procedures = procedures or _of_this_game(compared.sports)
     sheets = [catalog.load("procedures", each, Procedure).spec for each in procedures]
     catalog.require_own_names("procedures", [rules.name for rules in sheets])

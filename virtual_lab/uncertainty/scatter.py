@@ -126,7 +126,7 @@ class Scatter(AlignedArrays):
         )
 
 
-def larger_today(today: Estimate, earlier: Estimate) -> bool:
+def has_larger_scatter(today: Estimate, earlier: Estimate) -> bool:
     """Return whether single hits have a significantly larger variance today than in earlier tests.
 
     `today` is the variance of a single hit today, with its u and degrees of freedom. `earlier` is

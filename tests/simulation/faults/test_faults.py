@@ -75,13 +75,13 @@ def test_a_fault_that_cannot_befall_the_rig_names_those_it_can() -> None:
 def test_faults_befall_a_rig_of_another_maker_by_its_instruments() -> None:
     """The rig has gates and air, but neither our cannon nor an encoder; no fault names it."""
 
-    def befalls(name: str) -> bool:
+    def possible_at(name: str) -> bool:
         try:
             return bool(FaultSet.of([name], rig="speed-gun-pivot").names)
         except InputError:
             return False
 
-    able = {name for name in NAMES if befalls(name)}
+    able = {name for name in NAMES if possible_at(name)}
     assert {"gate-moved", "gate-clock", "gate-misses", "sabot-trip", "wrong-lot"} <= able
     assert not {"encoder-slip", "encoder-half-counts", "bearing-friction", "aim-along"} & able
     day = FaultSet.of(["gate-clock"], rig="speed-gun-pivot")

@@ -32,7 +32,10 @@ if TYPE_CHECKING:  # the reduction takes a second to load, too long for the firs
 
 UNDECIDED = "undecided"
 UNTOUCHED_BY_DECISIONS = frozenset(
-    {"session", "block", "rules", "preparation", "readings", "by_rules", "reasons", "missing"}
+    {
+        *("session", "block", "rules", "preparation", "readings", "reduction_by_rules"),
+        *("reasons", "reduction_error"),
+    }
 )
 STAGES = {"hit-wall": "balls", "aim-paper": "impact"}  # stage of the records of each action
 
@@ -142,7 +145,7 @@ class Desk:
         return observe_hits(self.block, self.preparation)
 
     @cached_property
-    def by_rules(self) -> Reduction:
+    def reduction_by_rules(self) -> Reduction:
         """Reduction of the hits so far; the rules decide about each hit.
 
         Raises `InputError` with the name of a missing record.
@@ -157,8 +160,8 @@ class Desk:
 
         Raises `InputError` with the name of a missing record.
         """
-        judgement = self._judgement(self.by_rules.shots)
-        return self.by_rules.judge_hits(lambda *_: judgement, self.readings)
+        judgement = self._judgement(self.reduction_by_rules.shots)
+        return self.reduction_by_rules.judge_hits(lambda *_: judgement, self.readings)
 
     @cached_property
     def certification(self) -> Certification:
@@ -170,7 +173,7 @@ class Desk:
     @property
     def result(self) -> tuple[float, float] | None:
         """Metric and its standard uncertainty [SI]; None if the records give no result."""
-        if not self.day.fired or self.missing or self.certification.metric is None:
+        if not self.day.fired or self.reduction_error or self.certification.metric is None:
             return None
         metric = self.certification.metric
         return metric.value, metric.u
@@ -196,14 +199,14 @@ class Desk:
     @cached_property
     def reasons(self) -> tuple[str, ...]:
         """For each hit, the reason why the rules reject it; an empty string if they accept it."""
-        return self.by_rules.judgement(self.readings).reasons if self.day.fired else ()
+        return self.reduction_by_rules.judgement(self.readings).reasons if self.day.fired else ()
 
     @property
     def hits(self) -> list[HitResult]:
         """One row per shot so far; all results are None while a record is missing."""
         rows = np.full((len(self.day.fired), 4), np.nan)
-        if self.day.fired and not self.missing:
-            shots, reduction = self.by_rules.shots, self.by_rules
+        if self.day.fired and not self.reduction_error:
+            shots, reduction = self.reduction_by_rules.shots, self.reduction_by_rules
             rows = np.stack(
                 [
                     reduction.position,
@@ -231,12 +234,12 @@ class Desk:
         ]
 
     @cached_property
-    def missing(self) -> str:
+    def reduction_error(self) -> str:
         """Reason why the hits cannot be reduced; an empty string if they can."""
         if not self.day.events:
             return "nothing has been measured yet"
         try:
-            _ = self.by_rules if self.day.fired else self.preparation
+            _ = self.reduction_by_rules if self.day.fired else self.preparation
         except InputError as fault:
             return str(fault)
         return ""
@@ -258,23 +261,23 @@ class Desk:
         )
 
     @cached_property
-    def waiting(self) -> tuple[int, ...]:
+    def undecided_hits(self) -> tuple[int, ...]:
         """Undecided hits within the acceptance windows, as shot numbers from 0.
 
         There are none while a record is missing, or after the day was reduced or handed in.
         """
         day = self.day
-        if self.missing or day.reduced or day.handed_in:
+        if self.reduction_error or day.reduced or day.handed_in:
             return ()
         return tuple(
             shot for shot, why in enumerate(self.reasons) if not why and shot not in day.decisions
         )
 
     @cached_property
-    def with_waiting_accepted(self) -> Desk:
-        """The desk as it would be if every hit in `waiting` were accepted."""
+    def with_undecided_accepted(self) -> Desk:
+        """The desk as it would be if every hit in `undecided_hits` were accepted."""
         accepted = Decision(accepted=True, because="within the windows")
-        decisions = {**dict.fromkeys(self.waiting, accepted), **self.day.decisions}
+        decisions = {**dict.fromkeys(self.undecided_hits, accepted), **self.day.decisions}
         following = Desk(replace(self.day, decisions=decisions))
         names = UNTOUCHED_BY_DECISIONS & self.__dict__.keys()
         following.__dict__.update({name: self.__dict__[name] for name in names})

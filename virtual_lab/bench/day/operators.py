@@ -45,7 +45,7 @@ class Habits:
     listed: bool = False  # whether these checks are only those for the scenario's listed faults
     wants: bool = False  # whether the operator rejects high hits to get a low result
 
-    def looks_for(self, listed: Mapping[str, float]) -> set[str]:
+    def checks_of(self, listed: Mapping[str, float]) -> set[str]:
         """Return the names of the checks that the operator makes; empty if `checks` is False."""
         detection = detectable()
         faults = [name for name in listed if name in detection] if self.listed else list(detection)
@@ -65,7 +65,7 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
         yield from _decide_hits(look)
         yield from _end(look, habits)
         return
-    checks = habits.looks_for(look().day.listed)
+    checks = habits.checks_of(look().day.listed)
     for name in preparation():
         careful = name in {"tare", "level-stand", "fit-clamp"}
         if careful and habits.slips(habits.forgets, name):
@@ -82,7 +82,7 @@ def _take(look: Look, habits: Habits) -> Iterator[Action]:
 
 def _decide_hits(look: Look) -> Iterator[Action]:
     """Yield corrected decisions on the hits of another laboratory, and notes on omitted steps."""
-    for shot, why in enumerate(look().reasons if not look().missing else ()):
+    for shot, why in enumerate(look().reasons if not look().reduction_error else ()):
         decision = look().day.decisions.get(shot)
         if decision is None or decision.accepted == bool(why):
             because = {"because": why} if why else {}
@@ -135,7 +135,7 @@ def _arguments_of(name: str, habits: Habits) -> Mapping[str, object]:
 
 def _hits(look: Look, habits: Habits) -> Iterator[Action]:
     """Yield shots and decisions until the rules need no further hit."""
-    while not look().missing and (place := look().next_position) is not None:
+    while not look().reduction_error and (place := look().next_position) is not None:
         shot = len(look().day.fired)
         if look().needs_position:
             yield action_of("set-place", {"place": round(place * 1e3, 3)})
@@ -145,7 +145,7 @@ def _hits(look: Look, habits: Habits) -> Iterator[Action]:
             if not habits.slips(habits.forgets, step, shot):
                 yield action_of(step)
         yield action_of("fire")
-        if shot + 1 == FIRST_SHOTS and "fire-check-cylinder" in habits.looks_for(look().day.listed):
+        if shot + 1 == FIRST_SHOTS and "fire-check-cylinder" in habits.checks_of(look().day.listed):
             yield action_of("fire-check-cylinder")
         if habits.checks:
             yield from _repair_faults(look)
@@ -168,7 +168,7 @@ def _decision(desk: Desk, habits: Habits) -> Action:
 
 def _lowest(desk: Desk) -> bool:
     """Return whether the metric of the last hit is the lowest so far."""
-    metric = desk.by_rules.shot_metric
+    metric = desk.reduction_by_rules.shot_metric
     return bool(np.isfinite(metric[-1]) and metric[-1] <= np.nanmin(metric))
 
 
@@ -181,12 +181,12 @@ def _can_spare(desk: Desk) -> bool:
 def _end(look: Look, habits: Habits) -> Iterator[Action]:
     certain: dict[str, float] = {}
     if habits.checks:
-        if "tap-bat" in habits.looks_for(look().day.listed) and not look().day.supplied_events:
+        if "tap-bat" in habits.checks_of(look().day.listed) and not look().day.supplied_events:
             yield action_of("tap-bat")
         yield from _repair_faults(look)
         sure = {doubt.fault: detectable()[doubt.fault].sure for doubt in suspected_faults(look())}
         certain = {fault: each for fault, each in sure.items() if each >= 0.9}
-    if look().missing or not look().day.fired:
+    if look().reduction_error or not look().day.fired:
         yield action_of("give-verdict", {"verdict": "INVALID", "doubt": "no result"})
     else:
         yield action_of("reduce")

@@ -335,9 +335,9 @@ def _shots(desk: Desk) -> Iterator[CheckRow]:
     """Yield the rows that follow from all shots since the last repair of the rig."""
     fired = [event for event in desk.day.events if event.action == "fire"]
     since = shots_before_repair(desk)
-    if len(fired) == since or desk.missing:
+    if len(fired) == since or desk.reduction_error:
         return
-    shots, readings, last = desk.by_rules.shots, desk.readings, fired[-1]
+    shots, readings, last = desk.reduction_by_rules.shots, desk.readings, fired[-1]
     missed = ~readings.flights.raw.complete[since:]
     yield _row("gate-misses", last, float(missed.sum()), 0.0, 0.0, missed.size, high=0.0)
     record = desk.session.records["impact"]["gates"]

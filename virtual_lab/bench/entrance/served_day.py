@@ -87,7 +87,8 @@ class ServedDay:
         Raises `InputError` if the scenario or the folder does not fit.
         """
         if self._begun:
-            _ = self._first.missing  # compute the content of the first page before the slow setup
+            # the content of the first page, computed before the slow setup
+            _ = self._first.reduction_error
         from virtual_lab.bench.machines.stored_day import StoredDay
 
         if self._begun or self.scenario is None:

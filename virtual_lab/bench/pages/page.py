@@ -152,10 +152,10 @@ def day_page(
         done_of=_count_done(steps),
         hits=hits,
         undecided=[hit for hit in hits if hit.decision == "undecided"],
-        waiting=desk.waiting,
+        waiting=desk.undecided_hits,
         undecided_note=_undecided_note(desk, briefing),
         result=reduced.shown if (reduced := desk.last("reduce")) else (),
-        hits_note=in_buttons(desk.missing),
+        hits_note=in_buttons(desk.reduction_error),
         suggested=suggested,
         can_fire=is_offered(day, "fire"),
         ready=[(table.actions[name].title, name in day.ready) for name in ready_steps(day)],
@@ -276,7 +276,7 @@ def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
 def _steps(desk: Desk) -> list[Step]:
     day, sheets, rules = desk.day, action_table().actions, desk.rules.spec
     counted = sum(each.accepted for each in day.decisions.values())
-    enough_hits = bool(day.fired) and not desk.missing and desk.next_position is None
+    enough_hits = bool(day.fired) and not desk.reduction_error and desk.next_position is None
     is_done = {name: desk.last(name) is not None for name in preparation()} | {
         "set-place": day.place is not None,
         "fire": enough_hits or day.reduced,
@@ -305,7 +305,7 @@ def _last_undecided(desk: Desk, hits: list[PrintedHit]) -> bool:
     """Return whether the last action was a shot that the trainee can accept or reject now."""
     events, day = desk.day.events, desk.day
     fired = bool(events) and events[-1].action == "fire" and bool(hits)
-    return fired and not (day.reduced or day.handed_in or desk.missing)
+    return fired and not (day.reduced or day.handed_in or desk.reduction_error)
 
 
 def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
@@ -321,12 +321,12 @@ def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
 def _next_step(desk: Desk, steps: list[Step], hits: list[PrintedHit]) -> str:
     """Return the next step of the procedure: an action, or ``decide-N`` for undecided hit N."""
     for hit in hits:
-        if hit.decision == "undecided" and not desk.missing and not desk.day.reduced:
+        if hit.decision == "undecided" and not desk.reduction_error and not desk.day.reduced:
             return f"decide-{hit.shot}"
     name = next((step.name for step in steps if step.state == "now"), "")
     if name != "fire":
         return name
-    return "set-place" if not desk.missing and desk.needs_position else "fire-shots"
+    return "set-place" if not desk.reduction_error and desk.needs_position else "fire-shots"
 
 
 def _last_control(events: tuple[DayEvent, ...]) -> str:
@@ -382,7 +382,7 @@ def _default(argument: Argument, action: str, suggested: Mapping[str, str]) -> s
 
 def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
     """Return the next impact position and ball as printed; empty while a record is missing."""
-    if desk.missing:
+    if desk.reduction_error:
         return {"place": "", "ball": ""}
     place = desk.next_position
     return {
@@ -393,13 +393,13 @@ def _suggest_shot(desk: Desk, briefing: Mapping[str, Any]) -> dict[str, str]:
 
 def _undecided_note(desk: Desk, briefing: Mapping[str, Any]) -> str:
     """Return the note that undecided hits prevent the next position; empty if they do not."""
-    if not desk.waiting or desk.next_position is None:
+    if not desk.undecided_hits or desk.next_position is None:
         return ""
-    following_position = desk.with_waiting_accepted.next_position
+    following_position = desk.with_undecided_accepted.next_position
     if following_position == desk.next_position:
         return ""
     unit = _units(briefing)[0]
-    count = f"{len(desk.waiting)} undecided hit{'s' if len(desk.waiting) > 1 else ''}"
+    count = f"{len(desk.undecided_hits)} undecided hit{'s' if len(desk.undecided_hits) > 1 else ''}"
     position = f"{_length(desk.next_position, briefing)} {unit}"
     if following_position is None:
         consequence = "no further hit is needed"
@@ -424,7 +424,7 @@ def _length(metres: float, briefing: Mapping[str, Any]) -> str:
 
 def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[PrintedHit]:
     (length, metre), (_, metre_a_second) = UNITS[briefing["units"]]
-    whole, metric = not desk.missing, METRICS[desk.rules.spec.metric]
+    whole, metric = not desk.reduction_error, METRICS[desk.rules.spec.metric]
 
     def number(value: float | None, unit: float, places: int) -> str:
         return (

@@ -83,10 +83,10 @@ def tally(desk: Desk, system: str) -> list[PrintedColumn]:
 
     The list is empty before the shots can be reduced. `system` is "SI" or "inch-ounce-mph".
     """
-    if not desk.day.fired or desk.missing:
+    if not desk.day.fired or desk.reduction_error:
         return []
     (length, metre), (speed, metre_a_second) = UNITS[system]
-    reduction, impact = desk.by_rules, desk.session.records["impact"]
+    reduction, impact = desk.reduction_by_rules, desk.session.records["impact"]
     incoming, back, chords = _gate_texts(impact["gates"], len(desk.day.fired))
     place = ".3f" if metre > 0.01 else ".1f"
     log: Any = impact["log"]
@@ -143,10 +143,10 @@ def run_chart(desk: Desk, units: Units) -> str:
     mean of e_A ± 3 standard deviations. The string is empty if there are fewer than two shots, or
     if the shots cannot be reduced yet.
     """
-    if len(desk.day.fired) < 2 or desk.missing:
+    if len(desk.day.fired) < 2 or desk.reduction_error:
         return ""
     (_, _), (unit, metre_a_second) = units
-    reduction, rules = desk.by_rules, desk.rules.spec
+    reduction, rules = desk.reduction_by_rules, desk.rules.spec
     number = np.arange(1.0, len(desk.day.fired) + 1)
     sides = {"left": 46.0, "right": 490.0, "x": (0.5, number[-1] + 0.5)}
     speed = reduction.shots.speed / metre_a_second
@@ -214,7 +214,7 @@ def residual_chart(desk: Desk, shot: int) -> str:
     40 samples were fitted.
     """
     record = desk.session.records.get("impact", {}).get("encoder")
-    if not isinstance(record, EncoderRecord) or desk.missing:
+    if not isinstance(record, EncoderRecord) or desk.reduction_error:
         return ""
     from virtual_lab.measurement.reduction.recoil import RECOIL, project, turn_and_rings
 

@@ -159,7 +159,7 @@ def _corrected_days(
     """
     day = desk.day
     actions = [Action(name=event.action, arguments=event.arguments) for event in day.events]
-    reasons = desk.reasons if day.fired and not desk.missing else ()
+    reasons = desk.reasons if day.fired and not desk.reduction_error else ()
     sheets = action_table().actions
     by_windows = {
         shot

@@ -91,7 +91,7 @@ def anomaly_of(desk: Desk, shot: int) -> str:
     for row in _edges(desk, shot):
         if not row.within:
             return row.why
-    turning = None if desk.missing else desk.readings.recoil
+    turning = None if desk.reduction_error else desk.readings.recoil
     if turning is not None:
         rough = turning.residual[shot] - float(np.median(turning.residual))
         if rough > detectable()["encoder-slip"].beyond:
@@ -112,7 +112,7 @@ def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
         reason = (True, f"corrected later: the step was done, and “{title}” was repeated after it")
     elif step == "tare":
         reason = _zero_evidence(desk)
-    elif step in BY_SHOT and shots and not desk.missing:
+    elif step in BY_SHOT and shots and not desk.reduction_error:
         evidence = [BY_SHOT[step](desk, shot) for shot in shots]
         contradicting = [each for each in evidence if each[0] is not True]
         reason = (contradicting or evidence)[0]
@@ -132,7 +132,7 @@ def _judge_deviation(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
 def _judge_rejection(desk: Desk, event: DayEvent) -> Iterator[Deviation]:
     """Yield the judgment of a rejection, if the hit was within the windows."""
     shot = int(event.arguments["shot"]) - 1
-    if desk.missing or desk.reasons[shot]:
+    if desk.reduction_error or desk.reasons[shot]:
         return
     anomaly_text = anomaly_of(desk, shot)
     yield Deviation(
@@ -198,7 +198,7 @@ def _rest_evidence(desk: Desk, shot: int) -> Evidence:
 
 
 def _speed_evidence(desk: Desk, shot: int) -> Evidence:
-    nominal, speed = desk.rules.spec.ball_speed, float(desk.by_rules.shots.speed[shot])
+    nominal, speed = desk.rules.spec.ball_speed, float(desk.reduction_by_rules.shots.speed[shot])
     tolerance = desk.rules.spec.windows.speed_tolerance
     if not np.isfinite(speed):
         return None, f"the speed of shot {shot + 1} was not measured"

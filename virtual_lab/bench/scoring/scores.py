@@ -187,7 +187,7 @@ def record_score(
     hit in `justified`, counted from 0, is also correct. A hit without a decision counts as wrong.
     The score is 0 if there is no hit, or if a record is missing.
     """
-    reasons = desk.reasons if not desk.missing else ()
+    reasons = desk.reasons if not desk.reduction_error else ()
     if not reasons:
         return 0.0, "there was no hit to decide"
     decisions = desk.day.decisions

@@ -372,8 +372,8 @@ def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
         shots = 0
     if not 1 <= shots <= 12:
         raise InputError("", "shots", fields.get("shots"), "allowed: 1 to 12")
-    if day.desk.missing:
-        raise InputError("", "next ball", None, f"is not known yet: {day.desk.missing}")
+    if day.desk.reduction_error:
+        raise InputError("", "next ball", None, f"is not known yet: {day.desk.reduction_error}")
     for _ in range(shots):
         if "accept" in fields:
             place = day.desk.next_position

@@ -73,4 +73,4 @@ def flight_readings(block: SessionBlock, stage: str) -> FlightReadings:
     if maker is None:
         names = ", ".join(sorted(kind.__name__ for kind in makers()))
         raise InputError(f"{stage}/{channel}", "record", type(record).__name__, f"allowed: {names}")
-    return maker(record, block.known_to(0), stage)
+    return maker(record, block.constants_of(0), stage)

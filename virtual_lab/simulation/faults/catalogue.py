@@ -93,7 +93,7 @@ def not_conditioned(specimen: Specimen) -> Specimen:
     The relative humidity of the room is 75 %. If the ball-wall restitution of the balls does not
     depend on the humidity, they are unchanged.
     """
-    return replace(specimen, balls=specimen.balls.kept_at(DAMP_ROOM))
+    return replace(specimen, balls=specimen.balls.after_storage(DAMP_ROOM))
 
 
 def worn_out(specimen: Specimen) -> Specimen:

@@ -101,7 +101,8 @@ def faults_at(rig: str) -> list[str]:
     """
     installed = find_rig(rig, Stage.IMPACT)
     station = installed.commission(Quiet())
-    return [name for name, fault in sorted(CATALOGUE.items()) if fault.befalls(installed, station)]
+    faults = sorted(CATALOGUE.items())
+    return [name for name, fault in faults if fault.possible_at(installed, station)]
 
 
 def _able(fault: Fault) -> list[str]:
@@ -109,5 +110,5 @@ def _able(fault: Fault) -> list[str]:
     return [
         name
         for name, rig in installed_rigs().items()
-        if rig.stage is Stage.IMPACT and fault.befalls(rig, rig.commission(Quiet()))
+        if rig.stage is Stage.IMPACT and fault.possible_at(rig, rig.commission(Quiet()))
     ]

@@ -62,7 +62,7 @@ class Fault:
         """Return whether the fault affects a stage."""
         return self.stage in (None, stage)
 
-    def befalls(self, rig: Rig, station: Station) -> bool:
+    def possible_at(self, rig: Rig, station: Station) -> bool:
         """Return whether an impact rig with this station can have the fault."""
         if not self.acts_at(Stage.IMPACT):
             return True

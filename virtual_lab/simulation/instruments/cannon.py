@@ -19,7 +19,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     Freedom,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.streams import Draws, Slots, in_turn
+from virtual_lab.streams import Draws, Slots, owners_and_slots
 from virtual_lab.units import MPH, Array
 
 Distance = Annotated[float, Ge(0), Dimension("length")]
@@ -102,7 +102,7 @@ class Cannon(CalibratedInstrument[CannonSpec]):
 
         In a block the marks are in the order of the laboratories.
         """
-        owner, marks = in_turn(self.laboratories, self.spec.marks)
+        owner, marks = owners_and_slots(self.laboratories, self.spec.marks)
         launch = self.at(owner).fire(np.full(marks.size, np.nan), draws.at(owner), name, marks)
         return AimMarks(
             along=quantise(launch.along, self.spec.mark_resolution),

@@ -18,7 +18,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedSpec,
     Freedom,
 )
-from virtual_lab.streams import Draws, Slots, in_turn
+from virtual_lab.streams import Draws, Slots, owners_and_slots
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
@@ -74,7 +74,9 @@ class Indicator(CalibratedInstrument[S]):
         """
         displayed = np.atleast_1d(np.asarray(values, dtype=float))
         if items is None:
-            owner, items = in_turn(self.laboratories, displayed.size // prod(self.laboratories))
+            owner, items = owners_and_slots(
+                self.laboratories, displayed.size // prod(self.laboratories)
+            )
             draws = draws.at(owner)
         noise = self.spec.repeatability * draws.normal(name, repeats, items)
         return quantise(displayed[:, None] + noise, self.spec.resolution)

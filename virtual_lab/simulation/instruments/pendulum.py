@@ -21,7 +21,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     stated_constant,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.streams import Draws, in_turn, of_owners
+from virtual_lab.streams import Draws, of_owners, owners_and_slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 Time = Annotated[float, Ge(0), Dimension("time")]
@@ -127,7 +127,7 @@ class Pendulum(CalibratedInstrument[PendulumSpec]):
         passages = np.cumsum(np.multiply.outer(period, [0.0, *factor]), axis=-1)
         clock_times = np.asarray(true["clock"])[..., None] * passages
         ends = np.add.outer(true["amplitude_offset"], amplitude[[0, -1]])
-        owner, slots = in_turn(self.laboratories, releases)
+        owner, slots = owners_and_slots(self.laboratories, releases)
         streams = draws.at(owner)
         start = spec.timer_resolution * streams.uniform(f"{name}.start", 1, slots)
         jitter = spec.timer_jitter * streams.normal(f"{name}.jitter", spec.swings + 1, slots)

@@ -236,7 +236,7 @@ def _next_solid(
         if low < high:
             path = (abs(beside) - contact_distance) / abs(along_x) if beside * along_x < 0 else inf
             if not low <= state.z + along_z * path <= high:
-                continue  # beyond the ends of a bar are the posts
+                continue  # the posts are beyond the ends of a bar
         else:
             towards = -(beside * along_x + (state.z - low) * along_z)
             offset = beside * along_z - (state.z - low) * along_x

@@ -20,11 +20,11 @@ def loss_of_restitution(
     a ball. The hits are in the order of time. `ball` holds the number of the ball of each hit and
     `speed` its speed [m/s], both (shot,). `rest` is the time between two hits of the same ball [s].
     """
-    in_turn = np.argsort(ball, kind="stable")  # sorts the hits by ball
-    _, first, hits = np.unique(ball[in_turn], return_index=True, return_counts=True)
+    owners_and_slots = np.argsort(ball, kind="stable")  # sorts the hits by ball
+    _, first, hits = np.unique(ball[owners_and_slots], return_index=True, return_counts=True)
     row, rank = np.arange(hits.size).repeat(hits), np.arange(ball.size) - first.repeat(hits)
     losses = np.zeros((hits.size, hits.max(initial=0)))
-    losses[row, rank] = _loss_by_hit(ageing, speed)[in_turn]
+    losses[row, rank] = _loss_by_hit(ageing, speed)[owners_and_slots]
     remaining = exp(-rest / ageing.recovery_time)
     lasting = losses.cumsum(axis=1) - losses
     passing = np.zeros_like(losses)
@@ -32,7 +32,7 @@ def loss_of_restitution(
         passing[:, turn] = remaining * (passing[:, turn - 1] + losses[:, turn - 1])
     loss_by_rank = (1 - ageing.recovering) * lasting + ageing.recovering * passing
     loss = np.empty(ball.shape)
-    loss[in_turn] = loss_by_rank[row, rank]
+    loss[owners_and_slots] = loss_by_rank[row, rank]
     return loss
 
 

@@ -103,7 +103,7 @@ class TrueBalls:
             store=None if self.store is None else of_owners(self.store, owner),
         )
 
-    def kept_at(self, humidity: float) -> TrueBalls:
+    def after_storage(self, humidity: float) -> TrueBalls:
         """Return these balls after a storage of days at another relative humidity, 0 to 1.
 
         The balls are returned unchanged if their e0 does not depend on the humidity.

@@ -35,7 +35,7 @@ SIGNIFICANT = 0.05  # p-value of Bartlett's test below which days are not pooled
 class DailyScatter:
     """Variance of a hit on several days, arrays (day,)."""
 
-    variance: Array  # of the metric [SI²], or of e0 of a hit at the wall
+    variance: Array  # variance of the metric [SI²], or of e0 of a hit at the wall
     dof: Array
     at_wall: bool
 

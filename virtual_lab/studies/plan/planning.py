@@ -48,7 +48,9 @@ class PlanRow:
     balls: int = column("balls")
     wall_hits: int = column("wall hits")
     minutes: float = column("minutes", form=".0f")
-    price: float | None = column("price", form=".0f")  # of all tests and exchanged instruments
+    price: float | None = column(
+        "price", form=".0f"
+    )  # price of all tests and exchanged instruments
     currency: str = column("", form="")
     planned_u: float = column("planned u", form=".3g")
     simulated_u: float = column("simulated u", form=".3g")  # median over the tests
@@ -56,7 +58,7 @@ class PlanRow:
     reaches: bool = column("reaches the target", form=lambda row: "yes" if row.reaches else "no")
     invalid: int = column("INVALID tests")
     exchanged: str = column("exchanged", form="")
-    unit: str  # of u
+    unit: str  # unit of u
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

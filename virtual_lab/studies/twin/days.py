@@ -201,7 +201,7 @@ def _commission(stage: Stage, statement: Statement, draws: Draws) -> Station:
     scatter = statement.scatter[stage]
     parts: dict[str, Any] = {}
     for field, (part, instrument) in station.parts().items():
-        prefix = constant_name(stage, f"{part}.")  # of the hall for its air and gravity
+        prefix = constant_name(stage, f"{part}.")  # "hall." for air and gravity
         constants = {key: Estimate(value=value) for key, value in scatter.items()} | {
             key.removeprefix(prefix): estimate
             for key, estimate in statement.constants.items()

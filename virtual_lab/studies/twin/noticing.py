@@ -46,7 +46,7 @@ class NoticedFault:
     fault: str = column("fault")
     # smallest size from which on the fault is noticed on 9 of 10 days; None: at no size
     noticed_from: float | None = column("noticed from", "its size", "g")
-    noticed_at: Mapping[str, float] = column(  # by the size, one column each
+    noticed_at: Mapping[str, float] = column(  # share of days by size of the fault
         f"noticed at {', '.join(f'{size:g}' for size in SIZES)}",
         "of days",
         lambda row: ", ".join(f"{share:.0%}" for share in row.noticed_at.values()),

@@ -77,7 +77,7 @@ class Twin(StudyResult):
     readings: tuple[TwinReading, ...] = ()  # () without such days
     improvements: tuple[Improvement, ...] = ()  # changes that lower u most
     faults: tuple[NoticedFault, ...] = ()  # faults that the laboratory can have, if requested
-    remark: str = ""  # where the days differ from the records
+    remark: str = ""  # readings in which the days differ from the records
 
     name = "twin"
 
