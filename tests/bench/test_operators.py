@@ -287,6 +287,7 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
     document = json.loads(done.stdout)
     assert document["value"] == debrief_by("book").value
     assert {path.name for path in out.iterdir()} == {
+        "actions.json",
         "day.sqlite",
         "sealed.json",
         "debrief.json",
@@ -302,6 +303,15 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
     again = vl.reduce(out / "records")
     assert again.document["metric"]["value"] == pytest.approx(document["value"], rel=1e-9)
     assert json.loads((out / "debrief.json").read_text("utf-8"))["verdict"] == "PASS"
+    repeated = json.loads(json.dumps(vl.rehearse(script=out / "actions.json", seed=3).document))
+    assert repeated == {key: document[key] for key in repeated} | {"seal": repeated["seal"]}
+
+
+def test_a_script_that_stops_early_says_how_to_end(tmp_path: Path) -> None:
+    path = tmp_path / "short.json"
+    path.write_text('{"actions": [{"do": "tare"}]}', "utf-8")
+    with pytest.raises(InputError, match=r"short.json: actions\[2\]; .*hand-in"):
+        vl.rehearse(script=path, seed=3)
 
 
 def test_the_text_names_each_fault_and_only_written_files(

@@ -86,13 +86,16 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
         yield Unchecked(f"{top}: the folder is missing")
 
 
-def signature_fault(folder: Path, key: Path) -> Mismatch | None:
-    """Return a mismatch if the list of digests has no valid signature, otherwise None.
+def signature_fault(folder: Path, key: Path) -> Mismatch | Unchecked | None:
+    """Return the fault of the signature of the list of digests, None if it is valid.
 
-    `key` is the file of the public key. Raises `InputError` if the key cannot be used, as described
+    A missing signature leaves the list unchecked; one that is not valid is a mismatch. `key` is the
+    file of the public key. Raises `InputError` if the key cannot be used, as described
     for `require_key`.
     """
     public = require_key(key, private=False)
+    if not (folder / SIGNATURE).exists():
+        return Unchecked(f"{SIGNATURE}: the maker is unknown")
     from cryptography.exceptions import InvalidSignature
 
     try:

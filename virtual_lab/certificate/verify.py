@@ -76,7 +76,7 @@ SIGNED = "signed by the owner of the key"
 SIGNATURES = {  # last line of the text by state of the signature
     "valid": SIGNED,
     "not valid": "the signature is not valid for this key",
-    "missing": f"the signature file {SIGNATURE} is missing",
+    "missing": f"not signed: there is no {SIGNATURE}",
     "not checked": "no signature was checked: "
     "anybody with the program can make a folder of invented records",
 }
@@ -196,7 +196,7 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
     signature = "not checked" if key is None else "valid"
     if fault:
-        signature = "not valid" if (folder / SIGNATURE).exists() else "missing"
+        signature = "not valid" if isinstance(fault, Mismatch) else "missing"
     if (folder / FILM).is_dir() and signature != "valid":
         unchecked.append(f"{FILM}: the film of a shot cannot be compared with any record")
     if (folder / SIGNATURE).exists() and key is None:

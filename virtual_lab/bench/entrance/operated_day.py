@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,8 @@ from virtual_lab.output.result import preformatted
 from virtual_lab.parameters import File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
 from virtual_lab.sheets import AnyName, Instruments
+
+SCRIPT = "actions.json"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -64,8 +67,10 @@ class RehearsedDay:
         return "\n".join(lines)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write log, sealed file, debrief, records and certificate into a new folder.
+        """Write log, actions, sealed file, debrief, records and certificate into a new folder.
 
+        ``actions.json`` is a script of all actions of the day, which can be changed and carried out
+        again.
         The records contain all shots, which `virtual-lab reduce` judges by the rules. The
         certificate uses only the hits that the operator accepted.
 
@@ -91,6 +96,7 @@ class RehearsedDay:
             for name, content in self.files.items():
                 (draft / name).write_bytes(content)
             (draft / SECRET).chmod(0o600)
+            (draft / SCRIPT).write_text(self._script, encoding="utf-8")
             save_debrief(self.debrief, draft)
             if self.desk.day.reduced:
                 (draft / "records").mkdir()
@@ -100,6 +106,14 @@ class RehearsedDay:
                 (draft / "certificate.json").write_text(printed.text, encoding="utf-8")
                 (draft / "certificate.html").write_text(certificate_page(printed), "utf-8")
         return target
+
+    @property
+    def _script(self) -> str:
+        """The actions as a script, one per line."""
+        lines = (
+            json.dumps({"do": event.action, **event.arguments}) for event in self.desk.day.events
+        )
+        return '{"actions": [\n' + ",\n".join(lines) + "\n]}\n"
 
     def _repr_html_(self) -> str:
         return preformatted(self.text)
@@ -128,7 +142,8 @@ def rehearse(
         yields actions. The generator function has one parameter, a function that returns the
         current `Desk` (the results of the day so far).
     script
-        Path of a .json file with actions, instead of an operator.
+        Path of a .json file with actions, instead of an operator. A saved day contains such a file,
+        ``actions.json``.
     seed
         Seed of the laboratory. By default a random seed.
     operator_seed

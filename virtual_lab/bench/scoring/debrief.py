@@ -205,7 +205,8 @@ def debrief(
     desk = Desk(taken_day) if isinstance(taken_day, Day) else taken_day
     day = desk.day
     if not day.handed_in:
-        raise InputError("debrief", "day", None, "has not been handed in yet")
+        allowed = "has not been handed in yet: reduce, give-verdict and hand-in are still to do"
+        raise InputError("debrief", "day", None, allowed)
     results = tuple(
         desk.entered_results(entry.arguments) if (entry := desk.last("enter-result")) else ()
     )

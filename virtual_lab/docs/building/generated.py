@@ -315,11 +315,14 @@ def rehearsal() -> Iterator[tuple[str, str]]:
         "No check at the bench reveals these:\n",
         table(("fault", "what happens", "why"), unfound),
         "## Actions of a script\n",
-        "`virtual-lab rehearse --script FILE.json` carries out a list of actions. Arguments in "
-        "brackets have this default:\n",
-        "```json\n"
-        '{"actions": [{"do": "tare"}, {"do": "swing", "amplitude": 4}, {"do": "weigh-bat"}]}\n'
+        "A day that is saved contains its actions, `actions.json`. Change the list, and let the "
+        "program carry it out with the same scenario and seed:\n",
+        "```sh\n"
+        "virtual-lab rehearse --operator book --scenario friday --seed 4 --out out/friday\n"
+        "virtual-lab rehearse --script out/friday/actions.json --scenario friday --seed 4\n"
         "```\n",
+        'An entry is `{"do": "swing", "amplitude": 4}`, for example. The last three are `reduce`, '
+        "`give-verdict` and `hand-in`. Arguments in brackets have this default:\n",
         table(("do", "title", "arguments", "in the procedure", "min", "if skipped"), actions),
     ]
     yield "generated/rehearsal.md", "\n".join(parts)

@@ -24,7 +24,6 @@ FORM = "laboratory.toml"
 BLANK = "?"  # placeholder in a form for a value to fill in
 HEADER = re.compile(r"\s*\[([\w.-]+)\]")  # head of a table in TOML
 UNFILLED = re.compile(r"""\s*"?([\w.-]+)"?\s*=(?:.*=)?\s*["']\?["']""")  # line with a placeholder
-MOST_LISTED = 10  # largest number of lines listed in an error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +59,21 @@ def load_laboratory(folder: Path) -> Session:
     """
     path = folder / FORM
     form = _read_form(path)
+    records: dict[str, dict[str, Any]] = {}
+    faults = []
+    for stage, channels in form.channels.items():
+        for channel, entry in channels.items():
+            try:
+                record = _record(entry, (stage, channel), folder, form)
+            except InputError as fault:
+                faults.append(fault)
+            else:
+                records.setdefault(stage, {})[channel] = record
+    if len(faults) > 1:
+        allowed = LISTED.join(["cannot be used:", *map(str, faults)])
+        raise InputError(str(path), f"{len(faults)} tables", None, allowed)
+    if faults:
+        raise faults[0]
     return Session(
         bat=form.bat,
         ball=form.ball,
@@ -71,13 +85,7 @@ def load_laboratory(folder: Path) -> Session:
         rigs=form.rigs,
         procedure_text=_procedure_text(form.procedure, folder, path),
         calibration=read_constants(form.calibration, str(path)),
-        records={
-            stage: {
-                channel: _record(entry, (stage, channel), folder, form)
-                for channel, entry in channels.items()
-            }
-            for stage, channels in form.channels.items()
-        },
+        records=records,
     )
 
 
@@ -95,9 +103,7 @@ def _read_form(path: Path) -> LaboratoryForm:
     if len(unfilled) == 1:
         raise InputError(str(path), unfilled[0], None, allowed)
     if unfilled:
-        rest = len(unfilled) - MOST_LISTED
-        listed = [*unfilled[:MOST_LISTED], *([f"and {rest} more"] if rest > 0 else [])]
-        allowed = LISTED.join([f"{allowed}:", *listed])
+        allowed = LISTED.join([f"{allowed}:", *unfilled])
         raise InputError(str(path), f"{len(unfilled)} lines", None, allowed)
     return validate(document, str(path), LaboratoryForm)
 
