@@ -39,6 +39,7 @@ def fit(
         t=t,
         xy=places,
         radius=15.0,
+        sharp=True,
         u=np.full(count, u),
         pattern_u=pattern_u,
     )

@@ -151,7 +151,7 @@ def against_flights(
         words = f"from frame {first} on, a second ball flies beside the one that is followed"
         notes.append(("SECOND_BALL", f"{words}, and may be mistaken for it; select with --ball-at"))
     share = explained_share(scene, ways, pieces)
-    if share < 1 and ways[0].u is None:  # sharp positions near a bat are left out
+    if share < 1 and not ways[0].sharp:  # sharp positions near a bat are left out
         words = f"the flights explain {100 * share:.0f} % of the frames in which the ball moves"
         why = "in the others it is carried, rolls or is struck, or a flight was missed"
         notes.append(("UNEXPLAINED" if share < EXPLAINED else "", f"{words}; {why}"))

@@ -296,7 +296,7 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
-        if end - start > FLIGHTS.contact_frames and one.u is None:
+        if end - start > FLIGHTS.contact_frames and not one.sharp:
             continue
         t, apart, change = _nearest(fit, k, start, end)
         if apart <= FLIGHTS.meeting_radii * one.radius + change / 2 and start - 1 < t < end + 1:

@@ -282,7 +282,7 @@ def _flights(
             speed_at = partial(_speed, k, t, late, scale)
             speed = estimate_of(speed_at, fit, others, unit=1 / step, relative_u=scale.rest_u)
             right, down = fit.at(k, t + fit.readout * late)[0, 2:]
-            if k not in met and way.u is None:
+            if k not in met and not way.sharp:
                 off = max(fit.spread, float(np.hypot(*fit.residuals[k][::end][0])))
                 speed = _let_go(speed, unit, off, np.array([right, down]), fit.pull[k])
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)

@@ -196,15 +196,14 @@ def fit_flights(
     of = np.repeat(np.arange(len(flights)), [len(t) for t in times])
     middles = np.array([t.mean() for t in times])
     radius = float(np.median([each.radius for each in flights]))
-    place_u = [np.ones(len(each.t)) if each.u is None else each.u for each in flights]
-    slow = [len(each.t) * each.pattern_u**2 if each.u is None else 0.0 for each in flights]
+    slow = [0.0 if each.sharp else len(each.t) * each.pattern_u**2 for each in flights]
     model = _FlightModel(
         dt=np.concatenate(times) - middles[of],
         of=of,
         xy=np.concatenate([each.xy for each in flights]),
-        place_u=np.concatenate(place_u),
+        place_u=np.concatenate([each.u for each in flights]),
         slow=np.array(slow)[of],
-        sharp=flights[0].u is not None,
+        sharp=flights[0].sharp,
         centre=(np.array(scene.size) - 1) / 2,
         radius=radius,
         middles=middles,
@@ -293,11 +292,9 @@ def _solve(
         left = (model.xy - model.places(vector)) / model.place_u[:, None]
         off = np.hypot(*left.T)
         spread = max(FLIGHT_FIT.least_spread, float(np.median(off)) / 1.1774)
+        room = max(FAR_U * spread, FLIGHT_FIT.outlier_radii * model.radius)
         if model.sharp:  # the stated u of the positions is used
             room, spread = np.inf, 1.0
-        else:
-            room = FLIGHT_FIT.outlier_radii * model.radius
-            room = max(FAR_U * spread, room)
         jacobian = model.jacobian(vector, steps)[..., free] / model.place_u[:, None, None]
         weighted = jacobian * (1 / np.sqrt(1 + (off / room) ** 2))[:, None, None]
         weighted = weighted / (alike * spread**2 + model.slow)[:, None, None]
@@ -340,7 +337,6 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
         Time of each position since the middle of the flight, (position,) [frames].
     """
     t, u, pattern_u = flight.t, flight.u, flight.pattern_u
-    assert u is not None
     design = np.stack([np.ones_like(late), late], axis=1)
     solver = np.linalg.pinv(design / u[:, None]) / u
     noise = (solver * u**2) @ solver.T

@@ -45,7 +45,7 @@ class FittedFlights:
     def of(cls, scene: FlightScene, ways: Sequence[Piece], drift: float = 0.0) -> FittedFlights:
         """Fit flights; `drift` is the camera's largest undetected drift per axis [px/frame]."""
         of_ways = partial(cls, scene=scene, ways=ways)
-        if ways[0].u is not None:  # flights of a calibrated camera that stands still
+        if ways[0].sharp:  # flights of a calibrated camera that stands still
             fit = fit_flights(scene, ways)
             drag, u = scene.drag or (0.0, 0.0)
             more = fit_flights(replace(scene, drag=(drag + u, 0.0)), ways)

@@ -58,9 +58,11 @@ class Piece:
     t: Array  # (position,), time in frames, lost frames counted
     xy: Array  # (position, 2) [pixels]
     radius: float
-    # (position,), u of x, and of y, from noise [pixels]; None: estimated from the scatter
-    u: Array | None = None
-    # u of x, and of y, from the pattern of the ball, or from shade and background if `u` is None;
+    # whether the positions were located by the ball's outline, so that their u is known
+    sharp: bool = False
+    # (position,), u of x, and of y, from noise [pixels]; 1 if it is estimated from the scatter
+    u: Array
+    # u of x, and of y, from the pattern of the ball, or from shade and background if not `sharp`;
     # correlated in neighboring frames [pixels]
     pattern_u: float = 0.0
 
@@ -74,14 +76,14 @@ class Piece:
             t=t,
             xy=np.stack([some["x"], some["y"]], axis=1),
             radius=float(np.median(some["radius"])),
+            u=np.ones(len(some)),
             pattern_u=GROWTH.shade * float(np.median(some["edge"] / np.fmax(some["contrast"], 1))),
         )
 
     def part(self, which: NDArray[np.bool_] | slice) -> Piece:
         """Return the piece with only the positions `which`."""
-        u = None if self.u is None else self.u[which]
-        names = ("blobs", "frames", "t", "xy")
-        return replace(self, u=u, **{name: getattr(self, name)[which] for name in names})
+        names = ("blobs", "frames", "t", "xy", "u")
+        return replace(self, **{name: getattr(self, name)[which] for name in names})
 
 
 def polynomial(t: Array, xy: Array, degree: int) -> tuple[Array, Array, float]:

@@ -208,9 +208,10 @@ def settle(
     parts = np.split(np.arange(len(good)), np.cumsum([len(way.t) for way in ways])[:-1])
     pattern = float(np.median(located.pattern_u[good])) if good.any() else 0.0
     ways = [
-        replace(way, xy=plane.flat[rows], u=located.u[rows], pattern_u=pattern).part(good[rows])
+        replace(way, sharp=True, xy=plane.flat[rows], u=located.u[rows], pattern_u=pattern)
         for way, rows in zip(ways, parts, strict=True)
     ]
+    ways = [way.part(good[rows]) for way, rows in zip(ways, parts, strict=True)]
     scale, step = plane.metres_per_pixel, 1 / knowledge.rate
     scene = replace(
         scene,
@@ -227,7 +228,6 @@ def settle(
     ball = replace(ball, located=replace(located, flags=flags))
     flown, aside, notes = _flatten(scene, flown, ball, knowledge)
     for k, (way, left) in enumerate(zip(flown, fit_flights(scene, flown).residuals, strict=True)):
-        assert way.u is not None
         if np.sqrt(np.mean(left**2)) > MISFIT_U * np.hypot(np.median(way.u), way.pattern_u):
             why = "give gravity_mps2 or drag_per_m, or leave out frames with a touched ball"
             notes.append(("CROOKED", f"flight {k + 1} is not straight; {why}"))
@@ -244,7 +244,6 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
         raise NotSharpError(f"fewer than {LEAST_FRAMES} {words}")
     least = max(LEAST_FRAMES, (1 - DENIED_SHARE) * len(way.t))
     while len(way.t) > least:
-        assert way.u is not None
         (left,) = fit_flights(scene, [way]).residuals
         weight = way.u**-2 / np.sum(way.u**-2)
         late = way.t - weight @ way.t
@@ -315,7 +314,6 @@ def _growth_rate(way: Piece, grown: Array, late: Array) -> tuple[float, float]:
     `late`, (position,), is the time of each logarithm [frames]. The pattern of the ball and the
     light change the radius slowly, by as much as they change the position.
     """
-    assert way.u is not None
     u = way.u / way.radius
     relative = replace(way, u=u, pattern_u=way.pattern_u / way.radius)
     line, noise = np.polyfit(late, grown, 1, w=1 / u, cov="unscaled")
