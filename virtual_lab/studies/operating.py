@@ -87,7 +87,9 @@ class OperatingCurves(Rows[OperatingPoint]):
                         [[getattr(row, f"pass_probability{key}") for key in keys] for row in points]
                     ).T
                     axes.fill_between(true, low, high, color=INTERVAL_GREY, linewidth=0)
-                    words = "one test" if best_of == 1 else f"best of {best_of}"
+                    words = (
+                        "one test" if best_of == 1 else f"best of {best_of} tests of one laboratory"
+                    )
                     axes.plot(true, passes, line, color="black", label=words)
                 axes.axvline(limit, color="0.5", linewidth=0.6)
                 words = "vertical line: limit; gray: 95 % interval of the simulation"

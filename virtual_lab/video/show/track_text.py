@@ -227,7 +227,8 @@ def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
         ratio = 100 * (each.metres_per_pixel / scale.metres_per_pixel - 1)
         said += (
             f"; the scale from {SAID[each.source]} differs by {ratio:+.2g} % "
-            f"(u {100 * each.relative_u:.2g} %, a difference of {abs(off_u(scale, each)):.1f} u)"
+            f"(u of the difference {100 * np.hypot(scale.relative_u, each.relative_u):.2g} %, "
+            f"a difference of {abs(off_u(scale, each)):.1f} u)"
         )
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:
