@@ -411,6 +411,11 @@ def test_a_sweep_has_a_column_for_each_changed_number() -> None:
     assert table.attrs["units"][f"{key}_mph"] == "mph"
     assert [name for name in table if column_meaning(name) is None] == [f"{key}_mph"]
     assert {*table.attrs["units"]} == {*table.columns}
+    bat = vl.bat("r161").with_({"body.material.density": 650})
+    variants = [base.with_(limit=1.1), base.with_(limit=None)]  # the second has no limit
+    table = vl.sweep(bat, procedures=variants, laboratories=1, seed=0, progress=quiet)
+    np.testing.assert_array_equal(table["limit"], [1.1, np.nan])
+    assert table.attrs["units"]["body.material.density_kg_per_m3"] == "kg/m^3"
 
 
 def test_critique_keeps_variants_apart(monkeypatch: pytest.MonkeyPatch) -> None:
