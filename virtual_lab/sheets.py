@@ -338,8 +338,20 @@ def _instrument_in_file(text: str) -> Sheet:
             "", "instrument", text, "allowed: NAME=FILE, for example pivot-gates=mine.toml"
         )
     kind = "rigs" if name in _names("rigs") else "instruments"
-    sheet = Sheet.of(kind, path)
-    return Sheet(kind, Sheet.of(kind, name).name, sheet.text, origin=path)
+    return replacement(Sheet.of(kind, name), Path(path))
+
+
+def replacement(sheet: Sheet, path: Path) -> Sheet:
+    """Return the sheet in a file, to be used in place of `sheet`, under its name.
+
+    Raises `InputError` if the file cannot be read, or is for another kind of instrument.
+    """
+    text, where = Sheet.of(sheet.kind, path).text, str(path)
+    kind, wanted = (each.get("kind") for each in (parse_toml(text, where), sheet.document))
+    if kind != wanted:
+        allowed = f"allowed: {wanted!r}, the kind of {sheet.name}"
+        raise InputError(where, "kind", kind or "", allowed)
+    return Sheet(sheet.kind, sheet.name, text, origin=where)
 
 
 def _study(value: Any) -> Path | dict[str, Any]:

@@ -163,6 +163,10 @@ def test_a_wrong_instrument_file_is_refused(run: Run, tmp_path: Path) -> None:  
         ("pivot-gates", "NAME=FILE"),
         ("pivot-gate=w.toml", "did you mean pivot-gates"),
         ("pivot-gates=no.toml", "no such file"),
+        (
+            "pivot-gates=w.toml",
+            "w.toml: kind = ''; allowed: 'light-gate', the kind of pivot-gates",
+        ),
     ):
         (tmp_path / "w.toml").write_text('title = "worse"\n')
         code, _, err = run("certify", "r161", "--instrument", words)

@@ -72,6 +72,9 @@ def test_offered_sheet_replaces_the_instrument(prices, tmp_path):
     prices.write_text(PRICES.replace('source = "offer"', offer, 1))
     sheet = Prices.read(prices).offers(prices, RIGS)["balance-stand"]
     assert (sheet.name, sheet.document["offset_u"]["value"]) == ("balance-stand", 0.02)
+    vl.instrument("lab-scale").save(tmp_path / "stand.toml")
+    with pytest.raises(InputError, match=r"stand\.toml: kind = .*the kind of balance-stand"):
+        Prices.read(prices).offers(prices, RIGS)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Self
 
@@ -14,7 +14,7 @@ from virtual_lab.catalog.specs import Real, Spec
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml, read_text
-from virtual_lab.sheets import Sheet
+from virtual_lab.sheets import Sheet, replacement
 from virtual_lab.studies.plan.laboratory import better_instruments
 from virtual_lab.units import Array
 
@@ -76,8 +76,7 @@ class Prices(Spec):
                 raise InputError(str(path), f"instruments.{name}", None, allowed)
             sheets[name] = better[name]
             if price.sheet:
-                offer = Sheet.of(better[name].kind, path.parent / price.sheet)
-                sheets[name] = replace(better[name], text=offer.text)
+                sheets[name] = replacement(better[name], path.parent / price.sheet)
         return sheets
 
     def of_plans(self, names: Collection[str], minutes: Array, balls: Array) -> Array:
