@@ -8,6 +8,7 @@ import pytest
 from tests.video.follow.test_pieces import RADIUS, blobs_of
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact, contacts_of
+from virtual_lab.video.follow.doubts import of_drag
 from virtual_lab.video.follow.flights import flights_of
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.knowledge import ClipKnowledge
@@ -67,6 +68,26 @@ def test_the_u_of_a_contact_s_time_includes_alternative_fits() -> None:
     beside = replace(model, rest=[*model.rest, (model.fit.with_vector(vector), 1.0)])
     apart = contact(beside).time.u ** 2 - contact(model).time.u ** 2
     assert np.sqrt(apart) == pytest.approx(late, rel=0.1)
+
+
+def test_positions_off_the_flight_beside_a_contact_are_flagged() -> None:
+    model, ruler = bounce(5.0), Ruler.of(SCALE, ClipKnowledge(rate=1.0))
+    for flight, ends in ((0, slice(-3, None)), (1, slice(3))):
+        residuals = [each.copy() for each in model.fit.residuals]
+        residuals[flight][ends] += 2.0
+        off = replace(model, fit=replace(model.fit, residuals=residuals))
+        assert [flag for flag, _ in contacts_of(off, 1.0, ruler, None)[1]] == ["ENDS_OFF"]
+    assert contacts_of(model, 1.0, ruler, None)[1] == []
+
+
+def test_a_stated_drag_that_the_flights_contradict_is_flagged() -> None:
+    model = bounce(5.0)
+    fitted = model.fit.drag * model.ways[0].radius
+    for ratio, flags in ((100.0, ["DRAG"]), (1.0, [])):
+        drag = ratio * fitted
+        stated = replace(model, scene=replace(model.scene, drag=(drag, drag / 5)))
+        assert [flag for flag, _ in of_drag(stated)] == flags
+    assert of_drag(model) == []
 
 
 def test_a_tilted_floor_adds_to_the_u_of_an_oblique_bounce() -> None:

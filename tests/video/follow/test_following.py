@@ -168,6 +168,7 @@ def test_flights_are_right_if_a_phone_turns_in_the_hand(tmp_path: Path) -> None:
 def test_flights_are_right_if_the_camera_follows_the_ball(tmp_path: Path) -> None:
     """The camera turns by more than a picture's width, so that the last samples hardly overlap."""
     made, result = run(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
+    assert "PANNED" in result.flags
     assert np.abs(_drift_off(made, result)).max() < 1.0
     require_flights(made.truth, result)
     require_contacts(made.truth, result)

@@ -10,14 +10,15 @@ import numpy as np
 from virtual_lab.errors import InputError
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import DEGREE
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.flights import beside, explained_share
 from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
-from virtual_lab.video.follow.models import FittedFlights
+from virtual_lab.video.follow.models import STEEPEST, FittedFlights, refit
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
-from virtual_lab.video.follow.scene import FlightScene
+from virtual_lab.video.follow.scene import FOCAL, FlightScene
 
 # smallest motion per frame with which a ball cannot look the same in two frames [ball radii]
 MOVED = 0.1
@@ -187,12 +188,19 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
-    """Return notes on a tilted camera, on a rolling shutter, and on undetected drift of the camera.
+    """Return notes on a camera that is tilted, turns, has a rolling shutter, or drifts undetected.
 
     `drift` is the largest undetected drift [px/frame]; 0 gives no note on drift. There is one note
     per effect that the flights show or cannot rule out. The list is empty if there is none.
     """
     notes, fit = [], model.fit
+    ball = model.scene.blobs[np.concatenate([each.blobs for each in model.ways])]
+    moved = max(float(np.ptp(ball[f"picture_{axis}"] - ball[axis])) for axis in "xy")
+    turn = moved / FOCAL / max(model.scene.size)
+    if turn > STEEPEST:
+        words = f"the picture moves by {moved:.0f} pixels during the flights, as if the camera"
+        why = f"turned by {turn / DEGREE:.0f} degrees; the perspective then changes speeds by up to"
+        notes.append(("PANNED", f"{words} {why} {100 * turn**2:.0f} %. Hold the camera still"))
     if model.tilted:
         words = "the camera looks up or down by ten degrees or more; a perspective was fitted, and"
         notes.append(("TILTED", f"{words} scale and speeds refer to the middle of the picture"))
@@ -205,6 +213,29 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
         why = "u covers the usual drift of a hand. If the camera stands still, use --tripod"
         notes.append(("DRIFT_UNSEEN", f"{words}; {why}"))
     return notes
+
+
+def of_drag(model: FittedFlights) -> list[Note]:
+    """Return a list with one note if the flights contradict the stated drag.
+
+    The drag of the flights is fitted without the stated drag. The list is empty if no drag was
+    stated, or if both agree.
+    """
+    if model.scene.drag is None:
+        return []
+    stated, u = model.scene.drag
+    if model.scene.in_radii:
+        stated = stated / float(np.median([each.radius for each in model.ways]))
+    free = refit(replace(model.scene, drag=None), model.ways, model.fit)
+    apart = float(np.log(free.drag / stated))
+    apart_u = float(np.hypot(np.sqrt(free.covariance[2, 2]), u / model.scene.drag[0]))
+    if abs(apart) < APART[0] * apart_u:
+        return []
+    words = (
+        f"the flights show {np.exp(apart):.2g} times the stated drag, or that of the stated mass"
+    )
+    advice = f"a difference of {abs(apart) / apart_u:.2g} u; check --mass and --ball"
+    return [("DRAG", f"{words}, {advice}")]
 
 
 def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:

@@ -20,6 +20,7 @@ from virtual_lab.video.follow.doubts import (
     against_flights,
     against_size,
     of_camera,
+    of_drag,
     of_readout,
     require_diameter,
     without_flight,
@@ -199,7 +200,8 @@ def measure(
     contacts: list[Contact] = []
     if model and scale:
         hidden = drift > 0 and watched.still.hidden_drift is None
-        notes += of_camera(model, drift if hidden else 0.0) if not sharp else []
+        if not sharp:
+            notes += [*of_camera(model, drift if hidden else 0.0), *of_drag(model)]
         contacts, against = contacts_of(model, step, scale, sharp)
         size = next((each for each in rulers if each.source != GRAVITY), None)
         if size is None:

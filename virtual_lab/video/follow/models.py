@@ -19,6 +19,7 @@ from virtual_lab.video.follow.scene import FOCAL, FlightScene
 EVEN_SHARE = 1 / np.sqrt(3)
 # deviation from level, or from square to the flight, beyond which a clip is flagged [rad]
 STEEPEST = 10 * DEGREE
+DRAG_SHARE = 0.25  # u of drag, as a fraction of the difference between fits with and without drag
 OFF_NORMAL = 35 * DEGREE  # largest angle between a change of velocity and the normal [rad]
 
 Others = Sequence[tuple[Fit, float]]  # other fits, and their u as a fraction of the difference
@@ -56,13 +57,17 @@ class FittedFlights:
         flat = refit(scene, ways, fit, tilt=np.zeros(2))
         drifts = [drift * axis for axis in np.eye(2)] if drift else []
         rest = [(fit.with_drift(each), 1.0) for each in drifts]
+        beside = [(flat.with_drift(each), 1.0) for each in drifts]
+        if scene.drag is None:
+            free = replace(scene, drag=(0.0, 0.0))
+            rest.append((refit(free, ways, fit), DRAG_SHARE))
+            beside.append((refit(free, ways, fit, tilt=np.zeros(2)), DRAG_SHARE))
         longest = []
         if scene.readout is None:
             longest = [(refit(scene, ways, fit, readout=1.0), EVEN_SHARE)]
         if np.hypot(*fit.tilt) > np.tan(STEEPEST) / FOCAL / max(scene.size):
             return of_ways(fit=fit, rest=[*rest, (flat, 1.0)], tilted=True, longest=longest)
-        beside = [*((flat.with_drift(each), 1.0) for each in drifts), (fit, 1.0)]
-        level = None if fit.floor else of_ways(fit=flat, rest=beside)
+        level = None if fit.floor else of_ways(fit=flat, rest=[*beside, (fit, 1.0)])
         return of_ways(fit=fit, rest=rest, longest=longest, level=level)
 
 

@@ -41,7 +41,7 @@ class PieceGrowth:
     colour: float = 70.0  # largest difference in color between one ball's blobs [DN]
     # u of the brightness at an outline, which changes slowly along a flight with the direction of
     # view and with the background [DN]; found with 60 synthetic clips
-    shade: float = 1.5
+    shade: float = 1.25
     # largest ratio of the rms misfit of a piece cut at a contact to that of the whole piece
     better: float = 0.5
 
