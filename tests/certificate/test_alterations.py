@@ -471,23 +471,25 @@ def test_at_least_sixty_alterations_are_tested() -> None:
     assert len(ALTERED) >= 60
 
 
-FIRST = {file: way for way, (_, file, _) in reversed(ALTERED.items())}  # alteration of each file
+FIRST = {
+    file: alteration for alteration, (_, file, _) in reversed(ALTERED.items())
+}  # alteration of each file
 
 
-@pytest.mark.parametrize("way", ALTERED)
-def test_every_alteration_is_named(made: Path, tmp_path: Path, way: str) -> None:
+@pytest.mark.parametrize("alteration", ALTERED)
+def test_every_alteration_is_named(made: Path, tmp_path: Path, alteration: str) -> None:
     """`verify` names file, key and both values, if any, also in a folder without the truth."""
-    change, file, key = ALTERED[way]
+    change, file, key = ALTERED[alteration]
     folder = shutil.copytree(made, tmp_path / "copy")
     change(folder)
     for truth in ("with", "without"):
         if truth == "without":
-            if "truth" in way or way not in (*FIRST.values(), *DIFFERS):
+            if "truth" in alteration or alteration not in (*FIRST.values(), *DIFFERS):
                 return
             shutil.rmtree(folder / "truth")
         sums_again(folder)
         found = verify(folder)
-        expected = ("differs", 4) if way in DIFFERS else ("altered", 3)
+        expected = ("differs", 4) if alteration in DIFFERS else ("altered", 3)
         assert (found.state, found.code) == expected, found.text
         named = [row for row in found.rows if file in row.file and row.key.startswith(key)]
         assert named, found.text
@@ -569,17 +571,17 @@ CONTROL: dict[
 }
 
 
-@pytest.mark.parametrize("way", [*CONTROL, "another's"])
+@pytest.mark.parametrize("alteration", [*CONTROL, "another's"])
 def test_an_altered_or_exchanged_control_test_is_detected(
-    controlled: Path, made: Path, tmp_path: Path, way: str
+    controlled: Path, made: Path, tmp_path: Path, alteration: str
 ) -> None:
     folder = shutil.copytree(controlled, tmp_path / "copy")
-    if way == "another's":
+    if alteration == "another's":
         shutil.rmtree(folder / "control")
         shutil.copytree(made, folder / "control")
         file, key = "control/records/session.json", "sha256"
     else:
-        change, file, key = CONTROL[way]
+        change, file, key = CONTROL[alteration]
         change(folder)
     sums_again(folder)
     found = verify(folder)
@@ -659,9 +661,11 @@ CHAINED: dict[
 }
 
 
-@pytest.mark.parametrize("way", CHAINED)
-def test_the_chain_of_replaced_reports_is_followed(chain: Path, tmp_path: Path, way: str) -> None:
-    change, file, key = CHAINED[way]
+@pytest.mark.parametrize("alteration", CHAINED)
+def test_the_chain_of_replaced_reports_is_followed(
+    chain: Path, tmp_path: Path, alteration: str
+) -> None:
+    change, file, key = CHAINED[alteration]
     folders = shutil.copytree(chain, tmp_path / "chain")
     change(folders)
     for each in folders.iterdir():

@@ -29,7 +29,7 @@ from virtual_lab.api.clip_statements import (
 from virtual_lab.errors import InputError
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import preformatted
+from virtual_lab.output.result import preformatted_html
 from virtual_lab.parameters import (
     BoardText,
     File,
@@ -145,7 +145,7 @@ class Track:
         return Path(folder)
 
     def _repr_html_(self) -> str:
-        return preformatted(self.text)
+        return preformatted_html(self.text)
 
     def __repr__(self) -> str:
         from virtual_lab.video.show.track_text import track_title
@@ -355,7 +355,7 @@ class Calibration:
         return target
 
     def _repr_html_(self) -> str:
-        return preformatted(self.text)
+        return preformatted_html(self.text)
 
     def __repr__(self) -> str:
         return f"<Calibration with {len(self.document['views'])} pictures of a board>"

@@ -34,7 +34,7 @@ def frame(rows: Sequence[Any]) -> pd.DataFrame:
     return with_units(pd.DataFrame([record(row) for row in rows]))
 
 
-def preformatted(text: str) -> str:
+def preformatted_html(text: str) -> str:
     """Return text as HTML for a notebook. Line breaks and spaces are kept."""
     return f"<pre>{escape(text)}</pre>"
 
@@ -138,7 +138,7 @@ class StudyResult(ABC):
         """Return the HTML for a notebook: the rows as a table, or the text if it is overridden."""
         if type(self).text is StudyResult.text:
             return _table_html(self.table)
-        return preformatted(self.text)
+        return preformatted_html(self.text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

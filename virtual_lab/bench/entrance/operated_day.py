@@ -22,7 +22,7 @@ from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_json
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.result import preformatted
+from virtual_lab.output.result import preformatted_html
 from virtual_lab.parameters import File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
 from virtual_lab.sheets import AnyName, Instruments
@@ -116,7 +116,7 @@ class RehearsedDay:
         return '{"actions": [\n' + ",\n".join(lines) + "\n]}\n"
 
     def _repr_html_(self) -> str:
-        return preformatted(self.text)
+        return preformatted_html(self.text)
 
     def __repr__(self) -> str:
         return f"<Day of {self.text.splitlines()[0]}>"
