@@ -172,6 +172,11 @@ def test_a_wrong_instrument_file_is_refused(run: Run, tmp_path: Path) -> None:  
         code, _, err = run("certify", "r161", "--instrument", words)
         assert (code, err.count("\n")) == (2, 1)
         assert said in err
+    gates = vl.instrument("pivot-gates").text.replace("distance_u", "distanz_u")
+    (tmp_path / "w.toml").write_text(gates)
+    code, _, err = run("certify", "r161", "--instrument", "pivot-gates=w.toml")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "w.toml: distanz_u; unknown key, did you mean distance_u?" in err
 
 
 def test_another_package_can_add_a_command(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

@@ -50,7 +50,14 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
             show_progress() if shows_progress else nullcontext() as bar,
         ):
             more = {PROGRESS: bar} if shows_progress else {}
-            result = function(*bound.args, **bound.kwargs, **more)
+            try:
+                result = function(*bound.args, **bound.kwargs, **more)
+            except InputError as fault:
+                files = {sheet.name: sheet.origin for sheet in request.get(LABORATORY, ())}
+                if not files.get(fault.where):
+                    raise
+                where = files[fault.where]
+                raise InputError(where, fault.key, fault.value, fault.allowed) from fault
         for sheet in request.get(LABORATORY, ()):
             if (sheet.kind, sheet.name) not in sheets_read:
                 in_use = sorted(
