@@ -186,6 +186,7 @@ def test_bad_history(folders, tmp_path):
     cases = (
         (folders[:2], "asa", "2 tests.*3 or more"),
         (folders, "astm-f1881", "metric = .v_f mph.*BPF"),
+        (folders, vl.procedure("asa").with_(valid_hits=7), "procedure; is another"),
         ([*folders[:2], folders[0]], "asa", "same test"),
         ([tmp_path / "empty"], "asa", "not found"),
     )
