@@ -4,7 +4,7 @@ The quickest way to a smaller uncertainty
 
 Two plans that lower u of the bat performance factor (BPF; R161, ASTM F1881) to 0.004. Better: half
 the u and scatter of the data sheet. Marks: median u of 200 simulated laboratories, ± 2 standard
-errors. A better cannon hits the same position more closely; no hits (3.75 min each) are added.
+errors; crosses: predicted by the budget. A better cannon aims more closely; no hits are added.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ Does a procedure rank bats as play does?
 ========================================
 
 Probability (%) that a laboratory ranks two bats opposite to their order in play (50: by chance).
-In play less inertia means a faster swing; only PROPOSED includes this. ASTM F1881 also ignores the
-mass near the ball, by which the barrel-loaded bat is faster. Loaded: EA70, 2.3 oz moved to an end.
+In play less inertia means a faster swing; only PROPOSED includes this. BPF (ASTM F1881) prefers the
+knob-loaded bat, play the mass near the ball. Loaded: EA70 with 2.3 oz moved to this end.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 Published measurements compared with ours
 =========================================
 
-Our result over a published number that is not our input. Gray: accepted range (cut at 0 and 2):
-± 2 published u, or, without u, rounding and the effect of another bat or ball. Squares: our drilled
-cavity is rigid, our bat is another one (node, hoop), or the published number is rough (inertia).
+Our result over a published number that is not our input. Gray: accepted range, often hidden by the
+mark: ± 2 published u, or, without u, rounding and the effect of another bat or ball. Squares: our
+hollow is rigid, our bat is another one (node, hoop), or the published number is rough (inertia).
 """
 
 import matplotlib.pyplot as plt

@@ -3,7 +3,7 @@ Collision models: error and run time
 ====================================
 
 Largest error of the collision efficiency :math:`e_A` in 400 collisions (diamond: 6), compared with
-120 modes. Tests use 20 modes. Studies interpolate a table of such results (surrogate).
+120 modes. Tests use 20 modes. Studies interpolate a table of such results (surrogate of 20 modes).
 """
 
 import matplotlib.pyplot as plt
@@ -11,15 +11,15 @@ import pandas as pd
 
 from virtual_lab.catalog.reading import DATA
 
-table = pd.read_csv(DATA / "figures/collision.csv")
+names = {"reference": "100 modes, general ODE solver", "surrogate of the default": "surrogate"}
+table = pd.read_csv(DATA / "figures/collision.csv").replace(names)
 table = table[(table.held_against == table.held_against[0]) & ~table.setting.str.contains("degree")]
 figure, axes = plt.subplots(figsize=(4.8, 4.2))
 for marker, (series, rows) in zip("os^D", table.groupby("series", sort=False), strict=True):
-    label = series.replace("reference", "100 modes, general ODE solver")
-    axes.loglog(rows["us_a_shot"], rows["worst_error"], marker, label=label)
+    axes.loglog(rows["us_a_shot"], rows["worst_error"], marker, mfc="none", label=series)
 marked = table["setting"].str.fullmatch("(405|1152) nodes|(4|20|40) modes")
 for _, row in table[marked].iterrows():
-    words = row["setting"].replace("nodes", "entries")
+    words = row["setting"].replace("1152 nodes", "621, 1152").replace("nodes", "entries")
     axes.text(row["us_a_shot"], row["worst_error"], f"  {words}", fontsize=8)
 axes.set(xlabel="time per collision, µs", ylabel="largest error of $e_A$")
 axes.legend(fontsize=7.5)

@@ -3,8 +3,8 @@ What a faster model costs a result
 ==================================
 
 A simpler model of one part of a test (ASTM F1881; 5: a filmed hit), compared with the finest model
-of this part. Vertical: change of the result (6, 7: of half the 95 % interval) over its u. Studies
-use 2, 3, 4 and 6; although 6 exceeds the limit, 94 % of 100 000 intervals contain the truth.
+of this part. Vertical: rms over many tests of the change of the result (6, 7: of half the 95 %
+interval) over its u. Studies use 2, 3, 4, 6. With 6, 94 % of 100 000 intervals contain the truth.
 """
 
 import matplotlib.pyplot as plt
@@ -14,9 +14,9 @@ from virtual_lab.catalog.reading import DATA
 
 table = pd.read_csv(DATA / "uncertainty/laboratory.csv")
 base = table.groupby("part")["ms"].transform("last")
-words = "rigid bat, not vibrating; collision table, not solved; gate times, not gate edges; "
-words += "bat rates, not encoder counts; ball positions, not camera frames; "
-label = (words + "interval to first order, not drawn; to second order, not drawn").split("; ")
+words = "rigid bat, not vibrating; collision table, not solved; gate times, not light signals; bat "
+words += "rates, not encoder counts; ball positions, not camera frames; interval to first order, "
+label = (words + "not Monte Carlo; to second order, not Monte Carlo").split("; ")
 figure, axes = plt.subplots(figsize=(4.8, 4.6))
 for k, (at, row) in enumerate(table.query("rms > 1e-6 and rung != 'modal'").iterrows()):
     axes.loglog(row.ms / base[at], row.rms, "C0", ls="", marker=f"${k + 1}$", ms=8, label=label[k])

@@ -3,9 +3,9 @@ Where a physics engine is accurate
 ==================================
 
 Rebound of a ball in the physics engine pymunk. Accurate (both panels): the velocity after the hit
-differs from that of the exact solution by less than 0.01 % of the speed of approach. Alone, the
-engine is unstable where step times speed is large: from 20 mph at 10 ms, 60 mph at 3 ms and 160 mph
-at 1 ms. The ball then passes the bat or gains energy.
+differs from that of the exact solution by less than 0.01 % of the speed of approach. Left: the
+engine alone is unstable from 20 mph at 10 ms, 60 mph at 3 ms and 160 mph at 1 ms; the ball passes
+the bat or gains energy. Right: our model finds hit and impulse, the engine moves ball and bat.
 """
 
 import matplotlib.pyplot as plt
