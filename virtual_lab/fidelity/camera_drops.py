@@ -67,9 +67,10 @@ def _cell(count: int, error: float, flights: int) -> dict[str, Any]:
         )
         flights_found, scene = _follow(measured)
         flagged[k] = bool(scene.lost(flights_found)) or len(flights_found) != 2
-        first_flight = replace(flights_found[0], u=np.full(len(flights_found[0].t), error))
+        incoming = flights_found[0]
+        incoming = replace(incoming, u=np.full(len(incoming.t), error), sharp=True)
         still = replace(scene, pull=np.zeros(2), drag=(0.0, 0.0))
-        speed = estimate_of(_last_speed, fit_flights(still, [first_flight]))
+        speed = estimate_of(_last_speed, fit_flights(still, [incoming]))
         true = float(np.hypot(speed_in, 0.1))
         relative_error[k] = speed.value / true - 1
         beyond[k] = abs(speed.value - true) > BEYOND * speed.u

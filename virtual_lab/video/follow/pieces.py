@@ -64,7 +64,7 @@ class Piece:
     u: Array
     # u of x, and of y, from the pattern of the ball, or from shade and background if not `sharp`;
     # correlated in neighboring frames [pixels]
-    pattern_u: float = 0.0
+    pattern_u: float
 
     @classmethod
     def of(cls, moving: Blobs, blobs: Ints, t: Array) -> Piece:

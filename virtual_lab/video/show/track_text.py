@@ -59,9 +59,15 @@ def contact_rows(track: FollowedClip) -> list[Row]:
     ``frame`` is the time of the contact in frames, not rounded. ``restitution`` is an estimate, or
     None if no restitution is stated for this contact.
     """
-    names = ("time_s", "frame", "contact_kind", "restitution")
-    rows = [(each.time.value, each.frame, each.kind, each.restitution) for each in track.contacts]
-    return [dict(zip(names, row, strict=True)) for row in rows]
+    return [
+        {
+            "time_s": each.time.value,
+            "frame": each.frame,
+            "contact_kind": each.kind,
+            "restitution": each.restitution,
+        }
+        for each in track.contacts
+    ]
 
 
 def in_columns(row: Mapping[str, Any]) -> Row:
