@@ -3,8 +3,8 @@ What a faster model costs a result
 ==================================
 
 A simpler model of one part of a test (ASTM F1881; 5: a filmed hit), compared with the finest model
-of this part. Vertical: rms over many tests of the change of the result (6, 7: of half the 95 %
-interval) over its u. Studies use 2, 3, 4, 6. With 6, 94 % of 100 000 intervals contain the truth.
+of this part: rms over many tests of the change of the result (6, 7: of half the 95 % interval), in
+u. Studies use 2, 3, 4, and 6 above the limit: its intervals contain the truth in 94 % of tests.
 """
 
 import matplotlib.pyplot as plt
