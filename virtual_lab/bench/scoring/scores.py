@@ -19,6 +19,7 @@ from virtual_lab.bench.scoring.deviations import (
 )
 from virtual_lab.measurement.procedure import sentences_of, unmet_rules, verdicts_of
 
+FAULTY = "the day has a fault that was not repaired,"
 MENDABLE = 0.6  # score of a justified INVALID if the fault could have been repaired
 
 
@@ -60,7 +61,7 @@ def right_verdict(
     if value is None or u is None or truth is None:
         return RightVerdict("INVALID" if spoilt else "MEASURED", "the day has no result", None)
     if spoilt and abs(value - truth) > 2 * u:
-        return RightVerdict("INVALID", "a fault made the result wrong by more than its U", truth)
+        return RightVerdict("INVALID", f"{FAULTY} and the result is wrong by more than U", truth)
     rules = desk.rules.spec
     unmet = tuple(unmet_rules(rules, desk.preparation.bat, np.array([truth])))
     (verdict,) = verdicts_of(rules, unmet, 1)
@@ -87,10 +88,7 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     if day.verdict == "INVALID":
         return _score_invalid(day)
     if right == "INVALID":
-        return (
-            0.2,
-            "a fault made the result wrong by more than its U, so INVALID was correct",
-        )
+        return 0.2, f"{FAULTY} and the result is wrong by more than U, so INVALID was correct"
     if day.value is None or day.u is None or day.right.truth is None:
         return 0.0, "no result, although the bat could be judged"
     error = day.value - day.right.truth
