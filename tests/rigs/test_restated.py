@@ -34,20 +34,20 @@ def test_the_records_of_a_day_show_the_sheets_of_its_instruments(procedure) -> N
             channels = station.channels.get(name, (name,))
             written = [records[each] for each in channels if each in records]
             spec, shown = instrument.spec, instrument.spec.numbers_in(written, known)
-            restate = spec.restate(written, known)
+            restated = spec.restate(written, known)
             for key in shown.keys() & EXACT:
-                assert getattr(restate, key) == pytest.approx(getattr(spec, key)), (name, key)
+                assert getattr(restated, key) == pytest.approx(getattr(spec, key)), (name, key)
             for key in shown.keys() & (NOISE | ABOUT.keys()):
                 wide = 1.0 if key in NOISE else ABOUT[key]
                 expected = pytest.approx(getattr(spec, key), rel=wide)
-                assert getattr(restate, key) == expected, (name, key)
-                assert getattr(restate, key) > 0.2 * getattr(spec, key), (name, key)
+                assert getattr(restated, key) == expected, (name, key)
+                assert getattr(restated, key) > 0.2 * getattr(spec, key), (name, key)
             compared |= shown.keys()
     assert compared >= {"repeatability", "distances", "swings", "along_scatter", "sample_rate"}
     bench = laboratory.stations[Stage.BENCH]
     assert isinstance(bench, FittedStation)
-    equip = bench.equip(day.collect_records().records["bench"], {})
-    assert equip.spec.repeats == bench.spec.repeats
-    assert equip.spec.releases == bench.spec.releases
-    assert equip.spec.reference == pytest.approx(bench.spec.reference, abs=2e-4)
-    assert equip.spec.hall.temperature == pytest.approx(bench.spec.hall.temperature, abs=8)
+    equipped = bench.equip(day.collect_records().records["bench"], {})
+    assert equipped.spec.repeats == bench.spec.repeats
+    assert equipped.spec.releases == bench.spec.releases
+    assert equipped.spec.reference == pytest.approx(bench.spec.reference, abs=2e-4)
+    assert equipped.spec.hall.temperature == pytest.approx(bench.spec.hall.temperature, abs=8)
