@@ -4,7 +4,7 @@ What a faster model costs a result
 
 A simpler model of one part of a test (ASTM F1881; 5: a filmed hit), compared with the finest model
 of this part: rms over many tests of the change of the result (6, 7: of half the 95 % interval), in
-u. Studies use 2, 3, 4, and 6 above the limit: its intervals contain the truth in 94 % of tests.
+u. Studies use 2, 3, 4; also 6, because its intervals still contain the truth in 94 % of tests.
 """
 
 import matplotlib.pyplot as plt
