@@ -3,8 +3,8 @@ Collision models: error and run time
 ====================================
 
 Largest error of the collision efficiency :math:`e_A` in 400 collisions (6 for the ODE solver),
-compared with 120 modes. Tests use 20 modes. Studies look up results of 20 modes in a table (surrogate); the
-time to make the table is not counted.
+compared with 120 modes. Tests use 20 modes. Studies look up results of 20 modes in a table
+(surrogate); the time to make the table is not counted.
 """
 
 import matplotlib.pyplot as plt
