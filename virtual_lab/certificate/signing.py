@@ -90,8 +90,8 @@ def signature_fault(folder: Path, key: Path) -> Mismatch | Unchecked | None:
     """Return the fault of the signature of the list of digests, None if it is valid.
 
     A missing signature leaves the list unchecked; one that is not valid is a mismatch. `key` is the
-    file of the public key. Raises `InputError` if the key cannot be used, as described
-    for `require_key`.
+    file of the public key. Raises `InputError` if the key cannot be used, as described for
+    `require_key`.
     """
     public = require_key(key, private=False)
     if not (folder / SIGNATURE).exists():

@@ -64,7 +64,7 @@ def read_track(path: Path, clip: Clip) -> tuple[Watched, list[Piece]]:
         raise InputError(str(path), "radius_px", None, "at least one position needs a radius")
     blobs["radius"] = np.where(np.isnan(radius), np.nanmedian(radius), radius)
     blobs["length"], blobs["edge"] = blobs["radius"], 0.1 * blobs["radius"]
-    blobs["contrast"] = 80.0  # that of a usual ball [DN]
+    blobs["contrast"] = 80.0  # contrast of a usual ball [DN], because a track states none
     times = column("time_s", otherwise=np.nan) / usual_step(clip.times)
     stamped = frame_steps(clip.times)[frames.astype(np.intp)]
     blobs, t = blobs[order], np.where(np.isnan(times), stamped, times)[order]

@@ -47,9 +47,9 @@ SAID = {
 
 # share of the positions, those with the least blur, that are used for the size of the ball
 ROUNDEST = 0.34
-# relative u of the size per relative width of the edge, and per relative difference of the axes,
-# which a ball lit from the side has; the measured size is 1 to 4, 5 to 7 and 30 to 40 % too small
-# in synthetic clips with even, soft and hard light
+# relative u of the size per relative width of the edge, and per relative difference of the axes of
+# a ball lit from the side. In synthetic clips with even, soft and hard light the measured size is
+# 1 to 4, 5 to 7 and 30 to 40 % too small.
 EDGE_U, OVAL_U = 0.14, 0.6
 # radius of a small ball [pixels]. The sixth power of its ratio to a ball's radius is the relative
 # u. Blur reduces the contrast of a small ball, so its outline at half of the contrast is outside

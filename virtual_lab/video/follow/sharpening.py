@@ -46,8 +46,8 @@ DENIED_SHARE = 0.34  # largest share of rejected positions of a flight
 # largest misfit of a flight to its model: rms residual [u of a position from noise and pattern
 # together], and slope to the plane [its u]
 MISFIT_U = 3.0
-# u of the growth of the radius in a flight [pixels]; if the background becomes brighter by a tenth
-# of the ball's contrast, the radius changes by this amount
+# u of the growth of the radius in a flight [pixels], the change of the radius if the background
+# becomes brighter by a tenth of the ball's contrast
 GROWTH_U = 0.03
 
 
