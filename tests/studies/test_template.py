@@ -16,11 +16,14 @@ from tests.cli.test_cli import Run, run  # noqa: F401 a fixture
 from virtual_lab import catalog
 from virtual_lab.api import reduce
 from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.foreign.laboratory import load_laboratory
+from virtual_lab.records.particulars import read_particulars
 from virtual_lab.records.session import Session
 from virtual_lab.studies import foreign
 from virtual_lab.studies import template as forms
+from virtual_lab.studies.plan.prices import Prices
 from virtual_lab.studies.template import template
 
 PROCEDURES = catalog.names("procedures")
@@ -182,22 +185,42 @@ def test_a_place_of_a_wall_shot_has_no_effect(tmp_path: Path) -> None:
     }
 
 
-def test_an_optional_constant_is_read_if_it_is_filled_in(tmp_path: Path) -> None:
-    """The beams' thickness is a comment in the form, and a constant without the # sign."""
-    session = our_session("astm-f1881")
-    folder = template("astm-f1881", tmp_path / "form")
+def uncomment(text: str) -> tuple[str, int]:
+    """Remove the # before each table and each key with a value, and count these lines."""
+    return re.subn(r'^# (?=\[|[\w."-]+ = )', "", text, flags=re.M)
+
+
+@pytest.mark.parametrize("procedure", PROCEDURES)
+def test_each_optional_line_of_a_form_can_be_used(procedure: str, tmp_path: Path) -> None:
+    """Each line that a # sign hides is accepted without it, and the records are reduced."""
+    session = our_session(procedure)
+    folder = template(procedure, tmp_path / "form")
     fill_in(folder, session)
     path = folder / "laboratory.toml"
-    empty = load_laboratory(folder)
-    text, value = path.read_text("utf-8"), 'value = 1.2, unit = "mm", u = 0.1, source'
-    text = re.sub(r'^# ("\w+\.gates\.thickness" = \{).*source', rf"\1 {value}", text, flags=re.M)
-    path.write_text(text, encoding="utf-8")
-    more = load_laboratory(folder).calibration
-    assert more.keys() - empty.calibration.keys() == {
-        "balls.gates.thickness",
-        "impact.gates.thickness",
-    }
-    assert more["impact.gates.thickness"].value == pytest.approx(1.2e-3)
+    text, lines = uncomment(path.read_text("utf-8"))
+    used = 'value = 1.2, unit = "mm", u = 0.1'
+    path.write_text(text.replace('value = "x", unit = "m", u = "x"', used), "utf-8")
+    added = load_laboratory(folder).calibration.keys() - session.calibration.keys()
+    assert added == {"balls.gates.thickness", "impact.gates.thickness"}
+    assert lines == len(added)
+    found = reduce(folder).certification
+    assert found.session.calibration["impact.gates.thickness"].value == pytest.approx(1.2e-3)
+    assert found.quantities.keys() == certify_session(session).quantities.keys()
+
+
+def test_each_optional_line_of_the_other_forms_can_be_used(tmp_path: Path) -> None:
+    for name, tables in (("laboratory", {"authorised_by", "instruments"}), ("prices", set())):
+        path = template(name, tmp_path / f"{name}.toml")
+        before = parse_toml(path.read_text("utf-8"), name)
+        text, lines = uncomment(path.read_text("utf-8"))
+        text = text.replace('name = ""\nrole = ""', 'name = "A"\nrole = "B"')
+        text = text.replace("value = 0", "value = 1").replace('source = ""', 'source = "x"')
+        path.write_text(text, "utf-8")
+        assert parse_toml(text, name).keys() - before.keys() == tables
+        assert lines > 0
+    assert read_particulars(tmp_path / "laboratory.toml", {}).instruments.keys() == {"gates"}
+    offers = Prices.read(path).offers(path, ["bench", "ball-wall", "astm-pivot"])
+    assert offers.keys() == {"pivot-gates"}
 
 
 def test_a_procedure_file_is_copied_to_the_form(tmp_path: Path) -> None:

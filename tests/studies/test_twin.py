@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -154,6 +155,29 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
     statement = Statement.of(certify_session(unknown))
     with pytest.raises(InputError, match=r"impact rig = 'mine'; .*installed"):
         TwinDays.fit(statement, seed=1)
+
+
+def test_a_laboratory_that_describes_its_rigs_has_the_days_of_our_rigs(tmp_path: Path) -> None:
+    """Descriptions and an optional constant change no number of the days."""
+    shutil.copytree(FOREIGN, tmp_path / "lab")
+    form = tmp_path / "lab" / "laboratory.toml"
+    text = form.read_text("utf-8").replace('bench = "bench"', 'bench = "Scale and pendulum, 1998"')
+    text = text.replace('impact = "astm-pivot"', 'impact = "Air cannon and pivot, hall 2"')
+    form.write_text(
+        text + '"impact.gates.thickness" = { value = 1, unit = "mm", u = 0.1 }\n', "utf-8"
+    )
+    ours, described = (
+        vl.twin(folder, days=100, full_days=0, progress=quiet) for folder in (FOREIGN, form.parent)
+    )
+    assert [row.error_sd for row in described.rows] == [row.error_sd for row in ours.rows]
+    assert described.rows[0].error_sd > 0
+    session = certify_records(form.parent).session
+    records = {**session.records, "impact": {**session.records["impact"]}}
+    records["impact"]["radar"] = records["impact"]["log"]
+    statement = Statement.of(certify_session(session))
+    foreign = replace(statement, session=replace(statement.session, records=records))
+    with pytest.raises(InputError, match="impact records = 'radar'; has no twin: astm-pivot recor"):
+        TwinDays.fit(foreign, seed=1)
 
 
 def test_a_twin_without_a_result_is_refused_in_one_line(certification, days) -> None:

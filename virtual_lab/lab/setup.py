@@ -124,13 +124,13 @@ class TestSetup:
         bat_entry, control = bats
         assert bat_entry is not None
         rig = rig or rules.spec.rig
-        instruments = identities(_rigs(rig).values()) | dict(particulars.instruments)
+        instruments = identities(rigs_of(rig).values()) | dict(particulars.instruments)
         return cls(
             bat=bat_entry,
             ball=catalog.load("balls", rules.spec.ball, BallSpec),
             rules=rules,
             rig=rig,
-            unverified_rigs=unverified_rigs(_rigs(rig).values()),
+            unverified_rigs=unverified_rigs(rigs_of(rig).values()),
             seed=seed,
             number=number,
             reality=reality,
@@ -165,7 +165,7 @@ class TestSetup:
     @property
     def rigs(self) -> dict[Stage, str]:
         """The name of the rig at each stage."""
-        return _rigs(self.rig)
+        return rigs_of(self.rig)
 
     @property
     def unverified(self) -> dict[str, str]:
@@ -177,7 +177,8 @@ class TestSetup:
         return {**counts, **self.unverified_rigs}
 
 
-def _rigs(impact: str) -> dict[Stage, str]:
+def rigs_of(impact: str) -> dict[Stage, str]:
+    """Return the name of the rig at each stage of a test whose bat is struck at `impact`."""
     return {Stage.BENCH: "bench", Stage.BALLS: "ball-wall", Stage.IMPACT: impact}
 
 

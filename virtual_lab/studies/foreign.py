@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from virtual_lab.catalog import load, names
@@ -12,6 +12,8 @@ from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
+from virtual_lab.measurement.reduction.gates import THICKNESS
+from virtual_lab.records import BoardRecord, GateRecord, Record
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
 from virtual_lab.records.session import SESSION, Session, load_session
 
@@ -98,15 +100,29 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
         left_out = {
             DENSITY: "climate" in channels,  # the density follows from the climate
             LOGGER: channels.isdisjoint(LOGGER_TABLES),
+            **dict.fromkeys(offered := optional_constants(session.records), True),
         }
         optional = tuple(name for name, allowed in left_out.items() if allowed)
-        _require_constants(list(session.calibration), needed, optional, str(form))
+        known = [*needed, *offered]
+        _require_constants(list(session.calibration), known, optional, str(form))
     try:
         return certify_session(apply_options(session))
     except InputError as fault:
         sources = {"session.json": str(form), "procedure.toml": procedure}
         where = sources.get(fault.where, fault.where)
         raise InputError(where, fault.key, fault.value, fault.allowed) from fault
+
+
+def optional_constants(records: Mapping[str, Mapping[str, Record]]) -> list[str]:
+    """Return the names of the constants that a laboratory may state: thickness of its beams.
+
+    `records` are keyed by stage and channel.
+    """
+    return [
+        stage + THICKNESS
+        for stage, channels in records.items()
+        if isinstance(channels.get("gates"), GateRecord | BoardRecord)
+    ]
 
 
 def _constants_of(procedure: str) -> list[str]:
@@ -119,15 +135,15 @@ def _constants_of(procedure: str) -> list[str]:
 
 
 def _require_constants(
-    keys: list[str], needed: list[str], optional: tuple[str, ...], where: str
+    keys: list[str], known: list[str], optional: tuple[str, ...], where: str
 ) -> None:
     """Raise `InputError` if constants are missing or unknown.
 
     A constant may be missing if its name begins with one of `optional`. Further numbered constants
     are allowed, such as `distance_2` for a third gate.
     """
-    missing = [key for key in needed if key not in keys and not key.startswith(optional)]
-    kinds = {_without_number(key) for key in needed}
+    missing = [key for key in known if key not in keys and not key.startswith(optional)]
+    kinds = {_without_number(key) for key in known}
     unknown = [key for key in keys if _without_number(key) not in kinds]
     if missing:
         allowed = f"missing: {', '.join(missing)}"
@@ -135,7 +151,7 @@ def _require_constants(
             allowed += f" (unknown: {', '.join(unknown)})"
         raise InputError(where, "calibration", None, allowed)
     if unknown:
-        hint = nearest(unknown[0], needed)
+        hint = nearest(unknown[0], known)
         raise InputError(
             where, "calibration", ", ".join(unknown), f"{hint}no constant of this procedure"
         )

@@ -16,12 +16,9 @@ from virtual_lab.catalog.specs import CHECK_STANDARD
 from virtual_lab.files import check_new_folder, new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
-from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.parameters import Folder
 from virtual_lab.records import (
     REFERENCE_MASS,
-    BoardRecord,
-    GateRecord,
     Record,
     ShotLog,
     record_name,
@@ -32,7 +29,7 @@ from virtual_lab.records.foreign.table import column_names
 from virtual_lab.records.particulars import form
 from virtual_lab.records.session import Session
 from virtual_lab.sheets import AnyProcedure, entry_name
-from virtual_lab.studies.foreign import LOGGER_TABLES, our_session
+from virtual_lab.studies.foreign import LOGGER_TABLES, optional_constants, our_session
 from virtual_lab.studies.plan.prices import prices_form
 from virtual_lab.units import DIMENSIONS
 
@@ -118,8 +115,8 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     for key, alternative in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
         yield f'{key} = "{getattr(session, key)}"  # baseball, softball{alternative}, or nothing'
     yield f'procedure = "{procedure}"'
-    yield "# Particulars, such as customer and serial number, may follow in tables like"
-    yield "# [particulars.bat]; 'virtual-lab template laboratory FILE' writes their keys."
+    yield "# Particulars, such as customer and serial number, may follow in tables such as"
+    yield "# particulars.bat; 'virtual-lab template laboratory FILE' writes their keys."
     yield "index_from = 0  # number of the first shot, ball, reading and so on: 0 or 1"
     yield ""
     yield "[rigs]  # descriptions of your machines"
@@ -138,9 +135,8 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     for key in session.calibration:
         yield from _constant(key)
     yield "# Optional constants; remove the # to use one:"
-    for stage, records in session.records.items():
-        if isinstance(records.get("gates"), GateRecord | BoardRecord):
-            yield from _constant(stage + THICKNESS, sign="# ")
+    for key in optional_constants(session.records):
+        yield from _constant(key, sign="# ")
 
 
 def _channel(stage: str, channel: str, record: Record) -> Iterator[str]:

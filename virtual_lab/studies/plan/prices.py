@@ -100,8 +100,9 @@ def prices_form() -> Iterator[str]:
     """Yield the lines of a template for the file of prices, without newlines."""
     yield "# Prices for 'virtual-lab plan --prices'. Give each number its unit and its source."
     yield "# All prices are in one currency. An instrument is exchanged for one with half of each"
-    yield "# standard uncertainty and scatter, or for that of a sheet beside this file, with"
-    yield '# sheet = "offer.toml".'
+    yield "# standard uncertainty and scatter. If its price has a key sheet, such as"
+    yield '# { value = 900, unit = "USD", source = "offer", sheet = "offer.toml" }, it is exchanged'
+    yield "# for the instrument of this sheet, which lies beside this file."
     entry = '{{ value = 0, unit = "{}", source = "" }}  # {}'
     yield f"tests = {entry.format('1', 'number of tests for which the plan is made')}"
     yield f"per_minute = {entry.format('USD', 'of a minute of laboratory time')}"

@@ -198,6 +198,9 @@ def _commission(stage: Stage, statement: Statement, draws: Draws) -> Station:
     if not isinstance(station, FittedStation):
         allowed = "has no twin: it is simulated in one laboratory at a time"
         raise InputError("", f"{stage.value} rig", name, allowed)
+    if foreign := ", ".join(records.keys() - rig.channels.keys()):
+        allowed = f"has no twin: {name} records {', '.join(rig.channels)}"
+        raise InputError("", f"{stage.value} records", foreign, allowed)
     scatter = statement.scatter[stage]
     parts: dict[str, Any] = {}
     for field, (part, instrument) in station.parts().items():

@@ -13,6 +13,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BallSpread, RestitutionLine, Sport
 from virtual_lab.errors import InputError
+from virtual_lab.lab.setup import rigs_of
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.outcome import curve_of
@@ -20,9 +21,10 @@ from virtual_lab.measurement.reduction.air import DENSITY, climate_readings
 from virtual_lab.measurement.session_reduction import Preparation, Reduction, reduce_block
 from virtual_lab.records import EncoderRecord
 from virtual_lab.records.kinds import PassageRecord, RateRecord
+from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.physics.beam import RigidBat
-from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.simulation.stations.rig import Stage, installed_rigs
 from virtual_lab.studies.twin.collision import RIGID, StatedCollision, StatedCurve, StatedMotion
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
@@ -84,7 +86,7 @@ class Statement:
                 raise InputError("", key, None, allowed)
         ball = _ball(preparation, certification.session)
         return cls(
-            session=certification.session,
+            session=_with_our_rigs(certification.session, certification.procedure.rig),
             rules=_rules(preparation, certification.session),
             barrel_radius=float(preparation.bat.barrel_radius.ravel()[0]),
             ball=ball,
@@ -96,6 +98,22 @@ class Statement:
             density=float(reduced.constants[DENSITY].value[0]) if climate is not None else None,
             scatter=_scatter(reduced),
         )
+
+
+def _with_our_rigs(session: Session, impact: str) -> Session:
+    """Return a session of another laboratory with the rigs by which its days are simulated.
+
+    A laboratory describes its rigs in words of its own. The rigs of the procedure replace those
+    that are not installed here. `impact` is the name of its rig for the bat.
+    """
+    if isinstance(session.origin, Simulated):
+        return session
+    ours = {stage.value: name for stage, name in rigs_of(impact).items()}
+    rigs = {
+        stage: name if name in installed_rigs() else ours.get(stage, name)
+        for stage, name in session.rigs.items()
+    }
+    return replace(session, rigs=rigs)
 
 
 def _rules(preparation: Preparation, session: Session) -> Entry[Procedure]:
