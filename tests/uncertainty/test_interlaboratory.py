@@ -92,6 +92,63 @@ def test_lots_agree_with_one_way_analyses() -> None:
     assert np.isfinite(one_lot.reproducibility)
 
 
+def test_unequal_repeats_of_laboratories_by_hand() -> None:
+    """ISO 5725-2 with one lot each, of 2, 3 and 1 results: means 2, 5 and 9, grand mean 28/6."""
+    study = nested_study([[[1.0, 3.0]], [[4.0, 5.0, 6.0]], [[9.0]]])
+    repeat = (2 + 2) / 3  # squares over (2 - 1) + (3 - 1) degrees of freedom
+    grand = 28 / 6
+    between = (2 * (2 - grand) ** 2 + 3 * (5 - grand) ** 2 + (9 - grand) ** 2) / 2
+    size = (6 - (4 + 9 + 1) / 6) / 2
+    assert float(study.mean) == pytest.approx(grand)
+    assert float(study.repeatability) == pytest.approx(repeat**0.5)
+    assert float(study.laboratory_variance) == pytest.approx((between - repeat) / size)
+    assert np.isnan(study.lot_variance)
+    # deviations from the mean of the means, 16/3, by their standard deviation, √(37/3)
+    assert study.h == pytest.approx(np.array([-10, -1, 11]) / 3 / (37 / 3) ** 0.5)
+    assert study.k == pytest.approx([(2 / repeat) ** 0.5, (1 / repeat) ** 0.5, np.nan], nan_ok=True)
+    assert float(study.cochran) == pytest.approx(2 / 3)
+
+
+def test_variances_of_unequal_lots_and_repeats_are_unbiased() -> None:
+    """The mean of each estimate is 1 for its own variance of 1, and 0 for the other variances.
+
+    An estimate is a quadratic form. Its mean for independent effects of variance 1 is therefore the
+    sum of its values for one effect of 1 at a time.
+    """
+    numbers = [[4, 1], [2, 2, 3], [1], [3, 1, 1], [2], [2, 4]]
+    places = [
+        (i, j) for i, lots in enumerate(numbers) for j, n in enumerate(lots) for _ in range(n)
+    ]
+    laboratory, lot = np.array(places).T
+    effects = {
+        "laboratory": (laboratory == np.arange(6)[:, None]).astype(float),
+        "lot": np.array([(np.array(places) == cell).all(axis=1) for cell in set(places)], float),
+        "repeat": np.eye(len(places)),
+    }
+    for cause, rows in effects.items():
+        studies = [nested_study(row, laboratory, lot) for row in rows]
+        for name in effects:
+            mean = sum(float(getattr(study, f"{name}_variance")) for study in studies)
+            assert mean == pytest.approx(float(cause == name), abs=1e-12)
+
+
+def test_labels_are_nested_lists() -> None:
+    """The same results in three forms; laboratories keep the order of their first labels."""
+    laboratories, lots = list("BBAABBAAC"), [1, 1, 5, 5, 2, 2, 6, 6, 1]
+    values = [1.0, 1.1, 1.0, 1.3, 1.0, 1.2, 1.4, 1.5, 0.7]
+    nested = [[[1.0, 1.1], [1.0, 1.2]], [[1.0, 1.3], [1.4, 1.5]]]
+    by_label = nested_study(values[:-1], laboratories[:-1], lots[:-1])
+    for wanted, found in ((nested, by_label), ([*nested, [[0.7]]], None)):
+        expected = nested_study(wanted)
+        study = found or nested_study(values, laboratories, lots)
+        assert float(study.laboratory_variance) == pytest.approx(
+            float(expected.laboratory_variance)
+        )
+        assert float(study.lot_variance) == pytest.approx(float(expected.lot_variance))
+        assert study.h == pytest.approx(expected.h)
+        assert study.reproducibility_u == pytest.approx(expected.reproducibility_u)
+
+
 @pytest.mark.parametrize(
     ("values", "said"),
     [
@@ -100,6 +157,10 @@ def test_lots_agree_with_one_way_analyses() -> None:
         (np.ones((3, 2, 1)), "repeats = 1; allowed: at least 2"),
         (np.ones((3, 2, 2)), "all results are equal"),
         (np.full((3, 1, 2), np.nan), "finite numbers"),
+        ([[[1.0, np.inf]], [[1.0]]], "finite numbers"),
+        ([[[1.0], [2.0]], [[1.0]]], "repeats = 1; allowed: at least 2"),
+        ([[1.0, 2.0], [3.0]], "with n labels"),
+        ([[["one", "two"]], [["three"]]], "with n labels"),
     ],
 )
 def test_wrong_input_gives_one_line(values: np.ndarray, said: str) -> None:

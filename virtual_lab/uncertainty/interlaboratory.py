@@ -2,19 +2,21 @@
 
 Every laboratory measures the same item with several lots, and repeats the test with each lot.
 Variances and tests follow ISO 5725-2 and ISO 5725-3; the statistics h and k follow ASTM E691.
-Leading axes of all results are data sets.
+Numbers of lots and repeats may differ. Leading axes of all results are data sets.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.errors import InputError
-from virtual_lab.units import Array
+from virtual_lab.units import Array, Mask
 
 STRAGGLER, OUTLIER = 0.05, 0.01  # significance levels of Cochran's and Grubbs's tests (ISO 5725-2)
 CONSISTENCY = 0.005  # significance level of h and k (ASTM E691)
@@ -27,10 +29,10 @@ class NestedStudy:
     Variances are unbiased, so they can be negative. Standard deviations are 0 in that case.
     """
 
-    laboratories: int
-    lots: int  # lots per laboratory
-    repeats: int  # repeats per lot
-    mean: Array
+    counts: NDArray[
+        np.int_
+    ]  # number of repeats, (laboratory, lot); 0 for a lot that a laboratory lacks
+    mean: Array  # of all results
     repeat_variance: Array
     lot_variance: Array  # NaN with one lot per laboratory; laboratory_variance then includes it
     laboratory_variance: Array
@@ -38,7 +40,8 @@ class NestedStudy:
     lot_mean_square: Array  # mean square of the repeats if there is only one lot
     laboratory_mean_square: Array
     h: Array  # deviation of each laboratory's mean, in standard deviations, (..., laboratory)
-    k: Array  # scatter of each laboratory's repeats, in units of s_r, (..., laboratory)
+    # scatter of each laboratory's repeats, in units of s_r, (..., laboratory); NaN without repeats
+    k: Array
     cochran: Array  # largest variance of repeats of a laboratory over the sum of these variances
 
     @property
@@ -64,11 +67,13 @@ class NestedStudy:
     @property
     def reproducibility_u(self) -> Array:
         """Standard uncertainty of s_R, from unbiased variances of the mean squares."""
-        p, q, n = self.laboratories, self.lots, self.repeats
+        lot_dof, repeat_dof = _freedom(self.counts)
+        in_lot, in_lots, in_laboratory = _numbers(self.counts)
+        laboratory, lot = 1 / in_laboratory, (1 - in_lots / in_laboratory) / in_lot
         lines = (
-            (self.laboratory_mean_square / (q * n), p - 1),
-            (self.lot_mean_square * (q - 1) / (q * n), p * max(q - 1, 1)),
-            (self.repeat_mean_square * (n - 1) / n, p * q * (n - 1)),
+            (self.laboratory_mean_square * laboratory, len(self.counts) - 1),
+            (self.lot_mean_square * lot, max(lot_dof.sum(), 1)),
+            (self.repeat_mean_square * (1 - laboratory - lot), repeat_dof.sum()),
         )
         # 2 MS²/(dof + 2) is unbiased for the variance of a mean square
         variance = sum((2 * part**2 / (dof + 2) for part, dof in lines), np.zeros(self.mean.shape))
@@ -81,28 +86,39 @@ class NestedStudy:
 
     def cochran_limit(self, level: float = STRAGGLER) -> float:
         """Return the critical value of `cochran`, dimensionless, for a significance level."""
-        return cochran_limit(self.laboratories, self.lots * (self.repeats - 1), level)
+        return cochran_limit(len(self.counts), self._usual_dof, level)
 
     def grubbs_limit(self, level: float = STRAGGLER) -> float:
         """Return the critical value of `grubbs`, dimensionless; NaN for two laboratories."""
-        return grubbs_limit(self.laboratories, level)
+        return grubbs_limit(len(self.counts), level)
 
     def h_limit(self, level: float = CONSISTENCY) -> float:
         """Return the critical value of |h|, dimensionless; NaN for two laboratories."""
-        return h_limit(self.laboratories, level)
+        return h_limit(len(self.counts), level)
 
     def k_limit(self, level: float = CONSISTENCY) -> float:
         """Return the critical value of k, dimensionless, for a significance level."""
-        return k_limit(self.laboratories, self.lots * (self.repeats - 1), level)
+        return k_limit(len(self.counts), self._usual_dof, level)
+
+    @property
+    def _usual_dof(self) -> int:
+        """Degrees of freedom of the repeats of most laboratories, as ISO 5725-2 uses them."""
+        return int(np.bincount(_freedom(self.counts)[1]).argmax())
 
 
-def nested_study(values: ArrayLike) -> NestedStudy:
+def nested_study(
+    values: ArrayLike,
+    laboratories: Sequence[Any] | None = None,
+    lots: Sequence[Any] | None = None,
+) -> NestedStudy:
     """Return variances within and between laboratories, and statistics of their consistency.
 
-    Every laboratory has the same number of lots, and repeats the test equally often with each lot.
-    The variances are unbiased estimates. The variances between laboratories and between lots can
-    therefore be negative; their standard deviations are then 0. With one lot per laboratory,
-    `lot_variance` is NaN, and the other results are those of ISO 5725-2 and ASTM E691.
+    The variances are unbiased estimates, also with unequal numbers of lots or repeats (analysis of
+    variance of a nested design). The variances between laboratories and between lots can therefore
+    be negative; their standard deviations are then 0. With one lot per laboratory, `lot_variance`
+    is NaN, and the other results are those of ISO 5725-2 and ASTM E691. With unequal numbers, the
+    uncertainty of s_R is approximate, and the limits of Cochran's test and of k are those of the
+    number of repeats that most laboratories have.
 
     The results are arrays (...), one entry per data set. Means and standard deviations are in the
     unit of the values, and variances in its square. Cochran's statistic and the statistics h and k
@@ -111,56 +127,128 @@ def nested_study(values: ArrayLike) -> NestedStudy:
     Parameters
     ----------
     values
-        Results of the tests, shape (..., laboratory, lot, repeat), in any one unit. Leading axes
-        are data sets.
+        Results of the tests in any one unit, with the shape (..., laboratory, lot, repeat). Leading
+        axes are data sets. Or nested lists of unequal lengths, for one data set. Or the shape (n,),
+        if `laboratories` is given.
+    laboratories
+        Label of the laboratory of each result, length n. Laboratories keep the order of their first
+        labels.
+    lots
+        Label of the lot of each result, length n. Equal labels in two laboratories are two lots. By
+        default each laboratory has one lot.
 
     Raises
     ------
     InputError
-        The shape is not allowed, there are fewer than two laboratories or two repeats, a value is
-        not finite, or all values of a data set are equal.
+        The shape is not allowed, the number of labels differs from the number of results, there are
+        fewer than two laboratories, no laboratory has two repeats with a lot, a value is not
+        finite, or all values of a data set are equal.
     """
-    results = np.asarray(values, float)
-    shape = results.shape
-    if results.ndim < 3 or 0 in shape:
-        allowed = "allowed: (..., laboratory, lot, repeat)"
-        raise InputError("", "shape of the values", shape, allowed)
-    p, q, n = shape[-3:]
-    for key, count in (("laboratories", p), ("repeats", n)):
+    results, present = _table(values, laboratories, lots)
+    counts = present.sum(axis=-1)
+    for key, count in (("laboratories", len(counts)), ("repeats", counts.max())):
         if count < 2:
-            raise InputError("", key, count, "allowed: at least 2")
-    if not np.isfinite(results).all():
+            raise InputError("", key, int(count), "allowed: at least 2")
+    rows = results[..., present]
+    if not np.isfinite(rows).all():
         raise InputError("", "values", None, "allowed: finite numbers")
-    first = results[..., :1, :1, :1]
-    if (results == first).all(axis=(-3, -2, -1)).any():
+    first = rows[..., :1]
+    if (rows == first).all(axis=-1).any():
         allowed = "all results are equal, so their scatter is unknown; allowed: results that differ"
         raise InputError("", "values", float(first.flat[0]), allowed)
-    results = results - first  # the squares of a large mean would hide the scatter
-    lots = results.mean(axis=-1)
-    means = lots.mean(axis=-1)
-    grand = means.mean(axis=-1)
-    within = np.sum((results - lots[..., None]) ** 2, axis=(-2, -1)) / (q * (n - 1))
-    repeat = within.mean(axis=-1)
-    scatter = np.sum((means - grand[..., None]) ** 2, axis=-1) / (p - 1)
-    laboratory, lot = q * n * scatter, repeat
-    if q > 1:
-        lot = n * np.sum((lots - means[..., None]) ** 2, axis=(-2, -1)) / (p * (q - 1))
+    # the squares of a large mean would hide the scatter
+    results = np.where(present, results - first[..., None, None], 0.0)
+    tests, (lot_dof, repeat_dof) = counts.sum(axis=-1), _freedom(counts)
+    in_lot, in_lots, in_laboratory = _numbers(counts)
+    cells = results.sum(axis=-1) / np.maximum(counts, 1)
+    means = results.sum(axis=(-2, -1)) / tests
+    grand, deviation = means @ tests / tests.sum(), means - means.mean(axis=-1, keepdims=True)
+    within = np.sum(present * (results - cells[..., None]) ** 2, axis=(-2, -1))
+    repeat = lot = within.sum(axis=-1) / repeat_dof.sum()
+    if lot_dof.any():
+        lot = np.sum(counts * (cells - means[..., None]) ** 2, axis=(-2, -1)) / lot_dof.sum()
+    lot_variance = (lot - repeat) / in_lot
+    laboratory = (means - grand[..., None]) ** 2 @ tests / (len(tests) - 1)
     with np.errstate(divide="ignore", invalid="ignore"):
+        variances = within / repeat_dof
         return NestedStudy(
-            laboratories=p,
-            lots=q,
-            repeats=n,
-            mean=first[..., 0, 0, 0] + grand,
+            counts=counts,
+            mean=first[..., 0] + grand,
             repeat_variance=repeat,
-            lot_variance=(lot - repeat) / n if q > 1 else np.full(grand.shape, np.nan),
-            laboratory_variance=(laboratory - lot) / (q * n),
+            lot_variance=lot_variance if lot_dof.any() else np.full(grand.shape, np.nan),
+            laboratory_variance=(laboratory - repeat - in_lots * lot_variance) / in_laboratory,
             repeat_mean_square=repeat,
             lot_mean_square=lot,
             laboratory_mean_square=laboratory,
-            h=(means - grand[..., None]) / np.sqrt(scatter)[..., None],
-            k=np.sqrt(within / repeat[..., None]),
-            cochran=within.max(axis=-1) / within.sum(axis=-1),
+            h=deviation / deviation.std(axis=-1, ddof=1, keepdims=True),
+            k=np.sqrt(variances / repeat[..., None]),
+            cochran=np.nanmax(variances, axis=-1) / np.nansum(variances, axis=-1),
         )
+
+
+def _table(
+    values: Any, laboratories: Sequence[Any] | None, lots: Sequence[Any] | None
+) -> tuple[Array, Mask]:
+    """Return results, (..., laboratory, lot, repeat), and a mask of the last three axes.
+
+    The mask is False where a laboratory has fewer lots than others, or a lot fewer repeats.
+    """
+    allowed = "allowed: (..., laboratory, lot, repeat), or (n,) with n labels"
+    if laboratories is None and _has_equal_lengths(values):
+        results = np.asarray(values, float)
+        if results.ndim < 3 or 0 in results.shape:
+            raise InputError("", "shape of the values", results.shape, allowed)
+        return results, np.ones(results.shape[-3:], bool)
+    cells: dict[tuple[Any, Any], list[float]] = {}
+    try:
+        if laboratories is not None:
+            lots = [""] * len(values) if lots is None else lots
+            for value, *labels in zip(values, laboratories, lots, strict=True):
+                cells.setdefault((labels[0], labels[1]), []).append(float(value))
+        else:
+            for row, laboratory in enumerate(values):
+                of_lots = {(row, column): list(lot) for column, lot in enumerate(laboratory)}
+                cells |= {key: lot for key, lot in of_lots.items() if lot}
+        rows, columns = (list(dict.fromkeys(labels)) for labels in zip(*cells, strict=True))
+        shape = len(rows), len(columns), max(map(len, cells.values()))
+        results, present = np.zeros(shape), np.zeros(shape, bool)
+        for (row, column), cell in cells.items():
+            at = rows.index(row), columns.index(column), slice(len(cell))
+            results[at], present[at] = cell, True
+    except (TypeError, ValueError) as fault:
+        raise InputError("", "values", None, allowed) from fault
+    return results, present
+
+
+def _has_equal_lengths(values: Any) -> bool:
+    try:
+        np.asarray(values, float)
+    except ValueError:
+        return False
+    return True
+
+
+def _freedom(counts: NDArray[np.int_]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Return the degrees of freedom of lots and of repeats, each (laboratory,)."""
+    lots = np.sum(counts > 0, axis=-1)
+    return lots - 1, counts.sum(axis=-1) - lots
+
+
+def _numbers(counts: NDArray[np.int_]) -> tuple[float, float, float]:
+    """Return the factors of the variances in the expected mean squares, for unequal `counts`.
+
+    The mean square of lots contains the variance of lots multiplied by the first factor. That of
+    laboratories contains the variance of lots multiplied by the second factor, and that of
+    laboratories by the third one. With equal counts the first two are the number of repeats per
+    lot, and the third one is the number per laboratory. Without lots the first factor is 1.
+    """
+    tests, dof, lot_dof = counts.sum(axis=-1), len(counts) - 1, _freedom(counts)[0].sum()
+    per_lot = float(np.sum(counts**2 / tests[:, None]))
+    return (
+        (float(tests.sum()) - per_lot) / lot_dof if lot_dof else 1.0,
+        (per_lot - np.sum(counts**2) / tests.sum()) / dof,
+        (tests.sum() - np.sum(tests**2) / tests.sum()) / dof,
+    )
 
 
 def cochran_limit(groups: int, dof: int, level: float) -> float:

@@ -293,7 +293,7 @@ def _precision(values: Array) -> NestedStudy:
 
 def _variances(precision: NestedStudy) -> dict[str, Array]:
     """Return unbiased variances by term, (exercise,)."""
-    lots = precision.lots > 1
+    lots = precision.counts.shape[1] > 1
     parts = {"s_lot": precision.lot_variance} if lots else {}
     parts |= {"s_L": precision.laboratory_variance, "s_r": precision.repeat_variance}
     return parts | {"s_R": sum(parts.values(), np.zeros(precision.mean.shape))}
