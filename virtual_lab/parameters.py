@@ -80,9 +80,9 @@ def _certain(value: Any) -> float:
 
 
 def _yes_or_no(value: Any) -> bool:
-    if value not in (True, False):
-        raise ValueError(value)
-    return bool(value)
+    if not isinstance(value, bool):
+        raise TypeError(value)
+    return value
 
 
 def whole(

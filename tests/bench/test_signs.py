@@ -14,7 +14,9 @@ from virtual_lab.bench.day import readings
 from virtual_lab.bench.day.day import DayEvent
 from virtual_lab.bench.day.readings import CheckRow, rows_of
 from virtual_lab.bench.day.table import detectable
-from virtual_lab.bench.pages.tally import convert_units, printed_column
+from virtual_lab.bench.pages.tally import _gate_texts, convert_units, printed_column
+from virtual_lab.bench.pages.traces import traces_of
+from virtual_lab.records import GateRecord
 from virtual_lab.uncertainty.estimate import Estimate
 
 MM = 1e-3
@@ -269,3 +271,12 @@ def test_a_day_has_one_system_of_units(said: str, printed: str) -> None:
 def test_a_value_that_rounds_to_zero_has_no_minus() -> None:
     column = printed_column("Shortened by [ms]", np.array([-4e-4, 4e-4, -6e-4, np.nan]), "+z.3f")
     assert column.cells == ["+0.000", "+0.000", "-0.001", "not measured"]
+
+
+def test_gates_and_traces_count_the_same_missed_gates() -> None:
+    """A gate that recorded only the beginning of a rebound has missed it, in table and drawing."""
+    times = np.array([[[[1.0, 1.2], [2.0, 2.2]], [[4.0, np.nan], [3.0, 3.2]]]])  # ms
+    _, rebound, _ = _gate_texts(GateRecord(times=times / 1e3), 1)
+    assert rebound == ["missed gate 1"]
+    entry = {"kind": "gates", "times": [[[[1, 1.2], [2, 2.2]], [[4, None], [3, 3.2]]]]}
+    assert "detected 3 of 4 passages" in traces_of(1, {"gates": entry}).summary

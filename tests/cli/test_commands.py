@@ -141,6 +141,7 @@ def test_settings_in_a_file_act_as_options(run: Run, tmp_path: Path) -> None:  #
         ('seed = "7"', ["s.toml", "seed = '7'", "whole number"]),
         ('reality = "idael"', ["s.toml", "did you mean ideal"]),
         ("film = 3", ["s.toml", "film = 3", "True or False"]),
+        ("pdf = 1", ["s.toml", "pdf = 1", "True or False"]),
         ("faults = []", ["s.toml", "faults", "at least one"]),
         ("seed = ", ["s.toml", "parsed"]),
     ],

@@ -10,6 +10,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tests.cli.test_cli import Run, run  # noqa: F401 a fixture
@@ -72,6 +73,27 @@ def test_the_command_reduces_and_saves_foreign_records(run: Run, tmp_path: Path)
     assert kept["laboratory"] == "Crosstown Bat Laboratory"
     assert kept["calibration"]["bench.scale.span"]["source"] == "certificate 4411"
     assert not (tmp_path / "theirs/truth").exists()
+
+
+def test_recorders_that_stamp_with_unix_time_change_nothing(tmp_path: Path) -> None:
+    """Times of 1.8e9 s have steps of 2.4e-7 s in a computer, 1/400 of a step of the encoder."""
+    shutil.copytree(RECORDS, tmp_path, dirs_exist_ok=True)
+    expected = reduce(tmp_path).certification.metric
+    for name, header, digits, unit in (
+        ("gates.csv", "time_us", 0, 1e-6),
+        ("encoder.csv", "t [ms]", 1, 1e-3),
+    ):
+        table = pd.read_csv(tmp_path / name, encoding="utf-8-sig")
+        stamps = [f"{time + 1_764_300_000 / unit:.{digits}f}" for time in table[header]]
+        stamps = [stamp if stamp != "nan" else "" for stamp in stamps]
+        table.assign(**{header: stamps}).to_csv(tmp_path / name, index=False)
+    found = reduce(tmp_path).certification.metric
+    assert abs(found.value - expected.value) < 0.01 * expected.u
+    assert found.u == pytest.approx(expected.u, rel=0.01)
+    lines = (tmp_path / "encoder.csv").read_text("utf-8").splitlines()
+    (tmp_path / "encoder.csv").write_text("\n".join(lines[:300] + lines[340:]), "utf-8")
+    with pytest.raises(InputError, match=r"step after sample 298 = 0\.0041; must be 0\.0001 s"):
+        reduce(tmp_path)
 
 
 def test_a_signed_counter_that_starts_again_changes_nothing() -> None:

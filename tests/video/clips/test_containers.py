@@ -131,6 +131,22 @@ def test_a_clip_that_was_cut_short_is_refused(kind: str, tmp_path: Path) -> None
         open_clip(cut(whole, 0.8), ANY)
 
 
+def test_a_length_beyond_that_of_any_file_is_no_traceback(tmp_path: Path) -> None:
+    """A box of MP4 can state 64 bits, more than a file can have or a program can seek."""
+    path = tmp_path / "a.mp4"
+    for length in (2**62, 2**63, 2**64 - 1):
+        path.write_bytes(b"\0\0\0\1moov" + length.to_bytes(8, "big") + bytes(64))
+        with pytest.raises(InputError, match="was it cut short"):
+            open_clip(path, ANY)
+
+
+def test_a_colon_in_a_name_is_no_protocol(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("12:30:05.mp4", "data:a.mp4"):
+        write(tmp_path / "a.mp4", EVEN, "libx264").rename(name)
+        assert open_clip(Path(name), ANY).count == COUNT
+
+
 def test_rounded_time_stamps_of_an_even_clip_leave_its_rate(tmp_path: Path) -> None:
     """MKV stores 240 frames per second as steps of 4 and 5 ms, and 4000 as four equal stamps."""
     for rate in (240, 4000):

@@ -359,9 +359,7 @@ def _rates(
         raise InputError(where, "shots", shots, f"the log has {len(contact)} shots")
     if isinstance(record, RateRecord):
         return rates_from_summary(record)
-    ticks = np.diff(record.times)
-    if not (ticks.size and ticks.min() > 0 and np.ptp(ticks) < 1e-3 * ticks.min()):
-        raise InputError(where, "times", None, "must increase in equal steps")
+    _require_equal_steps(record.times, where)
     if not np.isfinite(contact).any():
         return empty_rates(len(contact))
     # Counts come from a single laboratory.
@@ -370,6 +368,23 @@ def _rates(
         return fit(unwrap(record, turn, contact), contact)
     except ValueError as fault:
         raise InputError(where, "times", None, str(fault)) from fault
+
+
+def _require_equal_steps(times: Array, where: str) -> None:
+    """Raise `InputError` unless times increase in steps that are equal to 0.1 %.
+
+    Times as large as those of Unix may differ further, by their rounding in the record and here.
+    """
+    steps = np.diff(times)
+    if not steps.size:
+        raise InputError(where, "times", times.size, "allowed: at least 2")
+    usual = float(np.median(steps))
+    deviation = np.abs(steps - usual)
+    tolerance = 5e-4 * usual + 4 * np.spacing(np.abs(times).max())
+    if not (usual > 0 and (deviation < tolerance).all()):
+        worst = int(np.argmax(deviation))
+        allowed = f"must be {usual:.3g} s, as most others: times must increase in equal steps"
+        raise InputError(where, f"step after sample {worst}", float(f"{steps[worst]:.4g}"), allowed)
 
 
 def _log_and_flights(block: SessionBlock, stage: str) -> tuple[ShotLog, FlightReadings]:

@@ -24,7 +24,7 @@ def is_cut_short(path: Path) -> bool:
             return not file.read().rstrip(b"\0").endswith(end)
         while at < size and (length := _length_of_part(head)):
             at += length
-            file.seek(at)
+            file.seek(min(at, size))  # a stated length may be larger than any file
             head = file.read(16)
     return at > size + 8  # some AVI writers count the 8 bytes of the header as content
 

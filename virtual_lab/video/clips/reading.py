@@ -191,7 +191,8 @@ def _capture(path: Path) -> cv2.VideoCapture:
     """Open a video. Raises `InputError` if this fails."""
     import cv2
 
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    # FFmpeg takes the part before a colon, as in 12:30:05.mp4, for a protocol
+    capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
         raise InputError(str(path), "video", None, allowed)

@@ -86,7 +86,7 @@ def calibration_text(result: Calibrated) -> str:
 
 
 def _line(name: str, *values: str) -> str:
-    return f"  {name:<34}{', '.join(values)}"
+    return f"  {name:<37}{', '.join(values)}"
 
 
 def _entry(key: str, value: Any) -> str:

@@ -126,7 +126,7 @@ def write_clip(path: Path, frames: Iterable[tuple[float, Frame]], rate: float) -
             writer.release()
     if first is None:
         raise InputError(str(path), "frames", 0, "a film needs frames")
-    reader = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    reader = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
     reader.set(cv2.CAP_PROP_CONVERT_RGB, 0)
     count, same = 0, False
     while True:
@@ -152,7 +152,7 @@ def _writer(path: Path, grey: Frame, rate: float) -> Any:
     options = [cv2.VIDEOWRITER_PROP_IS_COLOR, 0, cv2.VIDEOWRITER_PROP_DEPTH, deep]
     code = cv2.VideoWriter.fourcc(*"FFV1")
     size = (grey.shape[1], grey.shape[0])
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, size, options)
+    writer = cv2.VideoWriter(str(path.absolute()), cv2.CAP_FFMPEG, code, rate, size, options)
     if not writer.isOpened():
         raise InputError(str(path), "film", None, "FFV1 in MP4 cannot be written here")
     return writer
