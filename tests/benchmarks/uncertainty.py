@@ -280,7 +280,7 @@ def memory() -> Iterator[Row]:
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
     yield Row(part="memory", what="2e6 to 3e7 draws", value=grown, unit="MB", at_most=5.0)
     model = Model.try_out(models.bpf, read_inputs(models.BPF, {}))
-    batches = Batches(model, Drawing(probability=0.95))
+    batches = Batches(model, Drawing(probability=0.95), np.ones(1), no_variance=False)
     count = 64
     batches.draw_to(4 * count)
     values = [model(drawn_block(model.inputs, 0, block))["result"] for block in range(count)]

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.stats import bartlett
 
 import virtual_lab as vl
 from virtual_lab import catalog
@@ -13,7 +12,6 @@ from virtual_lab.lab.setup import TestSetup as Setup
 from virtual_lab.studies.plan.history import DailyScatter, balls_of, read_history
 from virtual_lab.studies.plan.prices import Prices
 from virtual_lab.studies.plan.sample import SampledTests
-from virtual_lab.uncertainty.scatter import bartlett_p
 
 PRICES = """
 tests = { value = 50, unit = "1", source = "orders" }
@@ -103,14 +101,6 @@ def test_form_of_prices(tmp_path):
     assert set(document) == set(Prices.__dataclass_fields__)
     with pytest.raises(InputError, match="source"):
         Prices.read(path)
-
-
-def test_bartlett_of_samples():
-    rng = np.random.default_rng(3)
-    samples = [rng.normal(scale=scale, size=size) for scale, size in ((1, 5), (1.5, 8), (1, 12))]
-    variances = np.array([each.var(ddof=1) for each in samples])
-    dof = np.array([each.size - 1.0 for each in samples])
-    assert bartlett_p(variances, dof) == pytest.approx(bartlett(*samples).pvalue)
 
 
 def test_simulated_hits_scatter_as_those_of_the_history(folders):

@@ -4,7 +4,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, special, stats
 
 import virtual_lab as vl
 
@@ -82,6 +82,49 @@ def test_guard_bands_meet_their_risk() -> None:
     assert w == pytest.approx(0.02, abs=2e-5)  # joint risk .00988 at g = U/4
 
 
+def test_guard_bands_reach_from_minus_40_to_40_u_or_half_the_tolerance() -> None:
+    """With 1 degree of freedom the risk at the limit is 1/2 - arctan(w/u)/π: 31.8 u for 1 %."""
+    for target in (0.01, 0.3, 0.99):
+        w, *_ = vl.guard_band(0.5, upper=3, target=target, dof=1)
+        assert w == pytest.approx(0.5 * np.tan(np.pi * (0.5 - target)), rel=1e-9)
+    for target in (0.0079, 0.9921):  # 40.3 u
+        with pytest.raises(vl.InputError, match=r"allowed: 0\.008 to 0\.99, the range"):
+            vl.guard_band(0.5, upper=3, target=target, dof=1)
+    # two limits, 2 u from their middle: at least the risk of an item in the middle, 2 Φ(-2)
+    least = 2 * stats.norm.cdf(-2)
+    w, low, high = vl.guard_band(0.5, lower=-1, upper=1, target=least + 1e-6)
+    assert 0.99 < w < 1
+    assert low < high
+    risk = 1 - np.diff(stats.norm.cdf([-1, 1], high, 0.5))[0]
+    assert risk == pytest.approx(least + 1e-6, abs=1e-12)
+    with pytest.raises(vl.InputError, match=r"allowed: 0\.046 to"):
+        vl.guard_band(0.5, lower=-1, upper=1, target=least - 1e-6)
+
+
+@pytest.mark.parametrize("u", [1e-4, 0.01, 0.3])
+@pytest.mark.parametrize(("lower", "upper", "guard"), [(-1.0, 1.5, 0.1), (None, 0.7, -0.05)])
+def test_global_risks_agree_with_scipy_for_any_u(lower, upper, guard, u: float) -> None:
+    """Items and readings are normal, so that the accepted share is closed, the rest by quad.
+
+    Panels that miss an acceptance limit would show: the chance changes there within a few u.
+    """
+    ends = [(-9.0 if lower is None else lower), upper]
+    inner = [(-9.0 if lower is None else lower + guard), upper - guard]
+
+    def density(x: float) -> float:
+        return stats.norm.pdf(x) * np.diff(special.ndtr((np.array(inner) - x) / u))[0]
+
+    turns = [end + k * u for end in inner for k in (-7, -1, 0, 1, 7)]
+    inside, _ = integrate.quad(
+        density, *ends, points=[x for x in turns if ends[0] < x < ends[1]], epsabs=1e-11, limit=200
+    )
+    accepted = np.diff(stats.norm.cdf(inner, 0, np.sqrt(1 + u**2)))[0]
+    conforming = np.diff(stats.norm.cdf(ends))[0]
+    result = vl.risk(vl.Input(0, 1), u, lower=lower, upper=upper, guard=guard)
+    assert result.consumer == pytest.approx(accepted - inside, abs=1e-10)
+    assert result.producer == pytest.approx(conforming - inside, abs=1e-10)
+
+
 @pytest.mark.parametrize(
     ("decide", "said"),
     [
@@ -91,6 +134,7 @@ def test_guard_bands_meet_their_risk() -> None:
         (lambda: vl.conformity(inf, 0.1, upper=2), "value = inf; allowed: a finite number"),
         (lambda: vl.conformity(1, 0.1, upper=2, dof=nan), "dof = nan; allowed: a number"),
         (lambda: vl.conformity(1, 0.1, upper=2, dof=-1), "dof = -1.0; allowed: above 0"),
+        (lambda: vl.conformity(1, 0.1, upper=2, dof=0), "dof = 0.0; allowed: above 0"),
         (lambda: vl.guard_band(0.1, upper=1, r=inf), "guard band = inf; allowed: a finite number"),
         (lambda: vl.conformity(1, 0.1, lower=2, upper=1), "allowed: larger than lower = 2"),
         (lambda: vl.risk(1.5, 0.1, upper=2), r"prior = 1.5; allowed: vl.Input"),

@@ -342,6 +342,49 @@ def test_clause_8_compares_both_ends() -> None:
     )
 
 
+@pytest.mark.parametrize("rule", ["fixed", "stein", "7.9"])
+def test_a_result_without_variance_has_a_median_and_is_never_validated(rule: str) -> None:
+    """1/d for d = .5 ± .283: numpy's quantiles and median by scipy; no mean, no u.
+
+    The distribution is P(1/d <= t) = P(d < 0) + P(d >= 1/t) for t > 0, so the median is that of
+    1/d. A tolerance from the u of the draws (2500 of 4e6) would call [-.6, 4.6] right.
+    """
+    d = stats.norm(0.5, 0.2 * sqrt(2))
+    inputs = {"x": vl.Input(3, 0.2), "y": vl.Input(2.5, 0.2)}
+    more = {"draws": MANY} if rule == "fixed" else {"draws": None, "rule": rule, "digits": 1}
+    result = propagated(lambda x, y: {"inverse": 1 / (x - y), "sum": x + y}, inputs, **more)
+    one, other = result["inverse"], result["sum"]
+    assert one.u == inf
+    assert one.value == pytest.approx(1 / d.ppf(d.cdf(0) + 0.5), abs=0.05)
+    high = 1 / d.ppf(d.cdf(0) + 0.025)
+    low = 1 / d.ppf(d.cdf(0) - 0.025)
+    assert one.interval == pytest.approx((low, high), abs=0.2 if rule == "fixed" else 0.7)
+    assert one.verdict.startswith("first order not validated")
+    assert "mean and variance of inverse do not exist" in result.text
+    assert "variance of sum" not in result.text
+    assert other.u == pytest.approx(0.2 * sqrt(2), rel=0.01)
+    assert result.correlation is result.region is None
+
+
+@pytest.mark.parametrize("dof", [3, 4, 12])
+def test_a_t_with_a_variance_keeps_its_u(dof: int) -> None:
+    result = propagated(lambda x: x, {"x": vl.Input(0, 1, dof=dof)})
+    assert result.u == pytest.approx(sqrt(dof / (dof - 2)), rel=0.05)
+
+
+def test_the_tolerance_of_clause_8_is_that_of_the_first_order() -> None:
+    """Rare large draws raise u tenfold, to 3.3; the ends move by .02, more than u = .3 allows."""
+    inputs = {"x": vl.Input(0, 0.3), "rare": vl.Input(low=0, high=1)}
+
+    def model(x, rare):
+        return x + 60 * (rare > 0.99) * x
+
+    result = propagated(model, inputs, draws=MANY)
+    assert result.u == pytest.approx(0.3 * sqrt(0.99 + 0.01 * 61**2), rel=0.03)
+    assert result["result"].verdict.startswith("first order not validated")
+    assert "allowed 0.005" in result.text
+
+
 def test_draws_are_counted_while_they_are_made(capsys: pytest.CaptureFixture[str]) -> None:
     """Progress calls the given function, or prints on stderr if the draws take long."""
     calls: list[tuple[str, int, int]] = []

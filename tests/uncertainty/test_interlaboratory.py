@@ -149,6 +149,62 @@ def test_labels_are_nested_lists() -> None:
         assert study.reproducibility_u == pytest.approx(expected.reproducibility_u)
 
 
+# three laboratories, two lots each, two repeats with each lot
+BY_HAND = [[[1, 3], [7, 5]], [[2, 4], [4, 4]], [[9, 11], [10, 14]]]
+
+
+def test_two_lots_by_hand() -> None:
+    """Means of lots 2, 6; 3, 4; 10, 12, of laboratories 4, 3.5, 11, of all 37/6.
+
+    MS of repeats (2 + 2 + 2 + 0 + 2 + 8)/6 = 8/3, of lots 2 (8 + .5 + 2)/3 = 7, and of laboratories
+    4 (Σ m² - 3 (37/6)²)/2 = 2 · 35.1667. s_R² = MS_L/4 + MS_lot/4 + MS_r/2, so that its variance is
+    the sum of 2 MS²/(dof + 2) with the squares of these factors.
+    """
+    study = nested_study(np.array(BY_HAND, float))
+    repeat, lot = 8 / 3, 7.0
+    laboratory = 2 * (16 + 12.25 + 121 - 37**2 / 12)
+    s_R2 = laboratory / 4 + lot / 4 + repeat / 2
+    assert float(study.repeat_variance) == pytest.approx(repeat)
+    assert float(study.lot_variance) == pytest.approx((lot - repeat) / 2)
+    assert float(study.laboratory_variance) == pytest.approx((laboratory - lot) / 4)
+    assert float(study.reproducibility) ** 2 == pytest.approx(s_R2)
+    terms = ((laboratory / 4, 2), (lot / 4, 3), (repeat / 2, 6))
+    variance = sum(2 * part**2 / (dof + 2) for part, dof in terms)
+    assert float(study.reproducibility_u) == pytest.approx(variance**0.5 / (2 * s_R2**0.5))
+
+
+def test_negative_variances_of_lots_and_laboratories_count_as_0() -> None:
+    """Repeats scatter by 2, lots and laboratories do not: s_lot = s_L = 0, and s_R is s_r."""
+    study = nested_study(np.array([[[0.0, 4], [4, 0]], [[1, 3], [3, 1]]]))
+    assert float(study.lot_variance) < 0
+    assert float(study.laboratory_variance) <= 0
+    assert float(study.lot_sd) == float(study.laboratory_sd) == 0
+    assert float(study.reproducibility) == pytest.approx(float(study.repeatability))
+
+
+def test_one_lot_by_hand() -> None:
+    """Without lots s_R² is MS_L/n + MS_r (n - 1)/n, and its variance has two terms."""
+    study = nested_study(np.array([[[1.0, 3, 5]], [[6, 8, 10]], [[2, 2, 5]]]))
+    repeat = (4 + 4 + 3) / 3
+    laboratory = 3 * (9 + 64 + 9 - 14**2 / 3) / 2
+    s_R2 = laboratory / 3 + repeat * 2 / 3
+    assert float(study.reproducibility) ** 2 == pytest.approx(s_R2)
+    variance = 2 * (laboratory / 3) ** 2 / 4 + 2 * (repeat * 2 / 3) ** 2 / 8
+    assert float(study.reproducibility_u) == pytest.approx(variance**0.5 / (2 * s_R2**0.5))
+
+
+@pytest.mark.parametrize("lots", [1, 2, 3])
+def test_limits_of_k_and_cochran_count_the_freedom_of_all_lots(lots: int) -> None:
+    """By simulation with numpy: k of a given laboratory exceeds its limit with .5 % by chance."""
+    rng = np.random.default_rng(lots)
+    study = nested_study(rng.normal(size=(40_000, 6, lots, 3)))
+    for level in (0.005, 0.05):
+        above = np.mean(study.k > study.k_limit(level))
+        assert above == pytest.approx(level, abs=5 * (level / study.k.size) ** 0.5)
+    above = np.mean(study.cochran > study.cochran_limit(0.05))
+    assert above == pytest.approx(0.05, abs=0.006)  # Bonferroni's bound is a little too safe
+
+
 @pytest.mark.parametrize(
     ("values", "said"),
     [

@@ -429,6 +429,64 @@ def test_outputs_in_another_order_are_the_same() -> None:
     assert result["product"].value == pytest.approx(2)
 
 
+@pytest.mark.parametrize(
+    ("model", "inputs", "u"),
+    [
+        (
+            lambda y, x: np.angle(x + 1j * y),
+            {"y": vl.Input(0, 0.01), "x": vl.Input(-1, 0.02)},
+            0.01,
+        ),
+        (lambda y, x: np.angle(x + 1j * y), {"y": vl.Input(-0.006, 0.01), "x": -1.0}, 0.01),
+        (lambda a: np.mod(a, 360), {"a": vl.Input(359.9, 0.3)}, 0.3),
+        (lambda a: np.mod(-2 * a, 360), {"a": vl.Input(0.1, 0.3)}, 0.6),
+    ],
+)
+def test_a_jump_within_u_is_noted_and_the_slope_beside_it_counts(model, inputs, u: float) -> None:
+    """The derivative of an angle is 1/r, of a remainder that of its argument."""
+    result = vl.propagate(model, inputs)
+    assert result.u == pytest.approx(u, rel=1e-3)
+    assert len(result.notes) == 1
+    assert "jumps within u of" in result.text
+    for method in ("second-order", "monte-carlo"):
+        assert "jumps within u" in vl.propagate(model, inputs, method=method, draws=1).text
+
+
+@pytest.mark.parametrize(
+    ("model", "value", "u", "noted"),
+    [
+        (np.floor, 3.05, 0.1, True),
+        (np.round, 2.45, 0.06, True),
+        (lambda a: np.maximum(a, 0), 0, 1, True),
+        (lambda a: np.minimum(a, 0), 0, 1, True),
+        # smooth: one of the two changes of a parabola is 0 for u, or for u/2
+        (np.square, 0.5, 1, False),
+        (np.square, 0.25, 1, False),
+        (np.square, -0.5, 1, False),
+        (np.exp, 0, 3, False),
+        (lambda a: a**3, 0, 1, False),
+        (lambda a: 1e9 + 0 * a + 1e-3 * a, 1, 1, False),
+        (lambda a: np.sin(1e6 + a) * 1e-12 + a, 1e6, 1e-3, False),
+    ],
+)
+def test_a_jump_or_bend_without_a_clear_slope_is_noted_only(model, value, u, noted: bool) -> None:
+    def named(a):  # the argument of a ufunc has no name
+        return model(a)
+
+    result = vl.propagate(named, {"a": vl.Input(value, u)})
+    assert result.u == pytest.approx(abs(model(value + u) - model(value - u)) / 2, rel=1e-6)
+    assert ("jumps or bends within u of a" in result.text) == noted
+
+
+def test_a_missing_limit_is_named() -> None:
+    with pytest.raises(
+        vl.InputError, match=r"x: limits = \(0, None\); allowed: either low and high"
+    ):
+        vl.propagate(lambda x: x, {"x": vl.Input(low=0)})
+    with pytest.raises(vl.InputError, match="either low and high"):
+        vl.propagate(lambda x: x, {"x": vl.Input(high=0)})
+
+
 def test_an_output_without_u_is_stated() -> None:
     result = vl.propagate(lambda a, b: 0 * a + 3 + 0 * b, GOOD)
     assert result.u == 0

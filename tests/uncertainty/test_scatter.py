@@ -8,7 +8,12 @@ from scipy import stats
 
 from virtual_lab.uncertainty.budget import Variants, means_of_hits
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
-from virtual_lab.uncertainty.scatter import HitVariance, Scatter, has_larger_scatter
+from virtual_lab.uncertainty.scatter import (
+    HitVariance,
+    Scatter,
+    bartlett_p,
+    has_larger_scatter,
+)
 
 HITS = 6
 
@@ -51,6 +56,22 @@ def test_the_variance_of_a_hit_agrees_with_numpy() -> None:
     s2 = hits.var(ddof=1)
     assert numbers(scatter_of(hits).variance) == pytest.approx([s2, s2, 5])
     assert numbers(scatter_of(hits, 3 * hits).variance) == pytest.approx([s2 - 9 * s2, s2, 5])
+
+
+def test_equal_hits_without_scatter_stay_alone() -> None:
+    """No scatter today and earlier: u is 0, and its degrees of freedom are those of today."""
+    joined = of_six(variance(0.0, 0.0, 5.0), 0.0, 5.0).pool_with(variance(0.0, 0.0, 50.0))
+    assert (float(joined.u[0]), float(joined.dof[0])) == (0, 5)
+
+
+@pytest.mark.parametrize("sizes", [(2, 2, 2), (2, 3, 4), (5, 8, 12), (3, 2)])
+def test_bartletts_test_agrees_with_scipy(sizes: tuple[int, ...]) -> None:
+    """With 1 to 3 degrees of freedom the correction is .4, so a wrong one shows."""
+    rng = np.random.default_rng(3)
+    samples = [rng.normal(scale=1 + at, size=size) for at, size in enumerate(sizes)]
+    variances = np.array([each.var(ddof=1) for each in samples])
+    expected = stats.bartlett(*samples).pvalue
+    assert bartlett_p(variances, np.array(sizes) - 1.0) == pytest.approx(expected)
 
 
 def test_pooled_tests_omit_the_invalid() -> None:

@@ -226,7 +226,7 @@ def _source(name: str, entry: Input) -> InputSource | float:
     if not isinstance(entry.dof, int | float | np.number) or not entry.dof > 0:
         raise refuse("dof", entry.dof, "above 0")
     limits = entry.low is not None or entry.high is not None
-    if limits and (entry.value is not None or entry.u is not None):
+    if limits and ((entry.value, entry.u) != (None, None) or None in (entry.low, entry.high)):
         raise refuse("limits", (entry.low, entry.high), "either low and high, or value and u")
     kind = entry.distribution or (
         ("trapezoid" if entry.inexact else "uniform")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -18,17 +19,22 @@ from virtual_lab.uncertainty.budget import (
 )
 from virtual_lab.uncertainty.estimate import Estimates
 from virtual_lab.uncertainty.inputs import Correlations, InputName, Inputs, read_inputs
-from virtual_lab.uncertainty.models import Model
+from virtual_lab.uncertainty.models import Model, Outputs
 from virtual_lab.uncertainty.monte_carlo import MONTE_CARLO, MOST_DRAWS, RULES, Drawing, monte_carlo
 from virtual_lab.uncertainty.propagated import (
+    LAST_BITS,
     Outcome,
     Propagated,
     correlation_of,
     without_rounding,
 )
 from virtual_lab.uncertainty.second_order import SecondOrder
+from virtual_lab.units import Array, Mask
 
 FIRST, SECOND = "first-order", "second-order"
+STEEP = 100.0  # ratio of neighboring differences above which a model jumps or bends
+BESIDE = "{} jumps within u of {}: first order takes the slope beside the jump, draws cross it"
+ACROSS = "{} jumps or bends within u of {}, so first order does not describe it; compare draws"
 
 
 def propagate_inputs(
@@ -64,11 +70,14 @@ def propagate_inputs(
     method
         ``first-order`` is the law of propagation of GUM 5.1. Each input is changed by +u and by -u
         to find its sensitivity. The degrees of freedom follow from the Welch–Satterthwaite formula.
+        If the model jumps within u of an input, as an angle at ±π, the slope beside the jump is
+        used and a note says so. If there is no clear slope, the note says that.
 
         ``second-order`` adds the terms of GUM 5.1.2, note, to mean and variance.
 
         ``monte-carlo`` is JCGM 101, and JCGM 102 for several outputs. It gives the
-        probabilistically symmetric and the shortest interval.
+        probabilistically symmetric and the shortest interval. If a single draw causes more than
+        15 % of the variance, as for 1/x about 0, u is infinite and the value is the median.
     probability
         Coverage probability of the interval, between 0 and 1.
     digits
@@ -129,14 +138,14 @@ def first_order(model: Model, probability: float) -> Propagated:
     """Return value, u, interval and components of each output by first order (GUM 5.1).
 
     The result also has the correlation between the outputs, which is caused by their common inputs.
-    `probability` is the coverage probability of the interval. A note states the reason if an output
-    has u = 0. Raises `InputError` for an output that cannot be used.
+    `probability` is the coverage probability of the interval. A note names the inputs within whose
+    u an output jumps or bends. Raises `InputError` for an output that cannot be used.
     """
     inputs = model.inputs
     variants = Variants.of(
         {name: Estimates.stack([each.estimate]) for name, each in inputs.sources.items()}
     )
-    answers = model({name: column[0, :, 0] for name, column in variants.columns.items()})
+    answers, notes = _without_jumps(model, variants)
     outcomes, effects = {}, []
     for name, values in answers.items():
         components = variants.components(values[None])
@@ -156,16 +165,53 @@ def first_order(model: Model, probability: float) -> Propagated:
             components=combine_components(values[:1], components).row(0).components,
         )
         effects.append(turned.effect[0])
-    result = Propagated(
+    return Propagated(
         method=FIRST,
         probability=probability,
         outcomes=outcomes,
         correlation=correlation_of(np.array(effects) @ np.array(effects).T),
-        notes=_notes(model),
+        notes=_notes(model) + notes,
     )
-    silent = [one.name for one in outcomes.values() if one.u == 0]
-    notes = tuple(_u_is_zero(outcomes[name]) for name in silent)
-    return replace(result, notes=result.notes + notes)
+
+
+def _without_jumps(model: Model, variants: Variants) -> tuple[Outputs, tuple[str, ...]]:
+    """Return the outputs for all sets of constants, (k,), and notes on jumps and bends.
+
+    An input is suspect if the changes of an output for +u and for -u differ by a large factor. The
+    model is then also called with half of each step. If one of the four differences of an input
+    exceeds the others by a large factor, the output jumps there. If the others agree, the outputs
+    for + u and - u are replaced by those of a line with their slope. An output bends if its changes
+    differ by a large factor for u and for u/2.
+    """
+    columns = {name: column[0, :, 0] for name, column in variants.columns.items()}
+    answers, n, notes = model(columns), len(variants.uncertain), []
+    halves: Outputs = {}
+    for name, values in answers.items():
+        rounding = LAST_BITS * float(np.abs(values).max())
+
+        def exceeds(a: Array, b: Array, factor: float = STEEP, least: float = rounding) -> Mask:
+            return np.asarray(np.abs(a) > factor * np.abs(b) + least)
+
+        middle, up, down = values[0], values[1 : n + 1], values[n + 1 :]
+        above, below = up - middle, middle - down
+        suspect = exceeds(above, below, STEEP / 2) | exceeds(below, above, STEEP / 2)
+        if not suspect.any():
+            continue
+        halves = halves or model({key: (each + each[0]) / 2 for key, each in columns.items()})
+        near_up, near_down = halves[name][1 : n + 1], halves[name][n + 1 :]
+        steps = np.diff([down, near_down, np.full(n, middle), near_up, up], axis=0)
+        order = np.argsort(np.abs(steps), axis=0)
+        *rest, largest = np.take_along_axis(steps, order, axis=0)
+        jumps = exceeds(largest, rest[-1])
+        bends = exceeds(above, below) & exceeds(steps[2], steps[1])
+        bends |= exceeds(below, above) & exceeds(steps[1], steps[2])
+        slope = np.mean(rest, axis=0)
+        clear = jumps & (np.ptp(rest, axis=0) < np.abs(slope) / 2)
+        up[clear], down[clear] = middle + 2 * slope[clear], middle - 2 * slope[clear]
+        for mask, words in ((clear, BESIDE), ((jumps | bends) & ~clear, ACROSS)):
+            if mask.any():
+                notes.append(words.format(name, ", ".join(compress(variants.uncertain, mask))))
+    return answers, tuple(notes)
 
 
 def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propagated:
@@ -185,11 +231,11 @@ def second_order(model: Model, linear: Propagated, _drawing: Drawing) -> Propaga
         outcomes[name] = replace(
             outcome, value=value, u=u, interval=interval, shift=value - outcome.value
         )
-    return replace(linear, method=SECOND, outcomes=outcomes, correlation=None, notes=_notes(model))
+    return replace(linear, method=SECOND, outcomes=outcomes, correlation=None, notes=linear.notes)
 
 
 METHODS: dict[str, Callable[[Model, Propagated, Drawing], Propagated]] = {
-    FIRST: lambda _model, linear, _drawing: linear,
+    FIRST: lambda _model, linear, _drawing: _with_zeros(linear),
     SECOND: second_order,
     MONTE_CARLO: monte_carlo,
 }
@@ -231,6 +277,12 @@ def _interval(value: float, u: float, dof: float, probability: float) -> tuple[f
 def _notes(model: Model) -> tuple[str, ...]:
     rows = "the model is called row by row, because it accepts only numbers or mixes rows"
     return (rows,) if model.row_by_row else ()
+
+
+def _with_zeros(linear: Propagated) -> Propagated:
+    """Return the result with a note for each output with u = 0, which states the reason."""
+    zeros = tuple(_u_is_zero(each) for each in linear.outcomes.values() if each.u == 0)
+    return replace(linear, notes=linear.notes + zeros)
 
 
 def _u_is_zero(outcome: Outcome) -> str:
