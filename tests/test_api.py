@@ -13,6 +13,7 @@ from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -44,8 +45,8 @@ def test_dir_help_and_completion_show_the_same_names() -> None:
     names, missing = done.stdout.splitlines()
     assert missing == "[]"
     commands = {"certify", "score", "reduce", "template", "profile", "sensitivity", "slope"}
-    commands |= {"percussion", "coverage", "bias", "faults", "critique", "daily", "paper", "track"}
-    assert commands | {"calibrate", "convergence", "sweep", "fit_bat"} <= set(names.split())
+    commands |= {"coverage", "bias", "faults", "critique", "daily", "paper", "track"}
+    assert commands | {"calibrate", "sweep", "fit_bat"} <= set(names.split())
     assert "instruments" in pydoc.render_doc(vl.coverage)
     with pytest.raises(AttributeError):
         vl.nothing  # noqa: B018
@@ -568,16 +569,15 @@ def test_particulars_may_be_keys_and_values(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They give the certificate of a file with the same keys; a logo is a path."""
-    logo = "<svg xmlns='http://www.w3.org/2000/svg' width='9' height='9'><path d='M0 0H9'/></svg>"
-    (tmp_path / "logo.svg").write_text(logo)
+    cv2.imwrite(str(tmp_path / "logo.png"), np.zeros((9, 9), np.uint8))
     monkeypatch.chdir(tmp_path)
     keys = {
-        "laboratory": {"name": "Bat Laboratory", "logo": "logo.svg"},
+        "laboratory": {"name": "Bat Laboratory", "logo": "logo.png"},
         "bat": {"received": date(2026, 11, 20)},
         "instruments": {"gates": {"identity": "G-12"}},
     }
     Path("lab.toml").write_text(
-        "[laboratory]\nname = 'Bat Laboratory'\nlogo = 'logo.svg'\n[bat]\nreceived = 2026-11-20\n"
+        "[laboratory]\nname = 'Bat Laboratory'\nlogo = 'logo.png'\n[bat]\nreceived = 2026-11-20\n"
         "[instruments.gates]\nidentity = 'G-12'\n"
     )
     stated, filed = (
@@ -586,7 +586,7 @@ def test_particulars_may_be_keys_and_values(
     )
     assert stated == filed
     assert stated["customer"]["name"] == "Oak"
-    assert stated["laboratory"]["logo"].startswith("data:image/svg")
+    assert stated["laboratory"]["logo"].startswith("data:image/png")
 
 
 def test_every_public_function_reads_its_arguments() -> None:

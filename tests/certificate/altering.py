@@ -5,11 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from base64 import b64decode, b64encode
+from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+import cv2
+import numpy as np
 
 from tests.records.digests import channel_digest
 from virtual_lab.certificate.document import MetricStated, document_of, risk_of
@@ -162,10 +165,9 @@ def supplied(session: dict[str, Any]) -> None:
 
 
 def another_logo(session: dict[str, Any]) -> None:
-    laboratory = session["particulars"]["laboratory"]
-    kind, _, drawn = laboratory["logo"].partition(",")
-    other = b64decode(drawn).replace(b"black", b"white")
-    laboratory["logo"] = f"{kind},{b64encode(other).decode()}"
+    white = cv2.imencode(".png", np.full((9, 9), 255, np.uint8))[1].tobytes()
+    logo = f"data:image/png;base64,{b64encode(white).decode()}"
+    session["particulars"]["laboratory"]["logo"] = logo
 
 
 def pdf_of(folder: Path) -> Path:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import (
@@ -19,8 +21,6 @@ import virtual_lab as vl
 from virtual_lab.certificate import verify as verifying
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.records.session import Session
-
-LOGO = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"><path fill="black"/></svg>'
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +66,9 @@ def each_form_is_made_once() -> Iterator[None]:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a test with a PDF, a customer and a logo."""
     folder = tmp_path_factory.mktemp("made")
-    (folder / "logo.svg").write_text(LOGO)
+    cv2.imwrite(str(folder / "logo.png"), np.zeros((9, 9), np.uint8))
     lab = folder / "lab.toml"
-    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.svg"\n')
+    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.png"\n')
     test = vl.certify("r161", seed=7, laboratory=lab, customer="Ashwood & Sons")
     return test.save(folder / "result", pdf=True)
 

@@ -56,21 +56,14 @@ def require_pdf(paper: str) -> None:
 def certificate_pdf(document: CertificateDocument, paper: str = "a4") -> bytes:
     """Return the certificate as a PDF file for paper ``a4`` or ``letter``.
 
-    A character that is in no font of Typst is printed as its code point. A logo that Typst cannot
-    draw is left out. The certificate states both. Raises `InputError` for another paper size, if
-    the extra ``pdf`` is not installed, and if Typst fails.
+    A character that is in no font of Typst is printed as its code point, and the certificate states
+    this. Raises `InputError` for another paper size, if the extra ``pdf`` is not installed, and if
+    Typst fails.
     """
     require_paper(paper)
     typst = _typst()
     attached = {"document": document.text, "paper": PAPERS[paper]}
-    view, standards = _view(document), ["ua-1", "a-3a"]
-    try:
-        return typeset(typst, source_of_pdf(), view, attached, standards)
-    except InputError:
-        if view["logo"] is None:
-            raise
-        view |= {"logo": None, "logo_left_out": True}
-        return typeset(typst, source_of_pdf(), view, attached, standards)
+    return typeset(typst, source_of_pdf(), _view(document), attached, ["ua-1", "a-3a"])
 
 
 def typeset(
@@ -164,24 +157,16 @@ def _typst() -> Any:
 def _view(document: CertificateDocument) -> dict[str, Any]:
     """Return all that the template shows."""
     figures = certificate_figures(document)
+    logo = document.particulars.laboratory.logo
     return {
         "document": {**document.as_json(), "contact_sheet": None, "encoder": None},
         **printed_values(document),
         **figures,
         "day": _day(document),
-        "logo": _logo(document.particulars.laboratory.logo),
-        "logo_left_out": False,
+        "logo": list(picture_in(logo)) if logo else None,
         "not_stated": document.particulars.not_stated,
         "alts": {name: description_of(svg) for name, svg in figures.items() if svg},
     }
-
-
-def _logo(address: str) -> dict[str, Any] | None:
-    """Return kind and content of a logo in the form that the template expects."""
-    if not address:
-        return None
-    kind, data = picture_in(address)
-    return {"kind": kind, "data": data.decode() if kind == "svg" else list(data)}
 
 
 def _day(document: CertificateDocument) -> list[int]:

@@ -319,7 +319,7 @@ def form() -> Iterator[str]:
     comments. The lines have no line ends.
     """
     words = {row.key: row.words for row in PRINTED}
-    words["laboratory.logo"] = "Name of a .png or .svg file in the same folder, up to 200 kB"
+    words["laboratory.logo"] = "Name of a .png file in the same folder, up to 200 kB"
     yield "# Particulars of a test: laboratory, customer, bat, persons. Any line may stay empty or"
     yield "# be deleted; the certificate lists what is not stated. Dates are written 2026-11-25."
     for table in fields(Particulars):
