@@ -53,8 +53,6 @@ def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]
     vl.plan("bbcor", target_u=0.0015, bat=bat, laboratories=200).plot("plan.png")
     vl.daily(ball=vl.ball("check-ball"), rules=[1, 2], drift=0.001)
     vl.slope(bats=["r161", bat])
-    vl.percussion(bat).save(folder)
-    vl.convergence(["r161"])
     vl.reference().plot(folder / "reference.png")
     vl.sensitivity(Path("mine.toml"))
     vl.fit_bat(folder / "measured.toml", members=3)
@@ -71,7 +69,6 @@ def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]
     vl.rehearse("plain-day", operator="expert", seed=3)
     risk = vl.risk(vl.Input(1.0, 0.1), 0.05, upper=1.2)
     print(risk, vl.propagate(lambda a: 2 * a, {"a": vl.Input(1.0, 0.1)}, method="second-order"))
-    print(vl.sobol(lambda a, b: a * b, {"a": vl.Input(1, 0.1), "b": vl.Input(1, 0.1)}))
 
 
 def wrong() -> None:

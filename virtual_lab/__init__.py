@@ -33,7 +33,6 @@ Bats and the catalog
     fit_bat          make a bat that fits measurements
     sensitivity      effect of the ball's force law on the results of a bat
     slope            slope of e_A along the barrel
-    percussion       errors of hits off the center of percussion
 
 Studies of laboratories and procedures
     sweep            test bats in many laboratories: a table, one row per test
@@ -55,7 +54,6 @@ Studies of laboratories and procedures
 Uncertainty and decisions, of any model and data
     Input            an input of a model: value and u, or limits
     propagate        uncertainty of a function's result
-    sobol            Sobol's indices of a model
     conformity       probability that an item conforms (JCGM 106, 7)
     guard_band       guard band and acceptance limits
     risk             consumer's and producer's risks (JCGM 106, 9)
@@ -71,7 +69,6 @@ Camera
 Speed and accuracy
     chart            error and run time of models and methods
     stability        conditions under which the numerical methods are valid
-    convergence      error of e_A by the number of bending modes
 
 Classes of results, sheets and errors
     Certificate      result of certify, load and reduce

@@ -372,6 +372,38 @@ def test_a_journal_rubs_by_the_reaction_of_the_blow(off: float) -> None:
     assert 1 - slow / free == pytest.approx(lost / rate, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.parametrize("place", [3.0, 10.0])
+def test_a_loose_bat_turns_as_a_free_one_until_its_journal_bears(place: float) -> None:
+    """By hand: a free rigid bat is hit, stops at the axis after 0.2 mm, then turns about it."""
+    laboratory = opened("r161", procedure="astm-f1881", seed=0, reality=Reality.NOISE_FREE)
+    fixed = laboratory.stations[Stage.IMPACT]
+    one = np.zeros(1, dtype=int)
+    speed = laboratory.rules.spec.ball_speed
+    plan = ShotPlan(slot=one, ball=one, speed=np.array([speed]), place=np.array([place * INCH]))
+    fine = with_sheet(fixed, "pivot", friction=0.0, clearance=0.0)
+    fine = with_sheet(fine, "encoder", whole_counts=False)
+    counts, truth = [], {}
+    for clearance in (0.0, 0.2e-3):
+        play = with_sheet(fine, "pivot", clearance=clearance).play(
+            plan, laboratory.specimen, laboratory.draws
+        )
+        counts.append(play.records["encoder"].counts[0])
+        truth = play.truth
+    beam = beam_of(laboratory.specimen.bat.body)
+    axis = beam.length - 6 * INCH
+    d, z = axis - beam.z_cm, place * INCH
+    ball = laboratory.specimen.balls.mass[0]
+    blow = ball * speed * (1 + truth["collision_efficiency"][0])
+    free = blow * (beam.z_cm - z) / beam.inertia_cm
+    slips = blow / beam.mass - free * d  # force at the journal, along the ball's flight
+    pinned = blow * (axis - z) / beam.inertia(axis)
+    by_hand = (free - pinned) * 0.2e-3 / abs(slips)
+    turned = (counts[1] - counts[0]) * 2 * np.pi / 10_000
+    assert turned[-1] == pytest.approx(by_hand, rel=1e-3)
+    late = turned[len(turned) // 2 :]
+    assert np.ptp(late) < 1e-12
+
+
 def test_the_thresholds_of_beams_scatter_edges() -> None:
     """The spread of thresholds on the sheet is drawn when the boards are commissioned."""
     spread = {}

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from virtual_lab.fidelity.mode_convergence import ModeConvergence
 from virtual_lab.output.result import StudyResult
 from virtual_lab.studies.bats.ball_law import LawTable
 from virtual_lab.studies.bats.text import LawRow, peak_position
@@ -92,26 +91,3 @@ def test_the_bias_picture_shows_its_table() -> None:
         assert [bar.get_width() for bar in axes.patches] == pytest.approx(
             [at - 2, np.nan], nan_ok=True
         )
-
-
-def test_the_convergence_picture_shows_its_table() -> None:
-    """Four lines, solid for those with the flexibility of the omitted modes."""
-    modes = np.array([8, 12, 16, 20, 30])
-    rows = [
-        {"bat": "r161", "contact": contact, "residual": residual}
-        | {f"{count}_modes": scale / count for count in modes}
-        for contact, residual, scale in (
-            ("point", "without", 1.0),
-            ("point", "with residual", 0.1),
-            ("patch", "without", 0.5),
-            ("patch", "with residual", 0.05),
-        )
-    ]
-    axes = panels(ModeConvergence(name="convergence", title="", rows=rows))
-    scales = {"point contact": {"--": 1.0, "-": 0.1}, "contact patch": {"--": 0.5, "-": 0.05}}
-    for panel in axes:
-        assert panel.get_yscale() == "log"
-        for line in panel.lines:
-            scale = scales[panel.get_title("left")].pop(line.get_linestyle())
-            assert pytest.approx(np.array([modes, scale / modes])) == line.get_xydata().T
-    assert not any(scales.values())

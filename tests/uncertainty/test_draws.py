@@ -15,7 +15,6 @@ import virtual_lab as vl
 from tests.uncertainty import models
 from virtual_lab.output import progress as shown_progress
 from virtual_lab.streams import generator
-from virtual_lab.uncertainty.indices import indices_with_errors
 from virtual_lab.uncertainty.inputs import read_inputs
 from virtual_lab.uncertainty.laws import LAWS
 from virtual_lab.uncertainty.monte_carlo import BATCH, BLOCK, drawn_block
@@ -425,61 +424,3 @@ def test_a_scalar_function_is_called_for_each_draw() -> None:
     assert "row by row" in result.text
     # both sides of the cut: E (π - |angle|)²
     assert result.u == pytest.approx(sqrt(pi**2 - 0.2 * sqrt(2 * pi) + 0.01), rel=2e-3)
-
-
-def test_the_u_of_sobols_indices_is_their_scatter() -> None:
-    """The oracle is the standard deviation of Saltelli's estimates over 400 independent samples."""
-    rng, n = np.random.default_rng(2), 512
-
-    def model(x):
-        return x[0] + 2 * x[1] + x[0] * x[1]
-
-    result, stated = [], []
-    for _ in range(400):
-        a, b = rng.standard_normal((2, 2, n))
-        mixed = np.stack([np.where([[i == j] for j in range(2)], b, a) for i in range(2)])
-        mean = (model(a).mean() + model(b).mean()) / 2
-        answers = [model(x)[..., None, :] - mean for x in (a, b)]
-        of_mixed = np.stack([model(x)[None] for x in mixed]) - mean
-        indices, u = indices_with_errors(*answers, of_mixed)
-        result.append(indices)
-        stated.append(u)
-    assert np.mean(result, axis=0)[..., 0] == pytest.approx(
-        np.array([[1, 4], [2, 5]]) / 6, abs=0.02
-    )
-    assert np.mean(stated, axis=0) == pytest.approx(np.std(result, axis=0), rel=0.15)
-
-
-def test_a_total_index_below_its_first_is_within_its_error() -> None:
-    """Two inputs without interaction have both indices at .2 and .8."""
-    result = vl.sobol(lambda a, b: a + b, {"a": vl.Input(0, 1), "b": vl.Input(0, 2)}, points=64)
-    orders = ["first_order", "first_order_se", "total_order", "total_order_se"]
-    assert list(result.columns) == ["output", "input", *orders]
-    for key in ("first_order", "total_order"):
-        assert (np.abs(result[key] - [0.2, 0.8]) < 3 * result[f"{key}_se"]).all()
-
-
-def test_sobols_indices_agree_with_exact_cases() -> None:
-    """Ishigami's function has the indices .3139, .4424, 0 and .5576, .4424, .2437."""
-    inputs = {name: vl.Input(low=-pi, high=pi) for name in "abc"}
-
-    def ishigami(a, b, c):
-        return np.sin(a) + 7 * np.sin(b) ** 2 + 0.1 * c**4 * np.sin(a)
-
-    result = vl.sobol(ishigami, inputs, points=8192)
-    assert result["first_order"].tolist() == pytest.approx([0.3139, 0.4424, 0], abs=5e-3)
-    assert result["total_order"].tolist() == pytest.approx([0.5576, 0.4424, 0.2437], abs=5e-3)
-    linear = {"a": vl.Input(0, 1), "b": vl.Input(0, 2, dof=5), "c": vl.Input(5, 2)}
-    shares = np.array([1, 4 * 5 / 3, 4]) / (5 + 20 / 3)
-    result = vl.sobol(lambda a, b, c: {"sum": a + b + c}, linear, points=4096)
-    assert result["first_order"].to_numpy() == pytest.approx(shares, abs=0.01)
-    with pytest.raises(vl.InputError, match="power of 2"):
-        vl.sobol(ishigami, inputs, points=1000)
-    with pytest.raises(vl.InputError, match="points = 1073741824; allowed: a power of 2 up to 2"):
-        vl.sobol(ishigami, inputs, points=2**30)
-    with pytest.raises(vl.InputError, match="depends on no input"):
-        vl.sobol(lambda a, b, c: 0 * a + 1 + 0 * b * c, inputs, points=64)
-    with pytest.raises(vl.InputError, match="at least two"):
-        vl.sobol(lambda a: a, {"a": vl.Input(0, 1)})
-    with pytest.raises(vl.InputError, match="independent"):
-        vl.sobol(lambda v, i, phi: v, {("v", "i", "phi"): models.CIRCUIT})

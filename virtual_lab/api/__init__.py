@@ -37,13 +37,11 @@ if TYPE_CHECKING:
     from virtual_lab.certificate.verify import verify as verify
     from virtual_lab.errors import IncompleteError as IncompleteError
     from virtual_lab.errors import InputError as InputError
-    from virtual_lab.fidelity.mode_convergence import convergence as convergence
     from virtual_lab.sheets import Sheet as Sheet
     from virtual_lab.studies.bats.ball_law import sensitivity as sensitivity
     from virtual_lab.studies.bats.compare import BatComparison as BatComparison
     from virtual_lab.studies.bats.compare import profile as profile
     from virtual_lab.studies.bats.fit_bat import fit_bat as fit_bat
-    from virtual_lab.studies.bats.percussion import percussion as percussion
     from virtual_lab.studies.bats.profile import BatProfile as BatProfile
     from virtual_lab.studies.bias import bias as bias
     from virtual_lab.studies.clips import clip_coverage as clip_coverage
@@ -67,20 +65,13 @@ if TYPE_CHECKING:
     from virtual_lab.uncertainty.decision import conformity as conformity
     from virtual_lab.uncertainty.decision import global_risk
     from virtual_lab.uncertainty.decision import guard_band as guard_band
-    from virtual_lab.uncertainty.indices import sobol_indices
     from virtual_lab.uncertainty.inputs import Input as Input
     from virtual_lab.uncertainty.interlaboratory import nested_study as nested_study
     from virtual_lab.uncertainty.precision import gauge_study as gauge_study
     from virtual_lab.uncertainty.precision import group_study as group_study
     from virtual_lab.uncertainty.propagating import propagate_inputs
 
-    load, propagate, risk, score, sobol = (
-        load_folder,
-        propagate_inputs,
-        global_risk,
-        score_folder,
-        sobol_indices,
-    )
+    load, propagate, risk, score = load_folder, propagate_inputs, global_risk, score_folder
 
 
 def _places() -> dict[str, tuple[str, str]]:

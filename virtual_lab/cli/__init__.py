@@ -196,7 +196,6 @@ cli = Sections(
             ),
             FunctionCommand("sensitivity", output=DRAWN, example="sensitivity r161"),
             FunctionCommand("slope", output=DRAWN, example="slope r161 ea70"),
-            FunctionCommand("percussion", output=DRAWN, example="percussion r161 --laboratories 2"),
         ),
         "Studies of laboratories and procedures": (
             FunctionCommand(
@@ -286,7 +285,6 @@ cli = Sections(
                 output=Output(folder="stability-{part}", table=True, picture=True),
                 example="stability motion",
             ),
-            FunctionCommand("convergence", output=DRAWN, example="convergence r161"),
         ),
         "Shell": (completion,),
     },

@@ -89,19 +89,6 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "stiffness": _M("stiffness of the ball in the force law", "N/m^exponent"),
     "wall_time_ms": _M("time of contact of the ball with a wall"),
     "wall_force_kn": _M("largest force of the ball on a wall", "kN"),
-    # a bat hit away from its center of percussion
-    "reaction_ns": _M("impulse on the axis, positive in the direction of the ball", "N s"),
-    "reaction_n": _M("mean force on the axis", "N"),
-    "ring_mrad": _M("amplitude of the vibration at the encoder", "mrad"),
-    "rebounds_detected": _M("share of rebounds that the instruments detect"),
-    "recoil_bias": _M("error of e_A by recoil, without randomness"),
-    "recoil_rms_error": _M("root mean square of the error of e_A by recoil"),
-    "recoil_rms_u": _M("root mean square of the stated u of e_A by recoil"),
-    "rebound_bias": _M("error of e_A by rebound, without randomness"),
-    "rebound_rms_error": _M("root mean square of the error of e_A by rebound"),
-    "rebound_rms_u": _M("root mean square of the stated u of e_A by rebound"),
-    "plain_shift": _M("shift of e_A by recoil, caused by a plain bearing"),
-    "loose_shift": _M("shift of e_A by recoil, caused by a loose bearing"),
     # a bat fitted to measurements
     "lowest": _M("lowest value of the bats that fit the data", PER_ROW),
     "highest": _M("highest value of the bats that fit the data", PER_ROW),
@@ -117,8 +104,6 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "output": _M("name of the output", WORDS),
     "input": _M("name of the input", WORDS),
     "method": _M("method that propagates the uncertainty", WORDS),
-    "first_order": _M("share of the variance that the input explains alone"),
-    "total_order": _M("share of the variance that the input explains with its interactions"),
     # effects of the components
     "stated_effect": _M("effect of one u of the component on the metric by the budget", PER_ROW),
     "real_effect": _M("effect of one u of the component on the metric by simulation", PER_ROW),
