@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -24,6 +25,7 @@ from virtual_lab.campaigns.parts import Block, write_part
 from virtual_lab.campaigns.study import StudyCase
 from virtual_lab.campaigns.summary import summary_of
 from virtual_lab.errors import InputError
+from virtual_lab.lab.setup import TestSetup as Setup
 
 HEIGHTS = "impact.gates.height_u"
 
@@ -106,6 +108,29 @@ def test_blocks_of_a_case_have_laboratories_one_after_another(
     assert list(two["laboratory"]) == [0, 1, 2, 3, 4, 5]
     assert two["value"].nunique() == 6
     pd.testing.assert_frame_equal(one, two, rtol=1e-9)
+
+
+def test_a_source_that_some_laboratories_lack_contributes_nothing_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two blocks by hand: only the first has the source, and the last test has no result."""
+    u, share = ("u", "1"), ("contribution.tilt", "1")
+    blocks = [
+        {u: np.array([0.2, 0.3]), share: np.array([0.1, 0.2])},
+        {u: np.array([0.4, np.nan])},
+    ]
+    shared = SimpleNamespace(
+        setup=Setup.of("r161", procedure="astm-f1881"), blocks=lambda *_: iter(blocks)
+    )
+    case = SimpleNamespace(
+        bat="r161",
+        procedure="astm-f1881",
+        apply_changes=lambda: ({}, {}),
+        round_robin=lambda *_: shared,
+    )
+    monkeypatch.setattr(parts, "_columns", lambda block: block)
+    columns = parts._test_block(Block(0, case, 0, 0, 4, ""), 3)
+    assert columns[share].to_pylist() == [0.1, 0.2, 0.0, None]
 
 
 def test_laboratories_of_an_individual_study_have_the_bats_of_their_certificates(

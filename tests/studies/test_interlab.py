@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import asdict, replace
+import tomllib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from math import hypot
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import virtual_lab as vl
 from virtual_lab import catalog
+from virtual_lab.catalog.specs import BallSpec
+from virtual_lab.lab.setup import TestSetup as Setup
+from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.streams import Quiet, Selected, Streams
+from virtual_lab.studies.interlab import findings
 from virtual_lab.studies.interlab.expected import ExpectedScatter, expected_scatter, summarise
-from virtual_lab.studies.interlab.findings import _precision
+from virtual_lab.studies.interlab.findings import ALL, InterlabTerm, _precision
 from virtual_lab.studies.interlab.playing import Play
-from virtual_lab.studies.interlab.study import Factors, LotFactor, read_interlab
+from virtual_lab.studies.interlab.predicted import NominalTest
+from virtual_lab.studies.interlab.study import (
+    ClampFactor,
+    Factors,
+    LotFactor,
+    SpreadFactor,
+    WallFactor,
+    read_interlab,
+    sheets_of,
+)
+from virtual_lab.units import Array
 
 ASSUMED = 'source = "assumed", verified = false'
 STUDY = f"""
@@ -69,6 +88,182 @@ def test_factors_alone_agree_with_their_predictions(study: Path) -> None:
     assert [row.predicted for row in again] == [
         row.predicted for row in found if row.term in {each.term for each in again}
     ][: len(again)]
+
+
+# results by hand: one row per laboratory, one column per lot; each repeat adds a share of the level
+LEVELS = np.array([[1.00, 1.04], [1.20, 1.28]])
+REPEATS = np.array([-0.01, 0.0, 0.01])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenByHand(Play):
+    """Two laboratories with two lots and three repeats, whose results are written down by hand.
+
+    The control bat has twice the result of the bat, without scatter. The stated u are 1 in the
+    first laboratory and 7 in the second. With one factor alone, three laboratories find 1, 2 and 3.
+    """
+
+    tests: list[int] = field(default_factory=list)  # numbers of the tests
+
+    @contextmanager
+    def round_robin(self, factors: Sequence[str], varied: tuple[str, ...]) -> Iterator[object]:
+        yield Shared(setup=Setup.of(self.bat, procedure=self.procedure, seed=1))
+
+    def _results(
+        self, laboratories: Shared, count: int, *, valid: bool = False
+    ) -> dict[str, Array]:
+        setup = laboratories.setup
+        if not valid:
+            assert count == 3
+            return {"as found": np.array([[1.0, 2.0, 3.0], np.ones(3)])}
+        assert count == 2
+        self.tests.append(setup.test)
+        value = LEVELS[:, setup.lot]
+        value = 2 * value if self.bat == "r161" else value * (1 + REPEATS[(setup.test - 1) % 3])
+        return {"as found": np.array([value, [1.0, 7.0]])}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shared:
+    """The only part of a `RoundRobin` that the results by hand need."""
+
+    setup: Setup
+
+
+def test_two_lots_and_three_repeats_with_a_control_bat_by_hand(
+    study: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = read_interlab(study)
+    spec = replace(entry.spec, laboratories=2, exercises=1, lots=2, repeats=3, alone=3)
+    factors = Factors(
+        lot=LotFactor(), stiffness=SpreadFactor(), wall=WallFactor(), clamp=ClampFactor()
+    )
+    spec = replace(spec, factors=factors)
+    play = WrittenByHand(
+        study=replace(entry, spec=spec), bat="ea70", procedure="astm-f1881", tests=[]
+    )
+    blank = dict.fromkeys(("simulated", "simulated_se", "agrees"))
+    names = {"bat": "ea70", "procedure": "astm-f1881", "result": "as found", "unit": ""}
+    predicted = {"lot": 0.03, "stiffness": 0.04, "wall": 1.0, "clamp": 2.0, ALL: 9.0}
+    rows = {
+        term: InterlabTerm(
+            **names, **blank, term=term, predicted=effect, factor_spread="", source=""
+        )
+        for term, effect in predicted.items()
+    }
+    monkeypatch.setattr(findings, "_predictions", lambda play: {"as found": rows})
+    (plain, _), (cured, _) = findings._results(play)
+    assert sorted(play.tests) == list(range(1, 13))  # no two tests have the same number
+    found = {row.term: row for row in plain}
+    # s_r² = .01² (1 + 1.04² + 1.2² + 1.28²)/4; the lots of a laboratory differ by .04 and .08, and
+    # the laboratories by 1.24 − 1.02
+    s_r = 0.01 * 1.29**0.5
+    lot_mean_square = 3 * (0.04**2 + 0.08**2) / 4
+    s_lot = ((lot_mean_square - s_r**2) / 3) ** 0.5
+    s_L = (0.22**2 / 2 - lot_mean_square / 6) ** 0.5
+    sds = {"s_r": s_r, "s_lot": s_lot, "s_L": s_L, "s_R": hypot(s_r, s_lot, s_L)}
+    assert {term: found[term].simulated for term in sds} == pytest.approx(sds)
+    assert found["s_lot"].predicted == pytest.approx(0.05)  # of lot and stiffness
+    assert found["stated u"].simulated == pytest.approx(5.0)
+    for factor, agrees in (("lot", False), ("wall", True), ("clamp", False)):
+        row = found[factor]
+        assert (row.simulated, row.simulated_se, row.agrees) == (1.0, 0.5, agrees), factor
+    # the control has the same lots, so only the repeats remain: a share of the mean of all levels
+    after = {row.term: row.simulated for row in cured}
+    s_r = 0.01 * 1.13
+    assert after == pytest.approx({"s_r": s_r, "s_lot": 0.0, "s_L": 0.0, "s_R": s_r})
+
+
+def test_a_lot_has_other_random_numbers_than_the_test_of_its_number() -> None:
+    setup = Setup.of("r161", procedure="astm-f1881", seed=4)
+    third_lot = replace(setup, test=1, lot=3).lot_draws(4).normal("lot", 5)
+    assert (third_lot != setup.draws(4, 3).normal("lot", 5)).all()
+    assert (third_lot == replace(setup, test=2, lot=3).lot_draws(4).normal("lot", 5)).all()
+    assert (third_lot != replace(setup, test=1, lot=2).lot_draws(4).normal("lot", 5)).all()
+
+
+def test_the_effect_of_a_lot_by_hand() -> None:
+    """BPF is e/e0; with e = .6 and e0 = .5, ∂e/∂e0 = .4 gives .8 by the true e0, −2.4 by the other.
+
+    The window is .53 to .56 at 30 m/s, where a lot has .55 − .002 (30 − 26) = .542 ± .01.
+    """
+    rules = catalog.load("procedures", "astm-f1881", Procedure).spec
+    ball = catalog.load("balls", "baseball-2003", BallSpec).spec
+    window = {"low": 0.53, "high": 0.56, "speed": 30.0}
+    windows = {f"ball_restitution_{key}": value for key, value in window.items()}
+    line = {"speed": 26.0, "value": 0.55, "slope": -0.002, "value_u": 0.01, "slope_u": 1e-3}
+    point = NominalTest(
+        procedure=replace(
+            rules, wall_speeds=(28.0,), windows=replace(rules.windows, **windows), correction=None
+        ),
+        ball=replace(ball, restitution=replace(ball.restitution, **line)),
+        bat=SimpleNamespace(),
+        **dict.fromkeys(("humidity_spread", "wall_spread", "clamp_spread", "place"), 0.0),
+        speed=60.0,
+        e=0.6,
+        e0=0.5,
+        r=0.2,
+        inertia=0.2,
+        bat_speed=0.0,
+        calibrations={"as found": 0.0},
+        radii={"as found": 0.003},
+    )
+    point.__dict__["_derivatives"] = 0.4, 0.0
+    e0 = np.linspace(0.53, 0.56, 30_001)
+    chance = np.exp(-0.5 * ((e0 - 0.542) / 0.01) ** 2)
+    mean, square = (np.average(e0**power, weights=chance) for power in (1, 2))
+    level = (0.8 - 2.4) * (square - mean**2) ** 0.5
+    slope = (0.8 * (60 - 26) - 2.4 * (28 - 26)) * 1e-3
+    assert point.scatter("lot", "as found") == pytest.approx(hypot(level, slope, 0.003), rel=1e-3)
+
+
+def test_each_number_of_a_study_changes_its_own_number_of_a_sheet(study: Path) -> None:
+    """The numbers 1 to 9 and where they are found in the sheets, by hand."""
+    keys = (
+        ("lot", "level", "1"),
+        ("lot", "slope", "1/mph"),
+        ("lot", "radius", "mm"),
+        ("stiffness", "spread", "%"),
+        ("store", "spread", "%"),
+        ("wall", "value", "1"),
+        ("wall", "spread", "%"),
+        ("clamp", "value", "oz in^2"),
+        ("clamp", "spread", "oz in^2"),
+    )
+    text = STUDY.split("[factors", maxsplit=1)[0]
+    for number, (factor, key, unit) in enumerate(keys):
+        value = (0.01, 1e-4, 1, 4, 5, 0.9, 7, 8, 9)[number]
+        text += f'factors.{factor}.{key} = {{ value = {value}, unit = "{unit}", {ASSUMED} }}\n'
+    study.write_text(text)
+    factors = ("lot", "stiffness", "store", "wall", "clamp")
+    changed = sheets_of(read_interlab(study), "astm-f1881", factors)
+    numbers = {}
+    for (kind, name), sheet in changed.items():
+        before = numbers_of(tomllib.loads(catalog.text(kind, name)))
+        after = numbers_of(tomllib.loads(sheet))
+        numbers[name] = {key: each for key, each in after.items() if each != before.get(key)}
+    assert numbers == {
+        "baseball-2003": {
+            "restitution.value_u": 0.01,
+            "restitution.slope_u": 1e-4,
+            "radius_u": 1,
+            "stiffness_spread": 4,
+        },
+        "bench": {"store.humidity_spread": 5},
+        "ball-wall": {"wall_restitution": 0.9, "wall_spread": 7},
+        "astm-pivot": {"pivot.clamp_inertia": 8, "pivot.clamp_spread": 9},
+    }
+
+
+def numbers_of(table: dict, prefix: str = "") -> dict[str, object]:
+    """Return the values of a sheet by dotted key, each in the unit of the sheet."""
+    numbers: dict[str, object] = {}
+    for key, entry in table.items():
+        if isinstance(entry, dict) and "value" in entry and not isinstance(entry["value"], dict):
+            numbers[prefix + key] = entry["value"]
+        elif isinstance(entry, dict):
+            numbers |= numbers_of(entry, f"{prefix}{key}.")
+    return numbers
 
 
 def test_a_factor_that_is_left_out_stays_nominal(study: Path) -> None:
@@ -146,7 +341,10 @@ def test_the_shipped_table_is_that_of_the_stored_study() -> None:
         for key, value in asdict(stored).items():
             wanted = row[key] if isinstance(value, str) else pytest.approx(row[key], rel=1e-3)
             assert value == wanted, (row["bat"], key)
-    assert expected_scatter("a bat of mine", "bbcor") is not None
+    unknown = expected_scatter("a bat of mine", "bbcor")
+    assert unknown is not None
+    of_others = [row["reproducibility"] for row in rows if row["procedure"] == "bbcor"]
+    assert min(of_others) < max(of_others) == pytest.approx(unknown.reproducibility, rel=1e-3)
     assert expected_scatter("r161", "mine") is None
 
 

@@ -61,6 +61,23 @@ def test_printed_tables_of_critical_values() -> None:
     assert np.isnan(h_limit(2, 0.005))
 
 
+def test_two_lots_count_for_the_limits_and_for_the_u_of_a_reproducibility() -> None:
+    """Two lots of two repeats have the freedom of one lot of three, so the printed limits hold.
+
+    By hand: lots 0 ± 1 and 0 ± 3 in two laboratories, repeats ± .5. The mean squares of
+    laboratories, lots and repeats are 0, 20 and .5, with 1, 2 and 4 degrees of freedom.
+    """
+    study = nested_study(np.random.default_rng(1).normal(size=(8, 2, 2)))
+    assert study.k_limit() == pytest.approx(2.06, abs=0.005)
+    assert study.cochran_limit() == pytest.approx(0.516, abs=5e-4)
+    by_hand = nested_study([[[-1.5, -0.5], [0.5, 1.5]], [[-3.5, -2.5], [2.5, 3.5]]])
+    # s_R² = 0/4 + 20/4 + .5/2; a negative variance of laboratories counts as 0
+    s_R = (0.5 + (20 - 0.5) / 2) ** 0.5
+    variance = 2 * (20 / 4) ** 2 / (2 + 2) + 2 * (0.5 / 2) ** 2 / (4 + 2)
+    assert by_hand.reproducibility == pytest.approx(s_R)
+    assert by_hand.reproducibility_u == pytest.approx(variance**0.5 / (2 * s_R))
+
+
 def test_variances_are_unbiased_over_1000_data_sets() -> None:
     """Known variances of laboratories, lots and repeats; bounds: 4 standard errors."""
     rng, sds = np.random.default_rng(55), (0.7, 0.4, 1.1)

@@ -1,6 +1,7 @@
 """A fitted bat as a file: it has the measured values, and states what was not measured."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -8,7 +9,7 @@ from tests.pictures import lines_of
 from virtual_lab.catalog import load_bat
 from virtual_lab.errors import InputError
 from virtual_lab.simulation.physics.beam import beam_of
-from virtual_lab.studies.bats.fit_bat import FittedBat, fit_bat, remark_on
+from virtual_lab.studies.bats.fit_bat import FittedBat, _quantities, fit_bat, remark_on
 from virtual_lab.units import INCH, OUNCE, OZ_IN2
 
 MEASURED = """
@@ -81,6 +82,14 @@ def test_measuring_more_leaves_less_open(tmp_path: Path, weighed: tuple[Path, Fi
         assert row.lowest <= row.value <= row.highest
     # fits without frequencies are fast, and use the same draws
     assert fit_bat(str(source), members=3).spread == fitted.spread
+
+
+def test_the_nodes_of_a_catalog_bat_are_those_of_table_one() -> None:
+    """R161: the node of the second mode is nearer to the tip."""
+    measured = SimpleNamespace(inertia_axis=33 * INCH)
+    _, values = _quantities(load_bat("r161").spec.body, measured)
+    found = [values[name] for name in ("f1", "f2", "node1", "node2")]
+    assert found == pytest.approx([164, 551, 6.8, 5.2], rel=0.01)
 
 
 def test_the_other_bats_fit_varied_data(tmp_path: Path) -> None:
