@@ -57,9 +57,7 @@ Uncertainty and decisions, of any model and data
     conformity       probability that an item conforms (JCGM 106, 7)
     guard_band       guard band and acceptance limits
     risk             consumer's and producer's risks (JCGM 106, 9)
-    group_study      repeatability and reproducibility (ISO 5725-2)
     nested_study     variances within and between laboratories and lots
-    gauge_study      gauge repeatability and reproducibility
 
 Camera
     track            follow the ball through a video clip

@@ -67,8 +67,6 @@ if TYPE_CHECKING:
     from virtual_lab.uncertainty.decision import guard_band as guard_band
     from virtual_lab.uncertainty.inputs import Input as Input
     from virtual_lab.uncertainty.interlaboratory import nested_study as nested_study
-    from virtual_lab.uncertainty.precision import gauge_study as gauge_study
-    from virtual_lab.uncertainty.precision import group_study as group_study
     from virtual_lab.uncertainty.propagating import propagate_inputs
 
     load, propagate, risk, score = load_folder, propagate_inputs, global_risk, score_folder
