@@ -4,7 +4,6 @@ import csv
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -35,7 +34,7 @@ from virtual_lab.simulation.stations.rig import installed_rigs
 from virtual_lab.streams import Quiet
 from virtual_lab.studies.bats.profile import GameConditions
 
-DATA = Path(str(files("virtual_lab.data")))
+DATA = Path(__file__).parents[2] / "data"
 INSTRUMENTS = {
     "air": HallAirSpec,
     "camera": CameraSpec,

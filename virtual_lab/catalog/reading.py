@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar, cast, get_args
 
@@ -34,7 +33,9 @@ from virtual_lab.files import parse_toml, read_text
 from virtual_lab.parameters import Kind
 from virtual_lab.units import convert
 
-DATA = Path(str(files("virtual_lab.data")))
+PACKAGE = Path(__file__).parents[1]
+# folder of the data sheets: in the installed package, or beside it in a clone
+DATA = next(path for path in (PACKAGE / "data", PACKAGE.parent / "data") if path.is_dir())
 KINDS: tuple[Kind, ...] = get_args(Kind)
 T = TypeVar("T")
 Key = tuple[str, str]  # kind and name of an entry

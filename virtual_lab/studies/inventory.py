@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import entry_points
-from importlib.resources import files
 from pathlib import Path
 
 from virtual_lab import catalog
-from virtual_lab.catalog.reading import Datum
+from virtual_lab.catalog.reading import DATA, Datum
 from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.errors import InputError, nearest
+from virtual_lab.files import read_toml
 from virtual_lab.output.result import Json, Rows
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.parameters import Kind
@@ -210,7 +209,7 @@ def show(name: AnyName) -> ShownSheet | ShownCertificate:
 
 def _sheet(kind: str, name: str) -> ShownSheet:
     document, data = catalog.sheet(kind, name)
-    sources = tomllib.loads(files("virtual_lab.data").joinpath("sources.toml").read_text("utf-8"))
+    sources = read_toml(DATA / "sources.toml")
     words = {key: value for key, value in document.items() if isinstance(value, str)}
     notes = " ".join(datum.note for datum in data)
     cited = sorted(
