@@ -31,7 +31,10 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if not hasattr(config, "workerinput") and config.getoption("numprocesses", 0):
         from tests.warming import warm_kernels
 
-        warm_kernels()
+        try:
+            warm_kernels(config.pluginmanager.get_plugin("terminalreporter").write_line)
+        except KeyboardInterrupt:
+            pytest.exit("interrupted while the numerical code was compiled")
 
 
 def pytest_collection_finish() -> None:

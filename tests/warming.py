@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 __all__ = ["warm_kernels"]
@@ -15,16 +16,23 @@ __all__ = ["warm_kernels"]
 ROOT = Path(__file__).parents[1]
 
 
-def warm_kernels() -> None:
-    """Compile the kernels, one process per part, unless earlier runs left all of them on disk."""
+def warm_kernels(tell: Callable[[str], object]) -> None:
+    """Compile the kernels, one process per part, unless earlier runs left all of them on disk.
+
+    `tell` prints a line. An interruption ends all processes, without a line of their own.
+    """
     sources = [path for path in (ROOT / "virtual_lab").rglob("*.py") if _compiles(path)]
     if all(map(_is_compiled, sources)):
         return
-    parts = [
-        subprocess.Popen([sys.executable, "-m", "tests.warming", part], cwd=ROOT) for part in PARTS
-    ]
-    for part in parts:
-        part.wait()  # exit code ignored: a fault here also fails in a test, with its message
+    tell("compiling the numerical code, about a minute; later runs begin at once")
+    command = [sys.executable, "-m", "tests.warming"]
+    parts = [subprocess.Popen([*command, part], cwd=ROOT, start_new_session=True) for part in PARTS]
+    try:
+        for part in parts:
+            part.wait()  # exit code ignored: a fault here also fails in a test, with its message
+    finally:
+        for part in parts:
+            part.kill()
 
 
 def _compiles(source: Path) -> bool:
