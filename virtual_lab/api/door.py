@@ -68,7 +68,8 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
         return with_settings(result, f"arguments of vl.{name}", request, sealed=name in SEALED)
 
     call.__name__ = call.__qualname__ = name
-    call.__module__, call.__doc__ = place[0], description.doc
+    # a module that is loaded: pydoc lists functions of others, as `help(vl)` does from 3.13 on
+    call.__module__, call.__doc__ = __name__, description.doc
     call.__signature__ = description.signature  # type: ignore[attr-defined]
     return call
 
