@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from math import hypot
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -197,14 +196,13 @@ def test_the_effect_of_a_lot_by_hand() -> None:
             rules, wall_speeds=(28.0,), windows=replace(rules.windows, **windows), correction=None
         ),
         ball=replace(ball, restitution=replace(ball.restitution, **line)),
-        bat=SimpleNamespace(),
+        bat=catalog.load_bat("r161").spec,
         **dict.fromkeys(("humidity_spread", "wall_spread", "clamp_spread", "place"), 0.0),
         speed=60.0,
         e=0.6,
         e0=0.5,
         r=0.2,
         inertia=0.2,
-        bat_speed=0.0,
         calibrations={"as found": 0.0},
         radii={"as found": 0.003},
     )

@@ -15,8 +15,8 @@ from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.errors import InputError
 from virtual_lab.lab.fitting import identities, unverified_rigs
 from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.parameters import Propagation
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
-from virtual_lab.records.session import UncertaintyMethod
 from virtual_lab.simulation.collision.ladder import CollisionLaw
 from virtual_lab.simulation.faults import FaultSet
 from virtual_lab.simulation.instruments import RecordDetail
@@ -58,7 +58,7 @@ class TestSetup:
     particulars: Particulars = NOTHING_STATED  # statements of the certificate beside the results
     # variances of hits in earlier tests, see `SessionBlock`
     history: Mapping[str, Estimates] = field(default_factory=dict)
-    uncertainty: UncertaintyMethod = "first-order"
+    uncertainty: Propagation = "first-order"
     # patterns of the names of the random numbers that vary, see `Selected`; None: all
     varied: tuple[str, ...] | None = None
 

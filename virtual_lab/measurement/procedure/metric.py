@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, assert_never
 
 import numpy as np
 
@@ -64,15 +64,19 @@ def metric_of(
 
     def metric(curve: Curve, bat: BatProperties) -> Array:
         e = _convert_to_standard_ball(procedure.correction, curve, control_ratio)
-        if procedure.metric == "restitution":
-            return np.asarray(e)
-        if procedure.metric == "bat_performance_factor":
-            return np.asarray(bat_performance_factor(e, curve.ball_restitution))
         e_A = efficiency_from_restitution(e, curve.recoil_factor)
-        if procedure.metric == "besr":
-            return np.asarray(besr(e_A))
-        pitch, bat_speed = field_speeds(procedure, curve.position, bat)
-        return np.asarray(batted_speed(e_A, pitch, bat_speed))
+        match procedure.metric:
+            case "restitution":
+                return np.asarray(e)
+            case "bat_performance_factor":
+                return np.asarray(bat_performance_factor(e, curve.ball_restitution))
+            case "besr":
+                return np.asarray(besr(e_A))
+            case "batted_speed":
+                pitch, bat_speed = field_speeds(procedure, curve.position, bat)
+                return np.asarray(batted_speed(e_A, pitch, bat_speed))
+            case unknown:
+                assert_never(unknown)
 
     return metric
 

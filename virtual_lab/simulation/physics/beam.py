@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, isfinite
-from typing import Generic, TypeVar, overload
+from typing import Generic, TypeVar, assert_never, overload
 
 import numpy as np
 
@@ -84,6 +84,8 @@ def support_words(support: Support) -> str:
             return f"clamped at {z:.6g} m"
         case Pinned(z=z, stiffness=k):
             return f"pinned at {z:.6g} m" + (f" on a spring of {k:.6g} N/m" if isfinite(k) else "")
+        case unknown:
+            assert_never(unknown)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

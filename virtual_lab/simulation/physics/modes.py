@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Self
+from typing import Self, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -205,6 +205,8 @@ def _rigid_modes(beam: Beam, support: Support) -> Array:
             return np.asarray(beam.turn(z) / np.sqrt(beam.inertia(z)))[:, None]
         case Clamped():
             return np.zeros((2 * beam.mesh.nodes.size, 0))
+        case unknown:
+            assert_never(unknown)
 
 
 def _sprung(beam: Beam, support: Support) -> Beam:
@@ -245,6 +247,8 @@ def _free_freedoms(beam: Beam, support: Support) -> NDArray[np.intp]:
         case Clamped(z=z):
             node = int(np.flatnonzero(nodes == z)[0])
             support_dofs = [node, nodes.size + node]
+        case unknown:
+            assert_never(unknown)
     return np.setdiff1d(everything, support_dofs)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import hypot, sqrt
+from math import hypot
 from typing import Any, Self
 
 import numpy as np
@@ -19,11 +19,12 @@ import numpy as np
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.certify import certify_block
+from virtual_lab.lab.true_metric import TrueCurve
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.physics.beam import Pinned
+from virtual_lab.simulation.physics.beam import Pinned, rigid_bat
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.studies.interlab.playing import FOUND, NORMALISED, Play
 from virtual_lab.studies.interlab.study import OF_LOTS
@@ -47,7 +48,6 @@ class NominalTest:
     e0: float
     r: float
     inertia: float  # moment of inertia of the bat about the pivot
-    bat_speed: float  # speed in the game, for a batted speed
     calibrations: Mapping[str, float]  # effect of all calibration errors, by result
     radii: Mapping[str, float]  # effect of the radius of the lot
 
@@ -65,8 +65,6 @@ class NominalTest:
         length, mass = float(np.ravel(bat.length)[0]), float(np.ravel(bat.mass)[0])
         axis = length - rules.pivot_from_knob
         lever = axis - float(np.ravel(bat.z_cm)[0])
-        e_A = value["collision_efficiency"]
-        found = value[AS_FOUND] if rules.normalized else value["metric"]
         factors = study.factors
         bench: Any = tested.laboratory.stations[Stage.BENCH]
         store = bench.spec.store
@@ -83,7 +81,6 @@ class NominalTest:
             e0=value["ball_restitution"],
             r=value["recoil_factor"],
             inertia=float(np.ravel(bat.inertia_cm)[0]) + mass * lever**2,
-            bat_speed=(found - e_A * _pitch(rules)) / (1 + e_A),
             calibrations=_effects(tested, set(tested.laboratory.calibration) - {*_LOT}),
             radii=_effects(tested, {_LOT[0]}),
         )
@@ -157,30 +154,19 @@ class NominalTest:
 
     def _value(self, e: float, e0: float, result: str) -> float:
         """Return a result, given e and the measured e0."""
-        correction = self.procedure.correction
-        if result == NORMALISED and correction is not None:
-            if correction.method == "trampoline" and self.e > self.e0:
-                lost = (1 - e**2) / (1 - e0**2)
-                e = sqrt(1 - lost * (1 - correction.standard**2))
-            else:
-                e = correction.standard * e / e0
-        e_A = (e - self.r) / (1 + self.r)
-        match self.procedure.metric:
-            case "restitution":
-                return e
-            case "bat_performance_factor":
-                return e / e0
-            case "besr":
-                return e_A + 0.5
-            case "batted_speed":
-                return self.bat_speed + e_A * (_pitch(self.procedure) + self.bat_speed)
+        curve = TrueCurve(
+            procedure=self.procedure if result == NORMALISED else self.procedure.as_found,
+            bat=rigid_bat(self.bat.body),
+            position=np.array([self.place]),
+            collision_efficiency=np.array([(e - self.r) / (1 + self.r)]),
+            restitution=np.array([e]),
+            recoil_factor=np.array([self.r]),
+            ball_restitution=np.array([e0]),
+        )
+        return float(curve.metric()[0])
 
 
 _LOT = ("ball.radius", "ball.restitution_slope")  # constants of a lot
-
-
-def _pitch(rules: Procedure) -> float:
-    return rules.game.pitch_speed if rules.game else rules.ball_speed
 
 
 def _effects(tested: BlockTest, names: set[str]) -> dict[str, float]:

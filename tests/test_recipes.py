@@ -1,0 +1,393 @@
+"""The recipes of virtual_lab/README.md ("Where to add something"), carried out in a copy.
+
+Each recipe edits only the files that its row names, in a copy of the program; all edits are made
+before the program starts once. A recipe has found a place that its row does not name if its check
+fails. A rig, an instrument and its record in another package are in tests/third_party_rig; a study
+and a command are in the pages "Add a study" and "Add a command", which the site runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+COPIED = ("virtual_lab", "rigs")
+
+
+class Copy:
+    """A copy of the program, whose files a recipe edits."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        left_out = shutil.ignore_patterns("docs")
+        for name in COPIED:
+            shutil.copytree(ROOT / name, folder / name, ignore=left_out)
+        shutil.copytree(ROOT / "data", folder / "virtual_lab/data", ignore=left_out)
+
+    def path(self, name: str) -> Path:
+        package, _, rest = name.partition("/")
+        return self.folder / ("virtual_lab/data" if package == "data" else package) / rest
+
+    def edit(self, name: str, old: str, new: str) -> None:
+        """Replace the first match of a pattern in a file."""
+        text, count = re.subn(old, new, self.path(name).read_text("utf-8"), count=1, flags=re.M)
+        assert count == 1, (name, old)
+        self.path(name).write_text(text, "utf-8")
+
+    def add(self, name: str, text: str) -> None:
+        """Add text to the end of a file, which may be new."""
+        with self.path(name).open("a", encoding="utf-8") as file:
+            file.write(text)
+
+    def read(self, name: str) -> str:
+        return self.path(name).read_text("utf-8")
+
+
+def a_procedure(copy: Copy) -> None:
+    rules = copy.read("data/procedures/astm-f1881.toml")
+    copy.add("data/procedures/mine.toml", rules.replace('name = "astm-f1881"', 'name = "mine"'))
+
+
+A_PROCEDURE = """
+assert "mine" in {row.name for row in vl.shelf("procedures")}
+assert vl.certify("r161", procedure="mine", **QUIET).certification.procedure.name == "mine"
+"""
+
+
+def a_metric(copy: Copy) -> None:
+    """E minus e0, computed twice: as the reduction does, and as the truth does."""
+    copy.edit(
+        "virtual_lab/measurement/procedure/rules.py", r"^(Metric = Literal\[.*)\]$", r'\1, "gain"]'
+    )
+    copy.edit(
+        "virtual_lab/measurement/procedure/metric.py",
+        r'^( +)case "restitution":$',
+        r'\1case "gain":\n\1    return np.asarray(e - curve.ball_restitution)\n\g<0>',
+    )
+    copy.edit(
+        "virtual_lab/lab/true_metric.py",
+        r'^( +)case "restitution":$',
+        r'\1case "gain":\n\1    return e - self.ball_restitution\n\g<0>',
+    )
+    copy.edit(
+        "virtual_lab/output/metrics.py",
+        r"^METRICS = \{$",
+        r'\g<0>\n    "gain": MetricFormat("Gain of restitution", "g", "", 1.0, "", 3),',
+    )
+    rules = copy.read("data/procedures/astm-f1881.toml")
+    rules = re.sub('^name = ".*"', 'name = "gain"', rules, flags=re.M)
+    rules = re.sub('^metric = ".*"', 'metric = "gain"', rules, flags=re.M)
+    copy.add("gain.toml", rules)
+
+
+A_METRIC = """
+test = vl.certify("r161", procedure="gain.toml", **QUIET)
+by_hand = test.document["restitution"]["value"] - test.document["ball_restitution"]["value"]
+assert abs(test.value - by_hand) < 1e-12
+assert abs(test.score()["metric"].error) < 1e-3
+assert "g " in test.text
+Path("study.toml").write_text(Path(STUDY).read_text("utf-8").replace("astm-f1881", "gain.toml"))
+rows = [row for row in vl.interlab("study.toml", predict=True) if "gain" in row.procedure]
+assert rows and all(row.predicted >= 0 for row in rows)
+"""
+
+
+def a_fault(copy: Copy) -> None:
+    copy.edit(
+        "virtual_lab/simulation/faults/catalogue.py",
+        r'^( +)Fault\(name="gate-clock", .*$',
+        r'\g<0>\n\1Fault(name="gate-far", '
+        r'station=change_constant("gates", "distance", plus=2e-3)),',
+    )
+    sheet = copy.read("data/faults/gate-moved.toml").split("[found_by]")[0]
+    copy.add("data/faults/gate-far.toml", sheet.replace('"gate-moved"', '"gate-far"'))
+
+
+A_FAULT = """
+assert "gate-far" in {row.name for row in vl.shelf("faults")}
+tests = [TEST, *(vl.certify("r161", faults=[n], **QUIET) for n in ("gate-moved", "gate-far"))]
+e = [each.certification.quantities["collision_efficiency"].value for each in tests]
+assert abs((e[2] - e[0]) / (e[1] - e[0]) - 2) < 0.1
+"""
+
+
+def a_flag(copy: Copy) -> None:
+    copy.add(
+        "virtual_lab/measurement/diagnostics/short.py",
+        "from virtual_lab.measurement.diagnostics.flag import Raised\n\n\n"
+        "def short(evidence):\n"
+        "    where = evidence.reduced.preparation.bat.length.ravel() < 2\n"
+        '    yield Raised(name="short", where=where, sentence=lambda _: "the bat is short")\n',
+    )
+    copy.edit(
+        "virtual_lab/measurement/diagnostics/flags.py",
+        r"^CHECKS: (.*)$",
+        r"from virtual_lab.measurement.diagnostics.short import short\n\nCHECKS: \1\n"
+        r'    "short": short,',
+    )
+
+
+A_FLAG = """
+assert "short" in TEST.flags
+"""
+
+
+def a_certificate_field(copy: Copy) -> None:
+    copy.edit(
+        "virtual_lab/certificate/document.py",
+        r"^    marginal: YesNo$",
+        r'    moon: str\n    """Phase of the moon."""\n\g<0>',
+    )
+    copy.edit("virtual_lab/certificate/filling.py", r"^( +)marginal=", r'\1moon="new",\n\g<0>')
+
+
+A_CERTIFICATE_FIELD = """
+assert TEST.document["moon"] == "new"
+from virtual_lab.certificate.schema import json_schema
+assert json_schema()["properties"]["moon"]["description"] == "Phase of the moon."
+"""
+
+
+def a_constant(copy: Copy) -> None:
+    copy.edit(
+        "virtual_lab/records/constants.py",
+        r"^CONSTANTS = \{.*$",
+        r'\g<0>\n    "gates.tilt": '
+        r'Constant("angle", "tilt of the gate", "gates, tilt", "mrad", -1, 1),',
+    )
+
+
+A_CONSTANT = """
+from virtual_lab.records.foreign.constants import read_constants
+entry = {"value": 2, "unit": "mrad", "u": 0.1}
+assert read_constants({"impact.gates.tilt": entry}, "x")["impact.gates.tilt"].value == 2e-3
+try:
+    read_constants({"impact.gates.tilt": {**entry, "unit": "mm"}}, "x")
+except vl.InputError as fault:
+    assert "rad" in str(fault)
+"""
+
+
+def a_method(copy: Copy) -> None:
+    copy.edit(
+        "virtual_lab/uncertainty/propagating.py",
+        r"^    SECOND: second_order,$",
+        r'\g<0>\n    "safe": '
+        r'lambda m, linear, d: replace(second_order(m, linear, d), method="safe"),',
+    )
+    copy.edit("virtual_lab/parameters.py", r"^(Propagation = Literal\[)", r'\1"safe", ')
+
+
+A_METHOD = """
+assert vl.propagate(lambda x: x, {"x": vl.Input(1, 0.1)}, method="safe").method == "safe"
+test = vl.certify("r161", seed=1, uncertainty="safe", collision="rigid", progress=lambda *_: None)
+assert test.certification.refined.method == "safe"
+"""
+
+
+def a_distribution(copy: Copy) -> None:
+    """Two values, one at each limit."""
+    copy.edit(
+        "virtual_lab/uncertainty/laws.py",
+        r"^LAWS = \{$",
+        r'\g<0>\n    "ends": Law(\n        lambda _: 1.0,\n        lambda _: 1.0,\n'
+        r"        lambda r, n, _: np.where(r.uniform(-1, 1, n) < 0, -1.0, 1.0),\n"
+        r"        lambda q, _: np.where(q < 0.5, -1.0, 1.0),\n    ),",
+    )
+
+
+A_DISTRIBUTION = """
+ends = {"x": vl.Input(low=1.0, high=3.0, distribution="ends")}
+assert abs(vl.propagate(lambda x: x, ends).u - 1) < 1e-12
+drawn = vl.propagate(lambda x: x, ends, method="monte-carlo", draws=10_000)
+assert abs(drawn.u - 1) < 0.01
+"""
+
+
+def a_claim(copy: Copy) -> None:
+    copy.add("data/paper/claims.csv", "II A,test,six times seven,42,0.5,,,1,by hand,,product 6 7\n")
+    copy.add(
+        "virtual_lab/studies/paper/computed.py",
+        "\n\ndef product(*factors):\n    return float(factors[0]) * float(factors[1])\n",
+    )
+
+
+A_CLAIM = """
+from virtual_lab.studies.paper.findings import CLAIMS
+(claim,) = [each for each in CLAIMS if each.says == "six times seven"]
+assert claim.row().holds and claim.row().result == 42
+"""
+
+
+def a_published_number(copy: Copy) -> None:
+    header, *_ = copy.read("data/reference/published.csv").splitlines()
+    row = dict.fromkeys(header.split(","), "")
+    row |= {"quantity": "answer", "value": "42", "unit": "1", "role": "prediction", "low": "41"}
+    row |= {"find": "answer", "high": "43", "source": "nathan2003", "why": "by hand"}
+    copy.add("data/reference/published.csv", ",".join(row.values()) + "\n")
+    copy.add("virtual_lab/studies/reference/results.py", "\n\ndef answer():\n    return 42.5\n")
+
+
+A_PUBLISHED_NUMBER = """
+from virtual_lab.studies.reference.findings import compare_number, read_published
+(number,) = [each for each in read_published() if each.quantity == "answer"]
+row = compare_number(number)
+assert (row.value, row.difference, row.agreement) == (42.5, 0.5, "agrees")
+"""
+
+ACTION = """
+[actions.%s]
+title = "%s"
+part = "bench"
+skipped = "nothing happens"
+in_book = false
+minutes = { value = 3, unit = "min", source = "assumed", verified = false }
+"""
+
+
+def an_action(copy: Copy) -> None:
+    copy.add("data/bench/actions.toml", ACTION % ("tare-twice", "Tare the scale again"))
+    copy.edit(
+        "virtual_lab/bench/day/day.py",
+        r'^    "tare": .*$',
+        r'\g<0>\n    "tare-twice": lambda *_: {"tared": True},',
+    )
+
+
+DAY = """
+from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.scenario import load_scenario
+from virtual_lab.bench.machines.stored_day import StoredDay
+day = StoredDay.begin(Path("%s"), load_scenario("%s"), 3)
+"""
+AN_ACTION = (
+    DAY % ("acted", "plain-day")
+    + """
+assert not day.day.tared
+day.do(action_of("tare-twice"))
+assert day.day.tared and day.day.seconds == 180
+"""
+)
+
+
+def a_repair(copy: Copy) -> None:
+    copy.add("data/bench/actions.toml", ACTION % ("dust", "Dust the gates"))
+    copy.add("data/bench/actions.toml", 'mends = ["gate-misses"]\nagain = ["weigh-bat"]\n')
+
+
+A_REPAIR = (
+    DAY % ("repaired", "plain-day")
+    + """
+day.do(action_of("dust"))
+assert day.day.repaired_faults == {"gate-misses"}
+"""
+)
+
+
+def a_scenario(copy: Copy) -> None:
+    text = copy.read("data/bench/scenarios/plain-day.toml")
+    copy.add("data/bench/scenarios/heavy.toml", text.replace('"plain-day"', '"heavy"'))
+
+
+A_SCENARIO = (
+    DAY % ("heavy-day", "heavy")
+    + """
+assert day.day.events == ()
+"""
+)
+
+
+def a_parameter(copy: Copy) -> None:
+    copy.edit(
+        "virtual_lab/studies/place_slope.py",
+        r"(^def slope\(\n.*?), instruments",
+        r"\1, color: bool = False, instruments",
+    )
+    copy.edit(
+        "virtual_lab/studies/place_slope.py",
+        r"^    procedure$",
+        r"    color\n        Whether colors are used.\n\g<0>",
+    )
+
+
+A_PARAMETER = """
+from virtual_lab.cli import cli
+forms = [form for each in cli.get_command(None, "slope").params for form in each.opts]
+assert "--color" in forms
+assert "color" in inspect.signature(vl.slope).parameters
+"""
+
+RECIPES: dict[str, tuple[Callable[[Copy], None], str]] = {
+    "a procedure": (a_procedure, A_PROCEDURE),
+    "a metric": (a_metric, A_METRIC),
+    "a fault": (a_fault, A_FAULT),
+    "a flag": (a_flag, A_FLAG),
+    "a certificate field": (a_certificate_field, A_CERTIFICATE_FIELD),
+    "a calibration constant": (a_constant, A_CONSTANT),
+    "a method to propagate uncertainty": (a_method, A_METHOD),
+    "a distribution of an input": (a_distribution, A_DISTRIBUTION),
+    "a claim of the paper": (a_claim, A_CLAIM),
+    "a published number": (a_published_number, A_PUBLISHED_NUMBER),
+    "an action at the rehearsal bench": (an_action, AN_ACTION),
+    "a repair at the rehearsal bench": (a_repair, A_REPAIR),
+    "a scenario": (a_scenario, A_SCENARIO),
+    "a parameter of a public function": (a_parameter, A_PARAMETER),
+}
+START = """
+import inspect, json, sys, traceback
+from pathlib import Path
+import virtual_lab as vl
+QUIET = {"reality": "noise-free", "progress": lambda *_: None}
+TEST = vl.certify("r161", **QUIET)
+STUDY = sys.argv[2]
+found = {}
+for name, text in json.loads(Path(sys.argv[1]).read_text("utf-8")).items():
+    try:
+        exec(text, {**globals()})
+        found[name] = ""
+    except BaseException:
+        found[name] = traceback.format_exc()
+Path("found.json").write_text(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return the traceback of each recipe; empty if its check passed."""
+    folder = tmp_path_factory.mktemp("recipes")
+    copy = Copy(folder)
+    for edit, _ in RECIPES.values():
+        edit(copy)
+    (folder / "start.py").write_text(START)
+    (folder / "recipes.json").write_text(
+        json.dumps({key: text for key, (_, text) in RECIPES.items()})
+    )
+    study = str(ROOT / "tests/studies/interlab.toml")
+    subprocess.run(
+        [sys.executable, "start.py", "recipes.json", study],
+        cwd=folder,
+        check=True,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+    )
+    return json.loads((folder / "found.json").read_text())
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_a_recipe_is_complete(name: str, found: dict[str, str]) -> None:
+    assert found[name] == ""
+
+
+def test_each_recipe_is_a_row_of_the_page() -> None:
+    rows = re.findall(
+        r"^\| (an? .+?) \|", (ROOT / "virtual_lab/README.md").read_text("utf-8"), re.M
+    )
+    assert set(RECIPES) < set(rows)
