@@ -20,6 +20,7 @@ import pytest
 import virtual_lab as vl
 from tests.pictures import lines_of
 from virtual_lab import lab
+from virtual_lab.certificate.document import document_of
 from virtual_lab.cli import cli
 from virtual_lab.files.dictionary import column_meaning
 from virtual_lab.output import progress as shown_progress
@@ -216,23 +217,28 @@ def test_a_test_without_a_result_states_the_reason(tmp_path: Path) -> None:
 
 
 def test_a_sweep_states_why_a_bat_fails() -> None:
-    """R161 is at the limit, 34 in and 31 oz; the public rules exempt one-piece wood."""
+    """A bat of unknown construction at the limit, 34 in and 31 oz; wood would be exempt."""
+    bat = vl.bat("r161").with_(construction=None)
     rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 2.5, "limit": 0.4})
-    row = vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
+    row = vl.sweep(bat, procedures=rules, laboratories=1, seed=0, progress=quiet).iloc[0]
     weight, limit = row["reason"].split("; ")
     assert weight.startswith("length in inches minus weight in ounces 3.0")
     assert weight.endswith("allowed up to 2.5 (one-piece wood bats are exempt)")
     assert "above the limit 0.400" in limit
-    assert (
-        vl.certify("r161", procedure=rules, seed=0)
-        .reasons[0]
-        .startswith("length in inches minus weight in ounces")
-    )
-    rules = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 3.5})
-    assert (
-        vl.sweep("r161", procedures=rules, laboratories=1, seed=0, progress=quiet)["reason"][0]
-        == ""
-    )
+    failing = vl.certify(bat, procedure=rules, seed=0)
+    assert failing.reasons[0].startswith("length in inches minus weight in ounces")
+    others = vl.procedure("bbcor").with_({"eligibility.length_less_weight": 3.5})
+    table = vl.sweep(bat, procedures=others, laboratories=1, seed=0, progress=quiet)
+    assert table["reason"][0] == ""
+    # the same test of a bat of one-piece wood: only the verdict is another
+    exempt = vl.certify("r161", procedure=rules, seed=0)
+    said = "no test required: one-piece wood (recalled, unverified)"
+    assert (exempt.verdict, exempt.reasons) == ("MEASURED", (said,))
+    assert (exempt.value, exempt.u) == (failing.value, failing.u)
+    assert said in exempt.text
+    assert not exempt.document["marginal"]
+    with pytest.raises(vl.InputError, match=r"verdict = 'PASS'; by value, limit.*: MEASURED"):
+        document_of({**exempt.document, "verdict": "PASS", "reasons": []}, "certificate.json")
 
 
 def test_a_procedure_may_be_changed_in_a_call(tested: vl.Certificate, tmp_path: Path) -> None:

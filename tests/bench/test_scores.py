@@ -12,13 +12,16 @@ import numpy as np
 import pytest
 
 from tests.bench.days import Asked, asked, scenario
+from virtual_lab import catalog
 from virtual_lab.bench.day.day import Day, DayEvent, replay_events
 from virtual_lab.bench.day.desk import EnteredResult
 from virtual_lab.bench.scoring import costs
 from virtual_lab.bench.scoring import debrief as debriefing
 from virtual_lab.bench.scoring.debrief import Debrief, debrief
 from virtual_lab.bench.scoring.deviations import DENIED, JUSTIFIED, OPEN, Deviation
+from virtual_lab.bench.scoring.scores import right_verdict
 from virtual_lab.errors import InputError
+from virtual_lab.measurement.procedure import Procedure
 
 TRUTH, LIMIT, U = 0.95, 1.0, 0.01  # of the metric; U = 2 u = .02
 MINUTES, SHOTS = 100.0, 2  # that an expert takes
@@ -67,6 +70,7 @@ class HandDesk:
         )
     )
     preparation: Any = field(default_factory=lambda: SimpleNamespace(bat=None))
+    session: Any = field(default_factory=lambda: SimpleNamespace(bat_construction=""))
 
     def last(self, action: str) -> DayEvent | None:
         found = [event for event in self.day.events if event.action == action]
@@ -354,3 +358,17 @@ def test_the_u_of_a_cost_comes_from_the_hits_that_differ() -> None:
 
     found = costs._scatter(desk([1 / 4] * 4 + [0]), desk([0, *[1 / 3] * 3, 0]))
     assert found == pytest.approx(sqrt(5 / 36), rel=1e-12)
+
+
+def test_the_right_verdict_on_an_exempt_bat_is_measured() -> None:
+    """Above the limit, but of one-piece wood: the rules ask no test of it."""
+    told: Any = SimpleNamespace(sealed=SimpleNamespace(measurand={"metric": 0.6}))
+    desk: Any = SimpleNamespace(
+        rules=catalog.load("procedures", "bbcor", Procedure),
+        preparation=SimpleNamespace(bat=None),
+        session=SimpleNamespace(bat_construction="one-piece wood"),
+    )
+    apparatus: Any = SimpleNamespace(finish=lambda _: told)
+    right = right_verdict(apparatus, desk, 0.6, 0.01, spoilt=False)
+    assert right.word == "MEASURED"
+    assert right.because == "no test required: one-piece wood (recalled, unverified)"

@@ -165,7 +165,7 @@ def test_an_altered_file_has_one_row(result: Path) -> None:
     assert found.unchecked == ()
 
 
-@pytest.mark.parametrize("schema", [5, 7, "6", None])
+@pytest.mark.parametrize("schema", [6, 8, "7", None])
 def test_a_schema_that_cannot_be_read_is_refused(result: Path, schema: object) -> None:
     in_document(schema=schema)(result)
     with pytest.raises(InputError, match="make the certificate again with 'virtual-lab reduce"):

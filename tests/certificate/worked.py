@@ -174,6 +174,7 @@ class Test:
             )
             for key, each in session["calibration"].items()
         }
+        self.construction = session.get("bat_construction")
         self.records = records
         self._bench()
         self._wall()
@@ -879,7 +880,10 @@ def worked(records: Path) -> Row:
         "places": [_place(test, metric, at) for at in sorted(set(test.set[test.valid]))]
         if "scan" in rules
         else [],
-        "marginal": limit is not None and result.interval[0] <= limit <= result.interval[1],
+        # an exempt bat has no verdict by the limit
+        "marginal": limit is not None
+        and not (rules.get("eligibility") and test.construction == "one-piece wood")
+        and result.interval[0] <= limit <= result.interval[1],
         "valid_hits": int(test.valid.sum()),
         "reasons": test.reasons,
         "shots": [_shot(test, metric, n) for n in range(len(metric))],

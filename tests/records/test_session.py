@@ -41,6 +41,7 @@ EXAMPLE = Session(
     date="2026-11-20",
     bat_sport="softball",
     ball_sport="baseball",
+    bat_construction="composite wood",
     rigs={"impact": "astm-pivot"},
     procedure_text='name = "übung"\n',
     calibration={"impact.gates.clock": Estimate(value=1.0, u=2e-5, dof=7.0, source="x")},
@@ -82,7 +83,7 @@ def test_names_rules_and_origin_survive_a_folder(example: Session, tmp_path: Pat
     """Names, rigs, the exact text of the procedure, and the origin of the records."""
     save_session(example, tmp_path)
     loaded = load_session(tmp_path)
-    named = ("bat", "ball", "bat_sport", "ball_sport", "date", "rigs")
+    named = ("bat", "ball", "bat_sport", "bat_construction", "ball_sport", "date", "rigs")
     for field in (*named, "procedure_text", "calibration", "origin"):
         assert getattr(loaded, field) == getattr(example, field)
     assert {stage: set(found) for stage, found in loaded.records.items()} == {

@@ -103,3 +103,9 @@ def test_counted_bats_agree_with_their_predictions() -> None:
     inside = [float(row["low"]) <= float(row["predicted"]) <= float(row["high"]) for row in rows]
     assert len(rows) == 20
     assert sum(inside) >= 17
+
+
+def test_the_limit_applies_to_an_exempt_bat_which_the_text_says() -> None:
+    curves = vl.operating("r161", procedures="bbcor", laboratories=3, progress=quiet)
+    assert "r161 by bbcor: no test required: one-piece wood" in curves.text
+    assert {row.true > 0.5 for row in curves} == {True, False}

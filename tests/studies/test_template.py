@@ -199,12 +199,14 @@ def test_each_optional_line_of_a_form_can_be_used(procedure: str, tmp_path: Path
     path = folder / "laboratory.toml"
     text, lines = uncomment(path.read_text("utf-8"))
     used = 'value = 1.2, unit = "mm", u = 0.1'
+    text = text.replace('bat_construction = ""', 'bat_construction = "composite wood"')
     path.write_text(text.replace('value = "x", unit = "m", u = "x"', used), "utf-8")
     added = load_laboratory(folder).calibration.keys() - session.calibration.keys()
     assert added == {"balls.gates.thickness", "impact.gates.thickness"}
     assert lines == len(added)
     found = reduce(folder).certification
     assert found.session.calibration["impact.gates.thickness"].value == pytest.approx(1.2e-3)
+    assert found.session.bat_construction == "composite wood"
     assert found.quantities.keys() == certify_session(session).quantities.keys()
 
 

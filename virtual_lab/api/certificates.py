@@ -123,12 +123,12 @@ class Certificate:
 
     @property
     def verdict(self) -> str:
-        """PASS, FAIL, INVALID, or MEASURED if the procedure has no limit."""
+        """PASS, FAIL, INVALID, or MEASURED if the procedure has no limit for the bat."""
         return self.certification.verdict.value
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Reasons why the verdict is FAIL or INVALID; () for any other verdict."""
+        """Reasons of the verdict; () for PASS and if the procedure has no limit."""
         return self.certification.reasons
 
     @property

@@ -19,6 +19,7 @@ from virtual_lab.catalog.specs import (
     BatSpec,
     BatSport,
     BatSpread,
+    Construction,
     Dimension,
     HoopMode,
     Lump,
@@ -252,13 +253,15 @@ class ModifiedBat(Spec):
     """A modification of a catalog bat: other wall thickness, added weights, or other hoop mode.
 
     Without `hoop` the hoop mode of the base is adapted to the wall thickness (see
-    `BatBody.with_wall`). Without `sport` the bat has the sport of its base.
+    `BatBody.with_wall`). Without `sport` the bat has the sport of its base, and without
+    `construction` its construction.
     """
 
     name: Name
     title: Title
     base: str
     sport: BatSport | None = None
+    construction: Construction | None = None
     wall_factor: Annotated[float | None, Dimension("number", 0.2, 5)] = None
     lumps: tuple[Lump, ...] = ()
     hoop: HoopMode | None = None
@@ -281,6 +284,7 @@ def _modify(base: BatSpec, change: ModifiedBat, where: str) -> BatSpec:
         body=body,
         spread=change.spread or base.spread,
         sport=change.sport or base.sport,
+        construction=change.construction or base.construction,
         published=change.published,
     )
 

@@ -155,6 +155,8 @@ PositiveLength = Annotated[float, Gt(0), Dimension("length")]
 Sport = Literal["baseball", "softball"]  # sport of a bat, ball or procedure
 CHECK_STANDARD: Final = "check standard"
 BatSport = Literal["baseball", "softball", "check standard"]  # a check standard is not a bat
+# rules exempt bats by these words
+Construction = Literal["one-piece wood", "composite wood", "aluminum", "composite"]
 PositiveNumber = Annotated[float, Gt(0), Dimension("number")]
 NonNegative = Annotated[float, Ge(0), Dimension("number")]
 # relative standard deviation; even five of them below the mean, a value is still positive
@@ -310,6 +312,7 @@ class BatSpec(Spec):
     body: BatBody
     spread: BatSpread
     sport: BatSport | None = None  # None: not known
+    construction: Construction | None = None  # None: not known
     published: PublishedBat | None = None
 
 

@@ -27,7 +27,7 @@ from virtual_lab.records.origin import Simulated
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars
 from virtual_lab.uncertainty.decision import conformity
 
-SCHEMA = 6
+SCHEMA = 7
 SIMULATED = "SIMULATED: no real bat was tested and no accredited laboratory issued this."
 SUPPLIED = "Computed by this program from records supplied by {}; not verified."
 OPTIONAL = (  # not stated where the metric is the same quantity
@@ -69,6 +69,8 @@ class ProcedureStated(Spec):
     """Number of valid hits that the procedure requires."""
     at_percussion: YesNo
     """Whether the bat is hit at its center of percussion."""
+    exempt: str
+    """Bats of which the procedure requires no test; empty: none."""
     swing_exponent: Real | None
     """Exponent of the swing law by which the metric is judged; null: the metric needs none."""
 
@@ -79,6 +81,8 @@ class BatAsMeasured(Spec):
 
     name: str
     """Name of the bat."""
+    construction: str
+    """Construction of the bat as the laboratory states it; empty: not stated."""
     mass_kg: Stated
     """Mass of the bat."""
     length_m: Stated
@@ -684,11 +688,11 @@ def risk_of(metric: MetricStated, verdict: str, *, eligible: bool) -> RiskStated
     For PASS, it is the probability that the true value is above the limit (false acceptance). For
     FAIL, it is the probability that the true value is at or below the limit (false rejection).
     `eligible` states whether the bat meets all rules other than the limit. The result is None if
-    `eligible` is False, if the metric has no value, uncertainty or limit, and for the verdict
-    INVALID.
+    `eligible` is False, if the metric has no value, uncertainty or limit, and for the verdicts
+    INVALID and MEASURED.
     """
     value, u, limit = metric.value, metric.u, metric.limit
-    if value is None or not u or limit is None or not eligible or verdict == "INVALID":
+    if value is None or not u or limit is None or not eligible or verdict not in ("PASS", "FAIL"):
         return None
     dof = inf if metric.dof is None else metric.dof
     conforming = conformity(value, u, upper=limit, dof=dof)
@@ -760,11 +764,12 @@ def _contradictions(document: CertificateDocument) -> Iterator[tuple[str, Any, s
         met = metric.limit is None or metric.value <= metric.limit
         inside = metric.limit is not None and low <= metric.limit <= high
     eligible = all(finding.met for finding in document.findings)
-    sound = document.verdict != "INVALID" and metric.value is not None
+    sound = document.verdict in ("PASS", "FAIL") and metric.value is not None
     if document.verdict != "INVALID" and document.verdict != (right := _verdict(document, met)):
         yield "verdict", document.verdict, f"by value, limit, findings and flags: {right}"
-    if bool(document.reasons) != (document.verdict in ("FAIL", "INVALID")):
-        allowed = "reasons belong to FAIL and INVALID, and to no other verdict"
+    exempt = document.verdict == "MEASURED" and metric.limit is not None
+    if bool(document.reasons) != (document.verdict in ("FAIL", "INVALID") or exempt):
+        allowed = "reasons belong to FAIL, INVALID and an exempt bat, and to no other verdict"
         yield "reasons", "; ".join(document.reasons) or None, allowed
     risk = risk_of(metric, document.verdict, eligible=eligible)
     if not _same_risk(document.risk, risk):
@@ -785,6 +790,8 @@ def _verdict(document: CertificateDocument, met: bool) -> str:
     """Return the verdict if the test is valid; `met` states whether the metric meets its limit."""
     if document.metric.value is None or any(flag.invalidates for flag in document.flags):
         return "INVALID"
+    if document.bat.construction and document.bat.construction in document.procedure.exempt:
+        return "MEASURED"
     if not (met and all(finding.met for finding in document.findings)):
         return "FAIL"
     return "MEASURED" if document.metric.limit is None else "PASS"

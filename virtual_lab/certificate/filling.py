@@ -124,10 +124,12 @@ def certificate(
             edition=procedure.edition,
             hits_needed=procedure.valid_hits,
             at_percussion=procedure.place == "centre-of-percussion",
+            exempt=(procedure.eligibility and procedure.eligibility.exempt) or "",
             swing_exponent=procedure.game.exponent if procedure.game else None,
         ),
         bat=BatAsMeasured(
             name=session.bat,
+            construction=session.bat_construction,
             mass_kg=_fill_stated(certification.bat["mass"]),
             length_m=_fill_stated(certification.bat["length"]),
             z_cm_m=_fill_stated(certification.bat["z_cm"]),

@@ -275,7 +275,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     The values are strings, except for three bools:
 
     * `stated`: there is a result.
-    * `decides`: there is a result, and the bat meets every rule other than the limit.
+    * `decides`: the limit decides on the result; the bat meets every other rule.
     * `uncertain`: u is not printed as 0.
 
     Some documents state no result, for example for an INVALID test. The dictionary then has no
@@ -292,8 +292,9 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     limit = "none" if metric.limit is None else printed.limit(metric.limit)
     if verdict == "PASS":
         sentence = f"{sentence}: {stated['value']}{unit} does not exceed {limit}"
-    if verdict in ("FAIL", "INVALID"):
-        sentence = ": ".join((sentence, "; ".join(document.reasons)))
+    if document.reasons:
+        bat = " for this bat" if verdict == "MEASURED" else ""
+        sentence = f"{sentence}{bat}: {'; '.join(document.reasons)}"
     if document.risk:
         sentence = f"{sentence}. {_risk(document.risk)}"
     return {
@@ -306,7 +307,9 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         "limit": limit,
         "stated": bool(stated),
         "u_first_order": _first_order(document) if stated else "",
-        "decides": bool(stated) and all(finding.met for finding in document.findings),
+        "decides": verdict in ("PASS", "FAIL")
+        and bool(stated)
+        and all(finding.met for finding in document.findings),
         **stated,
     }
 

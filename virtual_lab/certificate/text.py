@@ -15,7 +15,11 @@ def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of several lines, in printed units."""
     procedure, printed = document.procedure, printed_values(document)
     marginal = ", marginal: the limit is within the 95 % interval" if document.marginal else ""
-    words = f": {'; '.join(document.reasons)}" if document.verdict == "FAIL" else ""
+    words = (
+        f": {'; '.join(document.reasons)}"
+        if document.verdict != "INVALID" and document.reasons
+        else ""
+    )
     lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
     lines.append(f"  {document.verdict}{words}{marginal}")
     if document.states_result:

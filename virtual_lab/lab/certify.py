@@ -10,6 +10,7 @@ from virtual_lab.lab.fitting import require_positions
 from virtual_lab.lab.laboratory import Laboratory, collision_of
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import run_test
+from virtual_lab.measurement.procedure import Verdict
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import kernel_is_compiled
@@ -75,7 +76,7 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
         ),
         progress,
     ).of(0)
-    if control.certification.reasons:
+    if control.certification.verdict is Verdict.INVALID:
         reason = "; ".join(control.certification.reasons)
         raise InputError("", "control bat", bat.name, f"its own test gives no result: {reason}")
     e = control.certification.quantities["restitution"]

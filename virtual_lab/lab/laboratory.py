@@ -150,6 +150,7 @@ class Laboratory:
             bat=bat.name,
             bat_sport=bat.sport or "",
             ball_sport=ball.sport or "",
+            bat_construction=bat.construction or "",
         )
 
     @property
@@ -165,6 +166,7 @@ class Laboratory:
             ball=setup.ball.spec.name,
             bat_sport=one.bat_sport,
             ball_sport=one.ball_sport,
+            bat_construction=one.bat_construction,
             date=self.date,
             particulars=setup.particulars,
             rigs={stage.value: name for stage, name in setup.rigs.items()},

@@ -38,6 +38,7 @@ from virtual_lab.measurement.procedure import (
     SetAside,
     Verdict,
     add_shortfall,
+    exemption,
     findings,
     sentences_of,
     set_aside,
@@ -105,13 +106,15 @@ class Certification:
     flags: tuple[Flag, ...]  # contradictions in the records
     pairs: tuple[Discrepancy, ...]  # differences between two measurements of one quantity
     not_checked: tuple[str, ...]  # checks for which the records lack the readings
-    reasons: tuple[str, ...]  # reasons of a verdict INVALID or FAIL
+    reasons: tuple[str, ...]  # reasons of a verdict other than PASS
     verdict: Verdict
 
     @property
     def marginal(self) -> bool:
         """Whether the limit decides the verdict and lies within the 95 % interval."""
-        decides = self.verdict is not Verdict.INVALID and all(each.met for each in self.findings)
+        decides = self.verdict in (Verdict.PASS, Verdict.FAIL) and all(
+            each.met for each in self.findings
+        )
         if not decides or self.metric is None or self.procedure.metric_limit is None:
             return False
         low, high = self.metric.interval_95
@@ -144,7 +147,7 @@ class Certifications:
     has_result: Mask  # mask of the laboratories with a result, (laboratory,)
     results: Mapping[str, Budgets]  # keys: ``metric``, AS_FOUND, and those of QUANTITIES
     checked: Checked
-    reason_table: tuple[Reason, ...]  # reasons for the verdicts INVALID and FAIL
+    reason_table: tuple[Reason, ...]  # reasons for verdicts other than PASS
     verdicts: tuple[Verdict, ...]
 
     @property
@@ -172,7 +175,7 @@ class Certifications:
         return by_result
 
     def reasons(self, laboratory: int) -> tuple[str, ...]:
-        """Return the reasons why the verdict of one laboratory is INVALID or FAIL."""
+        """Return the reasons of the verdict of one laboratory, () for PASS."""
         return sentences_of(self.reason_table, self.verdicts[laboratory], laboratory)
 
     def row(self, laboratory: int, session_of: Callable[[SessionBlock], Session]) -> Certification:
@@ -294,7 +297,12 @@ def certify_reduction(
     )
     reason_table = (
         *_invalidating(rules, hit_weights, has_result, metric.u, checked),
-        *unmet_rules(rules, reduced.preparation.bat, np.where(has_result, metric.value, np.nan)),
+        *unmet_rules(
+            rules,
+            reduced.preparation.bat,
+            np.where(has_result, metric.value, np.nan),
+            exemption(rules, block.bat_construction),
+        ),
     )
     return Certifications(
         block=block,

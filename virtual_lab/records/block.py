@@ -32,6 +32,7 @@ class SessionBlock:
     bat: str = ""  # name of the bat
     bat_sport: str = ""  # sport for which the bat is marked; "": not known
     ball_sport: str = ""
+    bat_construction: str = ""  # "": not known
     # variance of one hit in earlier tests, by the name of the result, (laboratory,)
     history: Mapping[str, Estimates] = field(default_factory=dict)
 
@@ -53,6 +54,7 @@ class SessionBlock:
             bat=session.bat,
             bat_sport=session.bat_sport,
             ball_sport=session.ball_sport,
+            bat_construction=session.bat_construction,
         )
 
     @property

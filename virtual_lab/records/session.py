@@ -22,11 +22,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from virtual_lab.catalog.specs import BatSport, Name, Real, Spec, Sport, Title, Whole
+from virtual_lab.catalog.specs import BatSport, Construction, Name, Real, Spec, Sport, Title, Whole
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import contents, parse_numbers, read_bytes, read_json, read_text
 from virtual_lab.files.tables import csv_text
+from virtual_lab.parameters import Propagation
 from virtual_lab.records import Record, record_name, record_type, record_types
 from virtual_lab.records.constants import require_plausible
 from virtual_lab.records.origin import Origin, Simulated, Supplied
@@ -34,11 +35,11 @@ from virtual_lab.records.particulars import NOTHING_STATED, Particulars, particu
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
-SCHEMA = 3
+SCHEMA = 4
 PLAIN = 2  # schema in which the digest of a simulated channel covers only the file
-UncertaintyMethod = Literal["first-order", "second-order", "monte-carlo"]
 SESSION, RULES = "session.json", "procedure.toml"
-SPORTS = ("bat_sport", "ball_sport")  # keys that are left out if the sport is not known
+# keys that are left out if the laboratory does not know them
+OPTIONAL = ("bat_sport", "ball_sport", "bat_construction")
 CHANGED = "the file was changed after session.json was written"
 RECORD_CHANGED = "the file or the origin of the records was changed after session.json was written"
 
@@ -57,10 +58,11 @@ class Session:
     date: str = ""  # date of the test, as the laboratory writes it
     bat_sport: str = ""  # sport of the bat by its data sheet; "": not known
     ball_sport: str = ""
+    bat_construction: str = ""  # a word of `Construction`; "": not known
     particulars: Particulars = NOTHING_STATED
     # variance of a hit in the laboratory's earlier tests, by result
     history: Mapping[str, Estimate] = field(default_factory=dict)
-    uncertainty: UncertaintyMethod = "first-order"  # method of the evaluation
+    uncertainty: Propagation = "first-order"  # method of the evaluation
     # SHA-256 of session.json of the control bat's test; "": none
     control_sha256: str = ""
 
@@ -120,7 +122,7 @@ def pack(session: Session) -> PackedSession:
         "bat": session.bat,
         "ball": session.ball,
         "date": session.date,
-        **{key: getattr(session, key) for key in SPORTS if getattr(session, key)},
+        **{key: getattr(session, key) for key in OPTIONAL if getattr(session, key)},
         **({"particulars": stated} if (stated := session.particulars.stated) else {}),
         "rigs": dict(session.rigs),
         "procedure_sha256": digest_of_text(rules),
@@ -215,7 +217,7 @@ class ConstantEntry(Spec):
 class SessionForm(Spec):
     """The keys of ``session.json``."""
 
-    schema: Literal[2, 3]
+    schema: Literal[2, 3, 4]
     """Number of the schema."""
     origin: Literal["simulated", "supplied"]
     """Origin of the records: this simulation, or another laboratory."""
@@ -237,6 +239,8 @@ class SessionForm(Spec):
     """Sport for which the bat is marked; empty: not known."""
     ball_sport: Sport | Literal[""] = ""
     """Sport of the ball; empty: not known."""
+    bat_construction: Construction | Literal[""] = ""
+    """Construction of the bat; empty: not known."""
     simulation: Simulated | None = None
     """The simulation; null: supplied records."""
     laboratory: Title = ""
@@ -247,7 +251,7 @@ class SessionForm(Spec):
     """Particulars of the report."""
     history: Mapping[str, ConstantEntry] = field(default_factory=dict)
     """Variance of a hit in earlier tests of the laboratory, by result."""
-    uncertainty: UncertaintyMethod = "first-order"
+    uncertainty: Propagation = "first-order"
     """Method by which the uncertainty is evaluated."""
     control_sha256: str = ""
     """SHA-256 of session.json of the control bat's test; empty: none."""
@@ -286,7 +290,7 @@ def load_session(folder: Path) -> Session:
         history={name: _variance(entry, name, where) for name, entry in form.history.items()},
         uncertainty=form.uncertainty,
         control_sha256=form.control_sha256,
-        **{key: getattr(form, key) for key in SPORTS},
+        **{key: getattr(form, key) for key in OPTIONAL},
     )
 
 

@@ -230,6 +230,8 @@ def critique(
 ) -> Critique:
     """Show which test procedures rank bats in the same order as play on the field.
 
+    A bat is tested whatever its construction, also if a procedure requires no test of it.
+
     Parameters
     ----------
     bats

@@ -18,6 +18,7 @@ from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin
+from virtual_lab.measurement.procedure import exemption
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -117,8 +118,9 @@ def operating(
     and the probability that at least one of three tests passes.
 
     Only the nominal bat is simulated. The errors of its tests are added to each true metric, so
-    that bats with other true metrics need no simulation. To save time, the instruments record only
-    summary values, not every gate edge and encoder count.
+    that bats with other true metrics need no simulation. The limit applies whatever the
+    construction of the bat, also if the procedure requires no test of it. To save time, the
+    instruments record only summary values, not every gate edge and encoder count.
 
     Parameters
     ----------
@@ -200,6 +202,10 @@ def operating(
                     )
                 )
         answers.append(_at_limit(rows[-2 * POINTS :], limits[rules.name], one, three))
+        bat_spec = round_robin.setup.bat.spec
+        if exempt := exemption(rules, bat_spec.construction or ""):
+            words = f"{bat_spec.name} by {rules.name}: {exempt}"
+            answers.append(f"{words}; here it is compared with the limit all the same.")
     return OperatingCurves(
         name="operating",
         title="probability of PASS",

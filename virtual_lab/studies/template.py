@@ -10,9 +10,10 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from math import prod
 from pathlib import Path
+from typing import get_args
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import CHECK_STANDARD
+from virtual_lab.catalog.specs import CHECK_STANDARD, Construction
 from virtual_lab.files import check_new_folder, new_files, new_folder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
@@ -114,6 +115,7 @@ def _form(session: Session, procedure: str) -> Iterator[str]:
     yield f'ball = "{session.ball}"'
     for key, alternative in (("bat_sport", f", {CHECK_STANDARD}"), ("ball_sport", "")):
         yield f'{key} = "{getattr(session, key)}"  # baseball, softball{alternative}, or nothing'
+    yield f'bat_construction = ""  # {", ".join(get_args(Construction))}, or nothing'
     yield f'procedure = "{procedure}"'
     yield "# Particulars, such as customer and serial number, may follow in tables such as"
     yield "# particulars.bat; 'virtual-lab template laboratory FILE' writes their keys."

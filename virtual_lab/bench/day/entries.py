@@ -40,6 +40,7 @@ def entry_of_session(session: Session) -> dict[str, Any]:
         "ball": session.ball,
         "bat_sport": session.bat_sport,
         "ball_sport": session.ball_sport,
+        "bat_construction": session.bat_construction,
         "date": session.date,
         "rigs": dict(session.rigs),
         "procedure_text": session.procedure_text,

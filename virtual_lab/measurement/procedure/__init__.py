@@ -7,7 +7,7 @@ from virtual_lab.measurement.procedure.choice import (
     shortfalls,
     variances_within,
 )
-from virtual_lab.measurement.procedure.eligibility import Finding, findings
+from virtual_lab.measurement.procedure.eligibility import Finding, exemption, findings
 from virtual_lab.measurement.procedure.judge import (
     Acceptance,
     Judgement,
@@ -54,6 +54,7 @@ __all__ = [
     "add_shortfall",
     "admit_balls",
     "curve_of",
+    "exemption",
     "findings",
     "hit_weights_of",
     "judge",

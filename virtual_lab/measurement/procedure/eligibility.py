@@ -39,6 +39,17 @@ def findings(procedure: Procedure, bat: BatProperties) -> tuple[Finding, ...]:
     return tuple(Finding(rule.sentence(0), bool(rule.met[0])) for rule in bat_rules(procedure, bat))
 
 
+def exemption(procedure: Procedure, construction: str) -> str:
+    """Return the reason why a procedure requires no test of a bat, "" if it requires one.
+
+    `construction` is the construction of the bat, "" if it is not known.
+    """
+    exempt = (procedure.eligibility and procedure.eligibility.exempt) or ""
+    if not construction or construction not in exempt:
+        return ""
+    return f"no test required: {construction} (recalled, unverified)"
+
+
 def bat_rules(procedure: Procedure, bat: BatProperties) -> Iterator[BatRule]:
     """Yield each eligibility rule of a procedure, with a mask of the bats that meet it.
 

@@ -275,21 +275,28 @@ def curve_of(procedure: Procedure, position: Array, used: Mask, metric: Array) -
 
 
 class Reason(NamedTuple):
-    """A reason for a verdict INVALID or FAIL, in the laboratories of a block."""
+    """A reason for a verdict other than PASS, in the laboratories of a block."""
 
     verdict: Verdict
     where: Mask  # laboratories to which it applies, (laboratory,)
     sentence: Callable[[int], str]  # sentence for a laboratory to which it applies
 
 
-def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Iterator[Reason]:
+def unmet_rules(
+    procedure: Procedure, bat: BatProperties, value: Array, exempt: str = ""
+) -> Iterator[Reason]:
     """Yield one reason for FAIL per rule of the procedure, with a mask of the laboratories.
+
+    If the procedure requires no test of the bat, yield only the reason `exempt` for MEASURED.
 
     The mask, (laboratory,), is True where the bat violates the rule. The rules are the eligibility
     rules for bats and the limit of the metric. A rule that all bats meet is yielded too. `bat`
     holds the measured bats. `value` is the metric, (laboratory,), NaN if unknown. NaN and a value
     equal to the limit do not violate the limit.
     """
+    if exempt:
+        yield Reason(Verdict.MEASURED, np.ones(len(value), dtype=bool), lambda _: exempt)
+        return
     for rule in bat_rules(procedure, bat):
         yield Reason(Verdict.FAIL, ~rule.met, rule.sentence)
     limit, metric = procedure.metric_limit, METRICS[procedure.metric]
@@ -307,9 +314,9 @@ def unmet_rules(procedure: Procedure, bat: BatProperties, value: Array) -> Itera
 def verdicts_of(
     procedure: Procedure, reasons: Iterable[Reason], laboratories: int
 ) -> tuple[Verdict, ...]:
-    """Return the verdict of each laboratory, given the reasons for FAIL and INVALID.
+    """Return the verdict of each laboratory, given the reasons for MEASURED, FAIL and INVALID.
 
-    If there are reasons for both, the verdict is INVALID. A laboratory without a reason has the
+    A reason for INVALID precedes the others. A laboratory without a reason has the
     verdict PASS, or MEASURED if the procedure states no limit.
     """
     sound = Verdict.MEASURED if procedure.metric_limit is None else Verdict.PASS
@@ -323,7 +330,7 @@ def sentences_of(reasons: Iterable[Reason], verdict: Verdict, laboratory: int) -
     """Return the sentences of all reasons for the verdict of one laboratory.
 
     `verdict` is the verdict of this laboratory. Reasons for another verdict, or in other
-    laboratories, are left out. The tuple is empty for PASS and MEASURED.
+    laboratories, are left out. The tuple is empty for PASS.
     """
     return tuple(
         each.sentence(laboratory)

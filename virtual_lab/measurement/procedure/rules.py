@@ -167,7 +167,7 @@ class Eligibility(Spec):
     barrel_diameter: Annotated[float | None, Dimension("length")] = None  # diameter of a ring gauge
     inertia_lengths: Annotated[tuple[float, ...], Dimension("length")] = ()
     inertia_floors: Annotated[tuple[float, ...], Dimension("inertia")] = ()  # about the pivot
-    exempt: Title | None = None  # bats that need no test; the records do not identify them
+    exempt: Title | None = None  # bats that need no test, such as "one-piece wood bats"
 
     def __post_init__(self) -> None:
         if len(self.inertia_lengths) != len(self.inertia_floors):

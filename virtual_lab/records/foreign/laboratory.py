@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from virtual_lab import catalog
-from virtual_lab.catalog.specs import BatSport, Name, Spec, Sport, Title
+from virtual_lab.catalog.specs import BatSport, Construction, Name, Spec, Sport, Title
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import LISTED, InputError
 from virtual_lab.files import inside, parse_toml, read_text
@@ -40,6 +40,7 @@ class LaboratoryForm(Spec):
     date: str | datetime.date = ""
     bat_sport: BatSport | Literal[""] = ""
     ball_sport: Sport | Literal[""] = ""
+    bat_construction: Construction | Literal[""] = ""
     customer: Title = ""
     particulars: Mapping[str, Any] = field(default_factory=dict)
     index_from: FirstIndex = 0
@@ -80,6 +81,7 @@ def load_laboratory(folder: Path) -> Session:
         date=str(form.date),
         bat_sport=form.bat_sport,
         ball_sport=form.ball_sport,
+        bat_construction=form.bat_construction,
         origin=Supplied(laboratory=form.laboratory, customer=form.customer),
         particulars=particulars_of(form.particulars, f"{path} [particulars]", folder=path.parent),
         rigs=form.rigs,

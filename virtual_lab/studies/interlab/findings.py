@@ -111,7 +111,8 @@ def interlab(
 
     In each exercise, several laboratories test the same bat with several lots of balls. The table
     has the standard deviations of repeats, lots and laboratories (ISO 5725-2). It also has the
-    effect of each factor alone, both predicted and simulated, and the effect of a control bat.
+    effect of each factor alone, both predicted and simulated, and the effect of a control bat. A
+    bat is tested whatever its construction, also if the procedure requires no test of it.
 
     Parameters
     ----------

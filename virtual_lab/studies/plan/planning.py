@@ -128,7 +128,8 @@ def plan(
     To choose the plans, u is predicted to first order from the budget of the present laboratory.
     Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u
     reaches the target. If no plan is predicted to reach the target, the table contains the plan
-    with the smallest u instead (the floor). The text names the largest terms of this u.
+    with the smallest u instead (the floor). The text names the largest terms of this u. A bat is
+    tested whatever its construction, also if the procedure requires no test of it.
 
     Parameters
     ----------
