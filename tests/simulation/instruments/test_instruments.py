@@ -4,7 +4,6 @@ All statistics have fixed seeds; bounds are four standard errors unless stated o
 """
 
 from dataclasses import replace
-from importlib.resources import files
 from math import inf, isclose, log, pi, sqrt
 
 import numpy as np
@@ -17,6 +16,7 @@ from scipy.special import ellipk
 
 from tests.catalog.test_reading import INSTRUMENTS
 from virtual_lab import catalog
+from virtual_lab.catalog.reading import DATA
 from virtual_lab.simulation.instruments import calibration_of, true_constants_of
 from virtual_lab.simulation.instruments.air import Gravity, GravitySpec, HallAir, HallAirSpec
 from virtual_lab.simulation.instruments.calibrated import draw_constants
@@ -56,9 +56,7 @@ MAKERS = {
 KIND = {
     name: next(kind for kind in INSTRUMENTS if f'kind = "{kind}"' in text)
     for name in catalog.names("instruments")
-    for text in [
-        files("virtual_lab.data").joinpath("instruments", f"{name}.toml").read_text("utf-8")
-    ]
+    for text in [(DATA / "instruments" / f"{name}.toml").read_text("utf-8")]
 }
 # Constants in a calibration without a true value: a resolution is no error, the number of lines
 # of an encoder is exact, a standard deviation is no error. Nobody knows the lateral aim of a
