@@ -20,7 +20,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-COPIED = ("virtual_lab", "rigs")
+COPIED = ("virtual_lab", "rigs", "data")
 
 
 class Copy:
@@ -28,28 +28,24 @@ class Copy:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        left_out = shutil.ignore_patterns("docs")
         for name in COPIED:
-            shutil.copytree(ROOT / name, folder / name, ignore=left_out)
-        shutil.copytree(ROOT / "data", folder / "virtual_lab/data", ignore=left_out)
-
-    def path(self, name: str) -> Path:
-        package, _, rest = name.partition("/")
-        return self.folder / ("virtual_lab/data" if package == "data" else package) / rest
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("docs"))
 
     def edit(self, name: str, old: str, new: str) -> None:
         """Replace the first match of a pattern in a file."""
-        text, count = re.subn(old, new, self.path(name).read_text("utf-8"), count=1, flags=re.M)
+        text, count = re.subn(
+            old, new, (self.folder / name).read_text("utf-8"), count=1, flags=re.M
+        )
         assert count == 1, (name, old)
-        self.path(name).write_text(text, "utf-8")
+        (self.folder / name).write_text(text, "utf-8")
 
     def add(self, name: str, text: str) -> None:
         """Add text to the end of a file, which may be new."""
-        with self.path(name).open("a", encoding="utf-8") as file:
+        with (self.folder / name).open("a", encoding="utf-8") as file:
             file.write(text)
 
     def read(self, name: str) -> str:
-        return self.path(name).read_text("utf-8")
+        return (self.folder / name).read_text("utf-8")
 
 
 def a_procedure(copy: Copy) -> None:

@@ -683,7 +683,7 @@ def sweep(
     -------
     pandas.DataFrame
         Columns: ``bat``, ``procedure``, ``laboratory`` (number), ``verdict``, ``reason`` (empty
-        unless the verdict is FAIL or INVALID), ``metric`` (symbol) and ``unit``. The columns
+        for PASS, or without a limit), ``metric`` (symbol) and ``unit``. The columns
         ``value``, ``u``, ``low`` and ``high`` (95 % interval), ``true`` and ``error`` (value minus
         true) are in this unit. The collision efficiency e_A, the bat-ball restitution e, the recoil
         factor r and the ball-wall restitution e0 have three columns each: value, u and true value,

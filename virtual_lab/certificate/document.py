@@ -593,7 +593,7 @@ class CertificateDocument(Spec):
     incomplete: str
     """Reason why the test gave no result; empty: it gave one."""
     reasons: tuple[str, ...]
-    """Reasons why the verdict is INVALID or FAIL."""
+    """Reasons of the verdict; empty: PASS, or MEASURED without a limit."""
     valid_hits: Whole
     """Number of valid hits."""
     rejected_hits: tuple[RejectedHit, ...]

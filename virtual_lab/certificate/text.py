@@ -15,13 +15,9 @@ def certificate_text(document: CertificateDocument) -> str:
     """Return the certificate as text of several lines, in printed units."""
     procedure, printed = document.procedure, printed_values(document)
     marginal = ", marginal: the limit is within the 95 % interval" if document.marginal else ""
-    words = (
-        f": {'; '.join(document.reasons)}"
-        if document.verdict != "INVALID" and document.reasons
-        else ""
-    )
+    why = "" if document.verdict == "INVALID" else "; ".join(document.reasons)
     lines = [f"{document.bat.name} by {procedure.name} ({procedure.edition})"]
-    lines.append(f"  {document.verdict}{words}{marginal}")
+    lines.append(f"  {document.verdict}{why and f': {why}'}{marginal}")
     if document.states_result:
         lines += [f"  {line}" for line in _result(document, printed)]
     if document.verdict == "INVALID":

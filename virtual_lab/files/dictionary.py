@@ -43,7 +43,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     # result of a test or of a quantity
     "verdict": _M("verdict of the test: PASS, FAIL, INVALID or MEASURED", WORDS),
     "marginal": _M("whether the limit is within the 95 % interval", WORDS),
-    "reason": _M("reason of FAIL or INVALID, else empty", WORDS),
+    "reason": _M("reason of the verdict; empty: PASS, or no limit", WORDS),
     "flag_names": _M("names of the flags, separated by blanks", WORDS),
     "metric": _M("symbol of the procedure's metric", WORDS),
     "quantity": _M("name of the quantity", WORDS),
