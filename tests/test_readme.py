@@ -150,6 +150,41 @@ def test_the_tenths_match_their_file() -> None:
                 assert min(by_u + by_dof) >= 90
 
 
+def test_the_stated_standard_errors_are_those_of_the_tables() -> None:
+    """Tenths of 100 000 and 20 000 laboratories, and the standard deviations of laboratories."""
+    words = " ".join(STUDIES.split())
+    worst = {}
+    for kind in ("coverage", "history"):
+        (path,) = (ROOT / "tests" / "studies").glob(f"{kind}-*.csv")
+        with path.open() as lines:
+            rows = [row for row in csv.DictReader(lines) if row["quantity"] == "metric"]
+        variances = [
+            float(row[key]) * (1 - float(row[key])) / (int(row["laboratories"]) / 10)
+            for row in rows
+            for key in row
+            if key.startswith("coverage_by") and int(row["laboratories"]) > 10_000
+        ]
+        worst[kind] = f"{100 * max(variances) ** 0.5:.1f}".removeprefix("0")
+    assert f"at most {worst['coverage']} % alone, and {worst['history']} % with a history" in words
+    (path,) = (ROOT / "tests" / "studies").glob("interlab-2*.csv")
+    with path.open() as lines:
+        rows = [row for row in csv.DictReader(lines) if row["term"].startswith("s_")]
+    s_R = {
+        (row["bat"], row["procedure"], row["result"]): float(row["simulated"])
+        for row in rows
+        if row["term"] == "s_R"
+    }
+    shares: dict[str, list[float]] = {}
+    for row in (each for each in rows if each["simulated_se"]):
+        error, total = float(row["simulated_se"]), s_R[row["bat"], row["procedure"], row["result"]]
+        own = row["term"] in ("s_r", "s_R")
+        share = 100 * error / (float(row["simulated"]) if own else total)
+        shares.setdefault("own" if own else row["term"], []).append(share)
+    own, lot, laboratory = (max(shares[key]) for key in ("own", "s_lot", "s_L"))
+    said = f"at most {own:.1f} % of the number, that of s_lot is at most {lot:.1f} % of s_R"
+    assert f"{said} and that of s_L {laboratory:.1f} %" in words
+
+
 def test_the_table_of_faults_matches_its_file() -> None:
     """The page states the number of detected faults and of flagged sound laboratories."""
     (path,) = (ROOT / "tests" / "studies").glob("faults-*.csv")

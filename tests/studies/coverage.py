@@ -33,6 +33,10 @@ TENTHS = {
 FEWEST = 4_000  # laboratories, so that a tenth is known to a percent
 
 
+def bat_of(procedure: str) -> str:
+    return "softball-34" if procedure == "asa" else "r161"
+
+
 def rows_of(pattern: str) -> dict[str, dict[str, Any]]:
     """Return the stored rows of the metric by procedure, for studies by tenths."""
     (path,) = HERE.glob(pattern)
@@ -63,7 +67,7 @@ def draw(path: str) -> None:
 
 
 def main(procedure: str, laboratories: str, history: str, path: str) -> None:
-    bat = "softball-34" if procedure == "asa" else "r161"
+    bat = bat_of(procedure)
     rules = replace(RoundRobin.of(bat, procedure), history=int(history))
     kept = Path(path).with_suffix("")
     kept.mkdir(parents=True, exist_ok=True)

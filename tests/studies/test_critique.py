@@ -165,7 +165,7 @@ def test_the_text_ranks_from_the_greatest_down() -> None:
     assert "103.0 (1)" in said
     assert "v_f 90.00 (2)" in said
     assert "+3.00 mph" in said
-    assert "opposite order 1.000 (2 of 2)" in said
+    assert "opposite order 100.0% (15.8% to 100.0%)" in said  # 2 of 2: from .025^(1/2)
 
 
 def test_the_folder_holds_tables_and_picture(paper: Critique, tmp_path: Path) -> None:

@@ -5,9 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import virtual_lab as vl
 from virtual_lab.output.progress import quiet
+from virtual_lab.studies.operating import _acceptance
 
 LABORATORIES = 40
 TIGHT = vl.procedure("astm-f1881").with_(attempts=6)  # one rejected hit makes a test INVALID
@@ -21,8 +23,13 @@ def found() -> object:
     )
 
 
-def curve(found, best_of: int, procedure: str = TIGHT.name) -> list:
+def points(found, best_of: int, procedure: str = TIGHT.name) -> list:
+    """Return the rows of a procedure: 21 of the curve, then those of the answers."""
     return [row for row in found if (row.best_of, row.procedure) == (best_of, procedure)]
+
+
+def curve(*which) -> list:
+    return points(*which)[:21]
 
 
 def test_one_test_is_a_count_of_a_sweep(found) -> None:
@@ -30,8 +37,11 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
     tests = vl.sweep("r161", procedures=[TIGHT], laboratories=LABORATORIES, seed=3, progress=quiet)
     valid = tests["verdict"] != "INVALID"
     rows = curve(found, 1)
-    assert len(rows) == 21
     assert 0 < valid.sum() < LABORATORIES
+    assert [row.true for row in points(found, 1)[21:]] == pytest.approx([1.2, 1.212, 1.224, 1.26])
+    for row in points(found, 1)[21:]:
+        passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
+        assert row.pass_probability == pytest.approx(passed / LABORATORIES)
     for row in rows:
         passed = (valid & (row.true + tests["error"] <= 1.2)).sum()
         assert row.pass_probability == pytest.approx(passed / LABORATORIES)
@@ -42,19 +52,46 @@ def test_one_test_is_a_count_of_a_sweep(found) -> None:
     assert 1.2 - rows[0].true == pytest.approx(rows[-1].true - 1.2)
 
 
-def test_the_text_answers_for_a_bat_at_the_limit(found) -> None:
-    """The probabilities are those of the rows at 1.2; a stricter limit lets 5 % of tests pass."""
-    answer = found.text.split("A bat at the limit of ")[1]
-    one, best = (curve(found, n)[10] for n in (1, 3))
-    assert one.true == best.true == 1.2
-    assert answer.startswith(f"{TIGHT.name}, BPF 1.2, passes with a probability of")
-    assert f"{one.pass_probability:.1%}  in one test\n" in answer
-    assert f"{best.pass_probability:.1%}  in the best of three tests of one laboratory" in answer
-    assert f"{1 - (1 - one.pass_probability) ** 3:.1%}  in the best of three laboratories" in answer
+def test_the_text_answers_for_bats_at_the_limit_and_over_it(found) -> None:
+    """Each share has half its Clopper-Pearson interval; of three laboratories, to first order."""
+    answer = found.text.split("Probability of PASS by ")[1]
+    assert answer.startswith(f"{TIGHT.name}, with the limit 1.2")
+    for one, best in zip(points(found, 1)[21:], points(found, 3)[21:], strict=True):
+        p = one.pass_probability
+        band = stats.binomtest(round(p * LABORATORIES), LABORATORIES).proportion_ci()
+        half = (band.high - band.low) / 2
+        cells = [f"{one.true:.4g}", f"{100 * (one.true / 1.2 - 1):+.1f} %"]
+        cells += [f"{100 * p:.1f} ± {100 * half:.1f} %", f"{100 * best.pass_probability:.1f} ± "]
+        three = f"{100 * (1 - (1 - p) ** 3):.1f} ± {300 * (1 - p) ** 2 * half:.1f} %"
+        (line,) = (line for line in answer.splitlines() if line.startswith(cells[0] + " "))
+        assert [*line.split("  ")][-1].strip() == three
+        assert all(cell in line for cell in cells)
     strict, stricter = found.acceptance_limits[TIGHT.name]
-    assert f"the limit of acceptance is {strict:.4f}" in answer
-    assert f"if it is {stricter:.4f}" in answer
+    assert f"the limit of acceptance is {strict:.4f} ± 0.00" in answer
+    assert f"or {stricter:.4f} ± 0.0" in answer
     assert stricter < strict < 1.2
+
+
+def test_the_stated_error_of_a_limit_of_acceptance_is_its_scatter() -> None:
+    """± is two standard deviations of the limits of 40 studies of normal errors, within a third."""
+    rng = np.random.default_rng(6)
+    limits, halves = np.transpose([_acceptance(rng.normal(size=(400, 3)), 0.05) for _ in range(40)])
+    assert np.mean(limits) == pytest.approx(stats.norm.ppf(0.05), abs=0.05)
+    # 400 laboratories count; the 1200 tests here do not depend on each other
+    assert np.mean(halves) == pytest.approx(2 * 3**0.5 * np.std(limits), rel=0.35)
+
+
+def test_other_true_metrics_are_answered() -> None:
+    """A bat far below the limit passes whenever its test is valid; v_f is stated in mph."""
+    stated = vl.operating(
+        "softball-34", procedures=["asa"], true=[80, 90.5], laboratories=30, progress=quiet
+    )
+    far, over = points(stated, 1, "asa")[-2:]
+    assert (far.true, over.true) == pytest.approx((80, 90.5))
+    assert far.pass_probability > 0.8
+    assert far.pass_probability_if_valid == 1
+    assert over.pass_probability == 0
+    assert "90.5 " in stated.text
 
 
 def test_a_bat_at_the_limit_passes_the_stricter_limit_with_the_stated_risk() -> None:
@@ -85,7 +122,7 @@ def test_more_hits_make_the_curve_steeper(found) -> None:
 def test_picture_and_table_are_saved(found, tmp_path: Path) -> None:
     found.save(tmp_path / "out")
     assert (tmp_path / "out" / "operating.png").read_bytes().startswith(b"\x89PNG")
-    assert len(found.table) == 84
+    assert len(found.table) == 2 * 2 * (21 + 4)
     assert list(found.limits.values()) == [1.2, 1.2]
 
 

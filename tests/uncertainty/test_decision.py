@@ -90,6 +90,8 @@ def test_guard_bands_reach_from_minus_40_to_40_u_or_half_the_tolerance() -> None
     for target in (0.0079, 0.9921):  # 40.3 u
         with pytest.raises(vl.InputError, match=r"allowed: 0\.008 to 0\.99, the range"):
             vl.guard_band(0.5, upper=3, target=target, dof=1)
+    w, *_ = vl.guard_band(1e-9, upper=1, target=0.05)  # of any size
+    assert w == pytest.approx(1e-9 * stats.norm.isf(0.05), rel=1e-9)
     # two limits, 2 u from their middle: at least the risk of an item in the middle, 2 Φ(-2)
     least = 2 * stats.norm.cdf(-2)
     w, low, high = vl.guard_band(0.5, lower=-1, upper=1, target=least + 1e-6)

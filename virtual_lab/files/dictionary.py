@@ -297,7 +297,9 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "simulated_u": _M("median u of simulated tests", PER_ROW),
     "price": _M("price of a plan, all tests and instruments", "of the column currency"),
     "currency": _M("currency of the price", WORDS),
-    "reaches": _M("whether the simulated u reaches the target, within two standard errors", WORDS),
+    "reaches": _M(
+        "yes or no, beyond two standard errors of the simulated u; otherwise not decided", WORDS
+    ),
 }
 PATTERNS: dict[str, ColumnMeaning] = {  # names with a part, *, that depends on the table
     "contribution.*": _M("contribution of * to u", PER_ROW),

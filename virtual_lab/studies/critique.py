@@ -1,11 +1,10 @@
 """Ranking of bats by test procedures, compared with the field (the paper's Sec. V).
 
 The ranking in the field is by the peak v_f of the nominal bats under standard game conditions. A
-procedure is evaluated in an error-free laboratory with nominal bats, and in laboratories with
-random bats, balls and errors. Within such a laboratory all bats share rigs and calibrations, so
-their errors cancel in a difference. Individual bat, balls, bench readings and hits differ between
-tests. The scatter between individual bats is one cause of wrong rankings. Instruments record only
-summary values, which gives the same results.
+procedure is evaluated in an error-free laboratory, and in laboratories with random balls and
+errors, which test the nominal bats. Within a laboratory all bats share rigs and calibrations, so
+their errors cancel in a difference. Balls, bench readings and hits differ between tests.
+Instruments record only summary values, which gives the same results.
 """
 
 from __future__ import annotations
@@ -223,7 +222,7 @@ def critique(
     swing_law: SwingLawName = "power",
     reference_inertia: AnyInertia | None = None,
     ball: AnyBall | None = None,
-    laboratories: int = 20,
+    laboratories: int = 500,
     seed: Seed = 1,
     instruments: Instruments = (),
     progress: Progress = quiet,
@@ -296,7 +295,7 @@ def critique(
         columns = []
         for test, bat in enumerate(bats):
             progress(f"{rules.name}: bats", test, len(bats))
-            shared = RoundRobin.of(bat, procedure, individual=True)
+            shared = RoundRobin.of(bat, procedure)
             tests = replace(shared, setup=replace(shared.setup, test=test))
             blocks = [*tests.each_block(_metrics, laboratories, seed)]
             columns.append(np.concatenate(blocks))
@@ -451,15 +450,15 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
             },
         )
         line[swing] = ranked.ranking
-        if ranked.opposite_probability is not None:
-            line[swing] += f" {ranked.opposite_probability:.3f} "
-            line[swing] += f"({ranked.opposite} of {ranked.laboratories})"
+        if ranked.opposite is not None and ranked.opposite_low is not None:
+            line[swing] += f" {ranked.opposite / ranked.laboratories:.1%} ("
+            line[swing] += f"{ranked.opposite_low:.1%} to {ranked.opposite_high:.1%})"
     return (
         "results of an error-free laboratory, with the rank among the bats in parentheses\n"
         f"{table_text(list(tables.values()))}\n{fired}\n\n"
-        "differences, first minus second bat, with the probability that a laboratory finds the "
-        "opposite of the order in the field,\nand the number of simulated laboratories that do, of "
-        "those with a result for both bats\n"
+        "differences, first minus second bat, with the share of laboratories that find the "
+        "opposite of the order in the field,\nand its 95 % interval (Clopper-Pearson), of those "
+        "with a result for both bats\n"
         f"{table_text(list(lines.values()))}"
     )
 

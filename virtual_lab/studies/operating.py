@@ -23,8 +23,8 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
-from virtual_lab.output.tables import column
-from virtual_lab.parameters import Seed
+from virtual_lab.output.tables import column, table_text
+from virtual_lab.parameters import Numbers, Seed, values_of
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
 from virtual_lab.units import Array, Mask
 
@@ -41,8 +41,9 @@ WORDS = (
     "PASS: joint probability that the test of a bat with the true metric x is valid and that its\n"
     "result does not exceed the limit. PASS if valid: conditional probability among valid tests.\n"
     "Best of 3: at least one of three tests of one laboratory passes. At least, at most: 95 %\n"
-    "confidence limits of the simulation (Clopper-Pearson)."
+    "confidence limits of the simulation (Clopper-Pearson). ±: half of that interval."
 )
+OVER = (1.0, 1.01, 1.02, 1.05)  # true metrics of the answers [limit]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +82,7 @@ class OperatingCurves(Rows[OperatingPoint]):
                 for best_of, line in zip(TESTS, ("-", "--"), strict=True):
                     points = [
                         r for r in self.rows if (r.procedure, r.best_of) == (procedure, best_of)
-                    ]
+                    ][:POINTS]
                     keys = ("", "_low", "_high")
                     true = [row.true for row in points]
                     passes, low, high = np.array(
@@ -107,6 +108,7 @@ def operating(
     bat: AnyBat = "r161",
     *,
     procedures: AnyProcedures = ("astm-f1881",),
+    true: Numbers = (),
     laboratories: int = 1000,
     seed: Seed = 1,
     instruments: Instruments = (),
@@ -115,7 +117,8 @@ def operating(
     """Show the probability that a bat passes, as a function of its true metric.
 
     Each laboratory makes three tests of a bat. The table has the probability that one test passes,
-    and the probability that at least one of three tests passes.
+    and the probability that at least one of three tests passes. The text ends with the answers for
+    a bat at the limit, and 1, 2 and 5 % over it.
 
     Only the nominal bat is simulated. The errors of its tests are added to each true metric, so
     that bats with other true metrics need no simulation. The limit applies whatever the
@@ -132,6 +135,9 @@ def operating(
         Test procedure: a name in the catalog or a .toml file. It must have a limit.
 
         In Python, a sheet such as ``vl.procedure("bbcor")``, or a list, is also allowed.
+    true
+        Further true metrics for which the probabilities are stated, in the unit of the metric. By
+        default the limit, and 1, 2 and 5 % more.
     laboratories
         Number of laboratories, each with three tests.
     seed
@@ -150,7 +156,7 @@ def operating(
     InputError
         A name is unknown, a procedure has no limit, or `laboratories` is 0.
     """
-    bat, procedures = entry_name(bat), entry_names(procedures)
+    bat, procedures, true = entry_name(bat), entry_names(procedures), values_of(true)
     if laboratories < 1:
         raise InputError("", "laboratories", laboratories, "allowed: at least 1")
     rows: list[OperatingPoint] = []
@@ -171,12 +177,12 @@ def operating(
         printed = METRICS[rules.metric]
         limits[rules.name] = rules.metric_limit / printed.unit_si
         results = (rules.metric_limit + np.where(valid, errors, np.inf)) / printed.unit_si
-        risks = [RISK, 1 - (1 - RISK) ** (1 / 3)]
-        one, three = map(float, np.quantile(results, risks, method="inverted_cdf"))
-        acceptance_limits[rules.name] = one, three
+        accepted = [_acceptance(results, risk) for risk in (RISK, 1 - (1 - RISK) ** (1 / 3))]
+        acceptance_limits[rules.name] = accepted[0][0], accepted[1][0]
         deviations = HALF_RANGE * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
+        further = [*np.multiply(OVER, rules.metric_limit), *np.multiply(true, printed.unit_si)]
         for best_of in TESTS:
-            for x in rules.metric_limit + deviations:
+            for x in [*(rules.metric_limit + deviations), *further]:
                 below = valid[:, :best_of] & (x + errors[:, :best_of] <= rules.metric_limit)
                 valid_laboratories = int(valid[:, :best_of].any(axis=1).sum())
                 passed = int(below.any(axis=1).sum())
@@ -201,7 +207,9 @@ def operating(
                         pass_probability_if_valid_high=conditional[2],
                     )
                 )
-        answers.append(_at_limit(rows[-2 * POINTS :], limits[rules.name], one, three))
+        count = POINTS + len(further)
+        one, best = rows[-2 * count + POINTS : -count], rows[-len(further) :]
+        answers.append(_answers(one, best, limits[rules.name], accepted))
         bat_spec = round_robin.setup.bat.spec
         if exempt := exemption(rules, bat_spec.construction or ""):
             words = f"{bat_spec.name} by {rules.name}: {exempt}"
@@ -216,23 +224,54 @@ def operating(
     )
 
 
-def _at_limit(rows: Sequence[OperatingPoint], limit: float, up_to: float, up_to_3: float) -> str:
-    """Return the probabilities of PASS for a bat at the limit, and limits of acceptance, as text.
+def _answers(
+    one: Sequence[OperatingPoint],
+    best: Sequence[OperatingPoint],
+    limit: float,
+    accepted: Sequence[tuple[float, float]],
+) -> str:
+    """Return the probabilities of PASS for some true metrics, and limits of acceptance, as text.
 
-    `rows` are those of one procedure. `up_to` and `up_to_3` are the limits of acceptance for one
-    laboratory and for the best of three.
+    `one` and `best` are the rows of one procedure, by one test and by the best of three, for these
+    metrics. `accepted` has the limit of acceptance, with its ±, for one laboratory and for the best
+    of three.
     """
-    one, best = rows[POINTS // 2], rows[POINTS + POINTS // 2]  # true metric: the limit
-    single = one.pass_probability
+    lines = [
+        {
+            f"true {single.metric} {single.unit}".rstrip(): f"{single.true:.4g}",
+            "over the limit": f"{100 * (single.true / limit - 1):+.1f} %",
+            "one test": _best_of(1, single),
+            "best of 3 tests": _best_of(1, three),
+            "best of 3 laboratories": _best_of(3, single),
+        }
+        for single, three in zip(one, best, strict=True)
+    ]
+    (alone, u), (best_of, best_u) = accepted
     return (
-        f"A bat at the limit of {one.procedure}, {one.metric} {limit:g} {one.unit}".rstrip()
-        + ", passes with a probability of\n"
-        f"  {single:6.1%}  in one test\n"
-        f"  {best.pass_probability:6.1%}  in the best of three tests of one laboratory\n"
-        f"  {1 - (1 - single) ** 3:6.1%}  in the best of three laboratories\n"
-        f"  {RISK:6.1%}  in one test, if the limit of acceptance is {up_to:.4f}\n"
-        f"  {RISK:6.1%}  in the best of three laboratories, if it is {up_to_3:.4f}"
+        f"Probability of PASS by {one[0].procedure}, with the limit {limit:g}; best of 3 tests of "
+        f"one laboratory, or of 3 laboratories:\n{table_text(lines)}\n"
+        f"A bat at the limit passes with {RISK:.0%} if the limit of acceptance is {alone:.4f} ± "
+        f"{u:.4f} in one test,\nor {best_of:.4f} ± {best_u:.4f} if the best of three laboratories "
+        "counts."
     )
+
+
+def _best_of(laboratories: int, row: OperatingPoint) -> str:
+    """Return the probability that at least one of several laboratories passes a bat, with its ±."""
+    fails, half = 1 - row.pass_probability, row.pass_probability_high - row.pass_probability_low
+    u = laboratories * fails ** (laboratories - 1) * half / 2
+    return f"{100 * (1 - fails**laboratories):.1f} ± {100 * u:.1f} %"
+
+
+def _acceptance(results: Array, risk: float) -> tuple[float, float]:
+    """Return the limit that a share `risk` of the results meets, and half its 95 % interval.
+
+    The tests of a laboratory share its errors, so each laboratory counts as one test.
+    """
+    of = len(results)
+    _, low, high = _chance(round(risk * of), of)
+    ends = np.quantile(results, [risk, low, high], method="inverted_cdf")
+    return float(ends[0]), float(ends[2] - ends[1]) / 2
 
 
 def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Array, Mask]:

@@ -39,6 +39,10 @@ CONFIDENCE = 0.95  # probability that all stated numbers are within their tolera
 # Of 262 144 draws of a t with 3 degrees of freedom, whose variance exists, it exceeds .15 in one of
 # a thousand runs.
 LARGEST_SHARE = 0.15
+WITHOUT_VARIANCE = (
+    "mean and variance of {} do not exist, or the draws do not settle them: one draw causes {:.0%} "
+    "of the variance. u is infinite and the value is the median; use quantiles"
+)
 MOST_DRAWS = 2**36  # draws
 
 
@@ -263,7 +267,7 @@ def monte_carlo(model: Model, linear: Propagated, drawing: Drawing) -> Propagate
         value = middle if infinite[k] else float(batches.mean[k])
         u = inf if infinite[k] else without_rounding(float(batches.u[k]), value)
         if infinite[k] and not batches.no_variance:
-            notes += (_without_variance(name, batches.largest_share[k]),)
+            notes += (WITHOUT_VARIANCE.format(name, batches.largest_share[k]),)
         accuracy = 2 * float(np.max(errors[k, 2:]))
         if goals is not None and drawing.rule == "stein":  # it meets its goals at 95 %
             accuracy = min(accuracy, float(np.max(goals[k, 2:])))
@@ -320,14 +324,6 @@ def _draw_notes(few: float, drawing: Drawing) -> tuple[str, ...]:
             "value is the median",
         )
     return (note,)
-
-
-def _without_variance(name: str, share: float) -> str:
-    return (
-        f"mean and variance of {name} do not exist, or the draws do not settle them: one draw "
-        f"causes {share:.0%} of the variance. u is infinite and the value is the median; use "
-        "quantiles"
-    )
 
 
 def _ends(values: Array, tail: float) -> tuple[Array, Array]:

@@ -28,6 +28,7 @@ from virtual_lab.units import Array
 
 DAYS = "daily.csv"  # table of a folder of daily checks
 TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
+MOST = 1e6  # largest number of degrees of freedom of a day, so that other days still count
 SIGNIFICANT = 0.05  # p-value of Bartlett's test below which days are not pooled
 
 
@@ -103,9 +104,10 @@ def _of_daily_checks(path: Path) -> DailyScatter:
     require_numbers(table[columns], str(path))
     for column in columns:
         values = table[column].to_numpy(float)
-        if (wrong := ~(np.isfinite(values) & (values > 0))).any():
+        if (wrong := ~((values > 0) & (values <= MOST))).any():
             row = int(wrong.argmax())
-            raise InputError(str(path), column, values[row], f"must be above 0; see row {row + 1}")
+            allowed = f"must be above 0, up to {MOST:g}; see row {row + 1}"
+            raise InputError(str(path), column, values[row], allowed)
     deviation, dof = table[columns].to_numpy(float).T
     return DailyScatter(variance=deviation**2, dof=dof, at_wall=True)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
 PRESENT, SINGLE, FLOOR = "present", "single change", "floor"  # names of plans
-CERTAIN = 2.0  # errors by which a simulated u may exceed the target
+CERTAIN = 2.0  # standard errors within which the simulated u does not decide about the target
 SHOWN = 10  # largest number of plans that are simulated and shown
 TERMS = 3  # number of the largest terms of the floor that are named
 HALF = (
@@ -55,7 +55,7 @@ class PlanRow:
     planned_u: float = column("planned u", form=".3g")
     simulated_u: float = column("simulated u", form=".3g")  # median over the tests
     simulated_u_se: float = column("its error", form=".1g")  # standard error of the median
-    reaches: bool = column("reaches the target", form=lambda row: "yes" if row.reaches else "no")
+    reaches: Literal["yes", "no", "not decided"] = column("reaches the target", form="")
     invalid: int = column("INVALID tests")
     exchanged: str = column("exchanged", form="")
     unit: str  # unit of u
@@ -127,9 +127,10 @@ def plan(
 
     To choose the plans, u is predicted to first order from the budget of the present laboratory.
     Then each plan in the table is simulated, and the column `reaches` shows whether its simulated u
-    reaches the target. If no plan is predicted to reach the target, the table contains the plan
-    with the smallest u instead (the floor). The text names the largest terms of this u. A bat is
-    tested whatever its construction, also if the procedure requires no test of it.
+    reaches the target: yes, no, or not decided within two standard errors. If no plan is predicted
+    to reach the target, the table contains the plan with the smallest u instead (the floor). The
+    text names the largest terms of this u. A bat is tested whatever its construction, also if the
+    procedure requires no test of it.
 
     Parameters
     ----------
@@ -289,7 +290,9 @@ class _Search:
                 planned_u=float(self.u[at]),
                 simulated_u=float(value),
                 simulated_u_se=float(error),
-                reaches=bool(value - CERTAIN * error <= self.target),
+                reaches="not decided"
+                if abs(value - self.target) < CERTAIN * error
+                else ("yes" if value <= self.target else "no"),
                 invalid=int(tests.invalid.sum()),
                 unit=self.printed.unit,
             )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import StudyResult
@@ -21,12 +21,15 @@ from virtual_lab.studies.reference.published import (
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
+WIDE: Final = "too wide to decide"
 FINDERS = {
     name: finder
     for name, finder in vars(results).items()
     if callable(finder) and finder.__module__ == results.__name__ and not name.startswith("_")
 }
-Verdict = Literal["agrees", "known disagreement", "DISAGREES", "not represented"]
+Verdict = Literal[
+    "agrees", "too wide to decide", "known disagreement", "DISAGREES", "not represented"
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,14 +77,15 @@ class ReferenceResult(StudyResult):
         """The rows represented, the reasons for disagreements, and the counts."""
         represented = self.represented
         roles = {
-            role: sum(row.role == role for row in represented) for role in ("prediction", "data")
+            role: sum(row.role == role for row in represented)
+            for role in ("prediction", "wide", "data", "fit")
         }
-        fits = len(represented) - sum(roles.values())
-        reasons = [_reason(row) for row in represented if row.agreement != "agrees"]
+        reasons = [_reason(row) for row in represented if "agrees" != row.agreement != WIDE]
         counts = (
             f"{len(represented)} of {len(self.rows)} published numbers represented: "
-            f"{roles['prediction']} predicted, {roles['data']} in the data files, {fits} inputs of "
-            f"a fit; {len(reasons)} disagree. The others and their reasons are in the CSV file."
+            f"{roles['prediction']} predicted, {roles['wide']} with a range too wide to decide, "
+            f"{roles['data']} in the data files, {roles['fit']} to which a constant was fitted; "
+            f"{len(reasons)} disagree. The others and their reasons are in the CSV file."
         )
         return "\n\n".join((table_text(represented), "\n".join(reasons), counts))
 
@@ -124,7 +128,8 @@ def reference(*, progress: Progress = quiet) -> ReferenceResult:
     """Compare published measurements of bats, balls and tests with results of this program.
 
     Each row states whether our result is a prediction of the simulation, a number of the data
-    files, or an input of a fit. The CSV file also lists the quantities that the simulation does not
+    files, or one to which a constant was fitted. A row whose range of agreement could hardly fail
+    is too wide to decide. The CSV file also lists the quantities that the simulation does not
     model, with the reason.
 
     Parameters
@@ -176,7 +181,7 @@ def _verdict(number: Published, result: float | None) -> Verdict:
         return "not represented"
     within = number.low <= result <= number.high
     if number.known is None:
-        return "agrees" if within else "DISAGREES"
+        return ("agrees" if number.role != "wide" else WIDE) if within else "DISAGREES"
     change = abs(number.deviation(result) - number.known)
     unchanged = not within and change <= KNOWN_CHANGE * abs(number.known)
     return "known disagreement" if unchanged else "DISAGREES"

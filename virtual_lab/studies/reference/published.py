@@ -12,7 +12,7 @@ from typing import Literal, get_args
 from virtual_lab.catalog.reading import DATA
 
 PATH = DATA / "reference" / "published.csv"
-Role = Literal["fit", "data", "prediction", "none"]
+Role = Literal["fit", "data", "prediction", "wide", "none"]
 ROLES: tuple[Role, ...] = get_args(Role)
 TAKEN_OVER = 1e-3  # relative tolerance of a number that was fitted or taken over
 KNOWN_CHANGE = 0.2  # relative change of a known disagreement that needs a new explanation
@@ -30,7 +30,9 @@ class Published:
     source: str
     address: str
     reading: str  # source of the number: text, table or drawing
-    role: Role  # input of a fit, number of our data files, prediction, or not represented
+    # a constant was fitted to it, number of our data files, prediction, prediction with a range too
+    # wide to decide anything, or not represented
+    role: Role
     find: str  # name of a function in `results` and its arguments
     low: float
     high: float

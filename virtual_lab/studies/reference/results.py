@@ -468,11 +468,22 @@ def batted_lead(first: str, second: str, exponent: float) -> float:
     the n of the swing law. Raises `InputError` for an exponent outside 0 to 0.5, and for an unknown
     bat.
     """
-    tops = [
-        profiles(bat, swings=(exponent,))[0].peaks["batted_speed_mph"].value
-        for bat in (first, second)
-    ]
-    return tops[0] - tops[1]
+    one, other = (_swung_peak(bat, exponent) for bat in (first, second))
+    return one.value - other.value
+
+
+def sweet_spot_lead(first: str, second: str, exponent: float) -> float:
+    """Return by how much the peak v_f of the first bat is farther from the tip [in].
+
+    The arguments are those of `batted_lead`.
+    """
+    one, other = (_swung_peak(bat, exponent) for bat in (first, second))
+    return one.place - other.place
+
+
+def _swung_peak(bat: str, exponent: float) -> Peak:
+    """Return the largest v_f of a bat [mph], and its position from the tip [in]."""
+    return profiles(bat, swings=(exponent,))[0].peaks["batted_speed_mph"]
 
 
 def cage_speed(exponent: float) -> float:
