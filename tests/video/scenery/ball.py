@@ -9,13 +9,15 @@ __all__ = ["sphere"]
 
 Image = NDArray[np.float32]
 
-LAMP = np.array([-0.35, -0.8, -0.5]) / np.linalg.norm([-0.35, -0.8, -0.5])  # to the lamp; y is down
-HALFWAY = (LAMP - [0, 0, 1]) / np.linalg.norm(LAMP - [0, 0, 1])  # between lamp and camera
-AMBIENT = 0.5
-
 
 def sphere(
-    rays: NDArray[np.float64], centres: NDArray[np.float64], focal: float, look: Ball, turn: float
+    rays: NDArray[np.float64],
+    centres: NDArray[np.float64],
+    focal: float,
+    look: Ball,
+    turn: float,
+    lamp: tuple[float, float, float] = (-0.35, -0.8, -0.5),
+    ambient: float = 0.5,
 ) -> tuple[Image, Image]:
     """Return the light (row, column, 3) and the ball's share of each pixel, over sub-exposures.
 
@@ -31,7 +33,13 @@ def sphere(
         Ball with its radius, color and texture.
     turn
         Angle of the ball in the plane of the picture [rad].
+    lamp
+        Direction to the lamp, with y down and z away from the camera.
+    ambient
+        Share of the light that comes from all sides.
     """
+    toward = np.array(lamp) / np.linalg.norm(lamp)
+    halfway = (toward - [0, 0, 1]) / np.linalg.norm(toward - [0, 0, 1])  # between lamp and camera
     unit = (rays / np.linalg.norm(rays, axis=2, keepdims=True)).astype(np.float32)
     centre = centres[:, :, None, :].astype(np.float32)
     along = (unit * centre).sum(axis=3, keepdims=True)
@@ -41,9 +49,9 @@ def sphere(
     share = np.clip(0.5 + (look.radius - miss) / per_pixel, 0, 1)
     depth = np.sqrt(np.maximum(0, 1 - (miss / look.radius) ** 2))
     normal = off / look.radius - unit * depth[..., None]
-    lit = AMBIENT + (1 - AMBIENT) * np.maximum(0, normal @ LAMP.astype(np.float32))
+    lit = ambient + (1 - ambient) * np.maximum(0, normal @ toward.astype(np.float32))
     lit *= _spots(normal, look, turn)
-    shine = look.gloss * np.maximum(0, normal @ HALFWAY.astype(np.float32)) ** 24
+    shine = look.gloss * np.maximum(0, normal @ halfway.astype(np.float32)) ** 24
     weight = share / len(centres)
     light = (weight * lit).sum(axis=0)[..., None] * np.array(look.colour, np.float32)
     light += (weight * shine).sum(axis=0)[..., None]

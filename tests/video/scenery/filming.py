@@ -114,7 +114,10 @@ class _Filmed:
         self.drift = self._drift()
         self.turn = self._turn()
         turned = np.abs(self.turn - 1).max() * max(scene.size) / 2
-        self.margin = int(np.ceil(np.abs(self.drift).max() + turned)) + 3
+        far = 1.0
+        if scene.phone.turns:  # a turn moves the corners farther than the middle
+            far += 2 * (max(scene.size) / 2 / scene.phone.focal) ** 2
+        self.margin = int(np.ceil(far * np.abs(self.drift).max() + turned)) + 3
         self.behind = paint(scene.backdrop, scene.size, self._edge(), self.rng, self.margin)
         wide, high = scene.size
         self.grain = scene.phone.noise * self.rng.standard_normal(
@@ -133,14 +136,36 @@ class _Filmed:
         """Return the positions in the picture of points of the still frame, (..., 2) [px]."""
         middle = self.lens.middle
         turned = (still - middle) @ [1, 1j] * np.interp(time, self.clock, self.turn)
-        return middle + np.stack([turned.real, turned.imag], axis=-1) + self.drift_at(time)
+        off = np.stack([turned.real, turned.imag], axis=-1)
+        if self.scene.phone.turns:
+            return middle + self._turned(off, self.drift_at(time), back=False)
+        return middle + off + self.drift_at(time)
 
     def unmoved(self, picture: Array, time: Array) -> Array:
         """Return the points of the still frame at these positions in the picture, (..., 2) [px]."""
         middle = self.lens.middle
-        off = (picture - middle - self.drift_at(time)) @ [1, 1j]
-        turned = off / np.interp(time, self.clock, self.turn)
+        moved = picture - middle
+        if self.scene.phone.turns:
+            moved = self._turned(moved, self.drift_at(time), back=True)
+        else:
+            moved = moved - self.drift_at(time)
+        turned = moved @ [1, 1j] / np.interp(time, self.clock, self.turn)
         return middle + np.stack([turned.real, turned.imag], axis=-1)
+
+    def _turned(self, off: Array, drift: Array, *, back: bool) -> Array:
+        """Return offsets from the middle, (..., 2) [px], after a turn that drifts the middle."""
+        focal = self.scene.phone.focal
+        across, down = np.arctan(np.moveaxis(drift, -1, 0) / focal) * (-1 if back else 1)
+        x, y, z = np.moveaxis(self.lens.rays(off + self.lens.middle), -1, 0)
+        for axis in ("down", "across") if back else ("across", "down"):
+            if axis == "across":
+                x, z = (
+                    np.cos(across) * x + np.sin(across) * z,
+                    np.cos(across) * z - np.sin(across) * x,
+                )
+            else:
+                y, z = np.cos(down) * y + np.sin(down) * z, np.cos(down) * z - np.sin(down) * y
+        return focal * np.stack([x / z, y / z], axis=-1)
 
     def pictures(self, exposures: NDArray[np.intp]) -> Iterator[NDArray[np.uint8]]:
         """Yield the pictures of these exposures; a repeated exposure gives the same picture."""
@@ -323,16 +348,23 @@ class _Filmed:
 
     def _moved_background(self, time: float) -> Image:
         rows, columns = self.shape
-        corners = np.array([[0, 0], [columns - 1, 0], [0, rows - 1]], float)
-        when = time + self.scene.phone.readout * np.array([0, 0, 1])
+        right, low = columns - 1, rows - 1
+        corners = np.array([[0, 0], [right, 0], [0, low], [right, low]], float)
+        when = time + self.scene.phone.readout * np.array([0, 0, 1, 1])
         still_corners = self.unmoved(corners, when)
         if np.array_equal(still_corners, corners):
             inside = slice(self.margin, -self.margin)
             return self.behind[inside, inside].copy()
         ends = (corners.astype(np.float32), (still_corners + self.margin).astype(np.float32))
         flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        if self.scene.phone.turns:
+            turned = cv2.getPerspectiveTransform(*ends)
+            return cv2.warpPerspective(self.behind, turned, (columns, rows), flags=flags)
         return cv2.warpAffine(
-            self.behind, cv2.getAffineTransform(*ends), (columns, rows), flags=flags
+            self.behind,
+            cv2.getAffineTransform(*(each[:3] for each in ends)),
+            (columns, rows),
+            flags=flags,
         )
 
     def _draw(self, picture: Image, actor: Actor, path: motion.Path, time: float) -> None:
@@ -397,7 +429,9 @@ class _Filmed:
         if mirrored:
             y = 2 * scene.floor - y
         turn = float(np.interp(time, path.t, path.turn)) * (-1 if mirrored else 1)
-        light, share = sphere(rays, self.lens.seen(x, y), phone.focal, actor.ball, turn)
+        at = self.lens.seen(x, y)
+        lit = (scene.lamp, scene.ambient)
+        light, share = sphere(rays, at, phone.focal, actor.ball, turn, *lit)
         blur = phone.blur
         if mirrored:
             edge = self._edge()

@@ -36,6 +36,7 @@ class Phone:
     pan: float = 0.0  # rate to the right in addition to the drift [px/s]
     turn: float = 0.0  # rotation over the clip about the picture's middle [deg]
     growth: float = 0.0  # magnification over the clip as the hand comes nearer [share]
+    turns: bool = False  # drift and pan are turns about the lens, which change the perspective
     readout: float = 0.0  # time from the first row to the last [s]
     blur: float = 0.7  # standard deviation of lens and processing [px]
     noise: float = 1.5  # noise [gray values], at all brightnesses because it follows the gamma
@@ -67,6 +68,8 @@ class Scene:
     floor_shadow: float = 0.5  # share of the light at the point of contact
     wall_shadow: float = 0.06
     mirror: float = 0.0  # share of light that the floor reflects
+    lamp: tuple[float, float, float] = (-0.35, -0.8, -0.5)  # direction to the lamp; y is down
+    ambient: float = 0.5  # share of the light that comes from all sides
     stored: str = "all"
     file_rate: float | None = None
     rate_said: bool = True  # true rate is given to the tracker, not only that in the file

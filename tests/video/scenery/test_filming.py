@@ -8,9 +8,10 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tests.video.scenery.ball import sphere
-from tests.video.scenery.filming import film, pictures
+from tests.video.scenery.filming import film, moved, pictures
 from tests.video.scenery.motion import Ball, Rolling, Thrown
 from tests.video.scenery.scene import Actor, Frames, Made, Phone, Scene
 from tests.video.scenery.scenes import SCENES
@@ -30,6 +31,9 @@ QUIET = Scene(
     jpeg=100,
 )
 DRIFTING = replace(QUIET, phone=replace(QUIET.phone, drift=9.0), seed=3)
+TURNING = replace(
+    QUIET, phone=replace(QUIET.phone, drift=9.0, pan=150.0, turn=4.0, turns=True), seed=5
+)
 ROLLING_SHUTTER = replace(QUIET, phone=replace(QUIET.phone, readout=0.015), seed=4)
 
 
@@ -112,7 +116,9 @@ def test_blur_is_as_long_as_the_motion_during_the_exposure() -> None:
     assert along - across == pytest.approx(length**2 / 12, rel=0.01)
 
 
-@pytest.mark.parametrize("scene", [QUIET, DRIFTING, ROLLING_SHUTTER], ids=lambda s: str(s.seed))
+@pytest.mark.parametrize(
+    "scene", [QUIET, DRIFTING, TURNING, ROLLING_SHUTTER], ids=lambda s: str(s.seed)
+)
 def test_balls_are_at_their_true_positions(scene: Scene, tmp_path: Path) -> None:
     scene = without_light(scene)
     frames = truth(scene, tmp_path)
@@ -120,7 +126,8 @@ def test_balls_are_at_their_true_positions(scene: Scene, tmp_path: Path) -> None
     assert frames.whole.sum() >= 10
     true = np.stack([frames.picture_x, frames.picture_y], axis=1)[frames.whole]
     still = np.stack([frames.x, frames.y], axis=1)[frames.whole]
-    outward = (still - [79.5, 59.5]) * PURE.radius**2 / (1 - PURE.radius**2)  # offset of the oval
+    at = true if scene.phone.turns else still  # the oval points away from the lens's axis
+    outward = (at - [79.5, 59.5]) * PURE.radius**2 / (1 - PURE.radius**2)  # offset of the oval
     assert np.abs(centroids - true - outward).max() < 0.02
 
 
@@ -130,6 +137,31 @@ def test_positions_in_the_still_frame_are_free_of_drift(tmp_path: Path) -> None:
     assert drifting.y == pytest.approx(still.y)
     moved = drifting.picture_x - drifting.x, drifting.picture_y - drifting.y
     assert max(np.ptp(each) for each in moved) > 2
+
+
+def test_a_camera_that_turns_sees_what_a_rotated_pinhole_sees() -> None:
+    """The reference is OpenCV's projection of points far away, turned by Euler angles."""
+    phone, middle = TURNING.phone, np.array([79.5, 59.5])
+    places = np.array([middle, [10.0, 20], [150, 100]])
+    seen = moved(replace(TURNING, phone=replace(phone, turn=0.0)), places, np.array([0, 15]))[1]
+    right, below = (seen[0] - middle) / phone.focal
+    down = np.arctan(below)
+    turn = Rotation.from_euler("yx", [np.arctan(right * np.cos(down)), -down]).as_rotvec()
+    far = np.column_stack([(places - middle) / phone.focal, np.ones(3)])
+    matrix = np.array([[phone.focal, 0, 79.5], [0, phone.focal, 59.5], [0, 0, 1.0]])
+    expected = cv2.projectPoints(far, turn, np.zeros(3), matrix, None)[0][:, 0]
+    assert np.abs(seen[0] - middle).max() > 20
+    np.testing.assert_allclose(seen, expected, atol=1e-6)
+
+
+def test_a_lamp_from_above_lights_the_upper_half() -> None:
+    at, row = np.array([[[0.0, 0.0, 2.0]]]), np.mgrid[-30:31, -30:31][0] / 450.0
+    rays = np.stack([row.T, row, np.ones_like(row)], axis=-1)
+    centres = np.broadcast_to(at, (1, 61, 3))
+    light, share = sphere(rays, centres, 450.0, PURE, 0.0, (0.0, -1.0, 0.0), 0.25)
+    below, above = light[33:36, 30, 0], light[25:28, 30, 0]
+    assert below == pytest.approx(0.8 * 0.25 * share[33:36, 30], rel=1e-3)  # ambient light alone
+    assert (above > 1.5 * below[::-1]).all()
 
 
 def test_background_moves_with_the_drift(tmp_path: Path) -> None:
