@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from PIL import Image
 
 from tests.video.clips.test_reading import cut, noise
 from virtual_lab.errors import InputError
@@ -17,10 +18,10 @@ from virtual_lab.video.clips.calibration_file import ClipCalibration
 from virtual_lab.video.clips.clip import MEMORY, Clip, open_clip
 from virtual_lab.video.clips.reading import open_source
 from virtual_lab.video.clips.source import Source
-from virtual_lab.video.clips.timing import frame_times
+from virtual_lab.video.clips.timing import UNREAD, frame_times, usual_step
 
 Stamps = NDArray[np.float64]
-ANY = ClipCalibration(metres_per_pixel=1e-3)
+ANY, NONE = ClipCalibration(metres_per_pixel=1e-3), ClipCalibration()
 CLOCK = 6000  # ticks per second
 COUNT = 30
 EVEN = np.arange(COUNT) / 60
@@ -145,6 +146,88 @@ def test_a_colon_in_a_name_is_no_protocol(tmp_path: Path, monkeypatch: pytest.Mo
     for name in ("12:30:05.mp4", "data:a.mp4"):
         write(tmp_path / "a.mp4", EVEN, "libx264").rename(name)
         assert open_clip(Path(name), ANY).count == COUNT
+
+
+def _altered(path: Path, name: bytes, place: int, new: bytes) -> Path:
+    """Write other bytes at a place after the first occurrence of a name in a file."""
+    data = bytearray(path.read_bytes())
+    at = data.index(name) + place
+    data[at : at + len(new)] = new
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize("rotation", [0, 90])
+def test_pixels_that_are_not_square_are_stretched(rotation: int, tmp_path: Path) -> None:
+    """The pixels of the stored picture, 64 x 48, are 4:3, also if a player turns the picture."""
+    path = tmp_path / "a.mp4"
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", Fraction(60))
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        stream.codec_context.sample_aspect_ratio = Fraction(4, 3)
+        for _ in range(8):
+            file.mux(stream.encode(av.VideoFrame(64, 48, "yuv420p")))
+        file.mux(stream.encode())
+    if rotation:
+        turned = b"".join(n.to_bytes(4, "big", signed=True) for n in (0, 1 << 16, 0, -1 << 16, 0))
+        _altered(path, b"tkhd", 44, turned)
+    size = next(open_clip(path, ANY).pictures()).shape[:2]
+    assert size == ((85, 48) if rotation else (48, 85))
+
+
+def test_jpegs_are_turned_as_their_exif_says(tmp_path: Path) -> None:
+    exif = Image.Exif()
+    exif[0x0112] = 6  # a phone held upright
+    for k in range(3):
+        Image.new("RGB", (64, 48)).save(tmp_path / f"{k}.jpg", exif=exif)
+    assert next(open_source(tmp_path).pictures())[0].shape[:2] == (64, 48)
+
+
+def test_a_mirrored_clip_is_refused(tmp_path: Path) -> None:
+    path = _altered(
+        write(tmp_path / "a.mp4", EVEN), b"tkhd", 44, (-1 << 16).to_bytes(4, "big", signed=True)
+    )
+    with pytest.raises(InputError, match="mirrored"):
+        open_clip(path, ANY)
+
+
+def test_a_codec_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mp4", EVEN, "libx264")
+    with pytest.raises(InputError, match="zzz1"):
+        open_clip(_altered(path, b"stsd", 16, b"zzz1"), ANY)
+
+
+def test_a_second_video_track_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    with av.open(str(path), "w") as file:
+        streams = [file.add_stream("libx264", Fraction(60)) for _ in range(2)]
+        for stream in streams:
+            stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for stream in streams:
+            for _ in range(8):
+                file.mux(stream.encode(av.VideoFrame(64, 48, "yuv420p")))
+            file.mux(stream.encode())
+    assert any("2 video tracks" in each for each in open_clip(path, ANY).warnings)
+
+
+def test_frames_that_cannot_be_read_are_counted(tmp_path: Path) -> None:
+    """A file whose index points to 30 frames of which 12 are zeros; hidden frames do not count."""
+    path = write(tmp_path / "a.mp4", EVEN, "mjpeg", colours="yuvj420p")
+    data = path.read_bytes()
+    start = data.index(b"mdat")
+    middle = data.index(b"\xff\xd8", start + int(0.6 * (data.index(b"moov") - start)))
+    end = data.index(b"moov") - 4
+    path.write_bytes(data[:middle] + bytes(end - middle) + data[end:])
+    clip = open_clip(path, ANY)
+    assert clip.count < 25
+    assert any(f"{clip.count} of 30 {UNREAD}" in each for each in clip.warnings)
+    (tmp_path / "b").mkdir()
+    assert not any(UNREAD in each for each in open_clip(trimmed(tmp_path / "b"), ANY).warnings)
+
+
+def test_the_rate_of_the_warning_is_that_of_the_times(tmp_path: Path) -> None:
+    clip = open_clip(write(tmp_path / "a.mp4", np.sort(np.r_[EVEN, 0.2501]), "libx264"), NONE)
+    assert any(f"{1 / usual_step(clip.times):.6g} per second" in each for each in clip.warnings)
 
 
 def test_rounded_time_stamps_of_an_even_clip_leave_its_rate(tmp_path: Path) -> None:

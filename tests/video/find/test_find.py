@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.video.scenery.ball import sphere
 from tests.video.scenery.filming import moved, pictures
+from tests.video.scenery.motion import Ball
 from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import Film, matte
 from virtual_lab.video.find.blobs import BLOB, blobs
@@ -212,6 +214,24 @@ def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> Non
     assert abs(place(110) - place(70)) < 0.7
 
 
+def test_a_ball_lit_from_above_keeps_its_size_as_the_wall_changes() -> None:
+    """The wall is about as bright as the lower half of the ball; the size must not jump."""
+    ball = Ball(diameter=0.08, mass=1.0, colour=(0.7, 0.7, 0.7), texture=0.0)
+    row, column = np.mgrid[-50:50, -60:60] / 450.0
+    rays = np.stack([column, row, np.ones_like(row)], axis=-1)
+    at = np.broadcast_to([0.0, 0.0, 2.0], (1, 100, 3))
+    light, share = sphere(rays, at, 450.0, ball, 0.0, (0.2, -1.0, -0.3), 0.3)
+    noise, sizes = np.random.default_rng(1), []
+    for wall in range(100, 140, 5):
+        linear = (wall / 255) ** 2.2 * (1 - share) + light[..., 0]
+        grey = cv2.GaussianBlur(255 * linear ** (1 / 2.2), (0, 0), 0.8)
+        picture = np.rint(grey + noise.normal(0, 1.5, grey.shape)).clip(0, 255).astype(np.uint8)
+        still = still_of([np.full(picture.shape, wall, np.uint8)] * 8, 8, tripod=True)
+        (blob,) = blobs(0, picture, picture, NONE, still)[0]
+        sizes.append(float(blob["radius"]))
+    assert np.abs(np.diff(np.log(sizes))).max() < 0.15
+
+
 def test_a_ball_that_is_held_or_cut_is_marked() -> None:
     behind = np.full((120, 160), 60, np.uint8)
     still = still_of([behind], 8, tripod=True)
@@ -316,6 +336,8 @@ def test_frames_stored_twice_change_less_than_those_beside() -> None:
     assert np.flatnonzero(lulls(moving)).tolist() == [2, 4, 6, 10]
     slowing = np.array([np.nan, 40, 30, 20, 12, 7, 12, 20, 30, 40.0])
     assert not lulls(slowing).any()
+    trimmed = np.array([np.nan, 3, 42, 2, 39, 2, 41.0])  # the clip begins while the ball moves
+    assert np.flatnonzero(lulls(trimmed)).tolist() == [1, 3, 5]
     key_frames = np.array([np.nan, 2, 2, 2, 30, 2, 2, 2, 2, 30, 2, 2.0])
     assert not lulls(key_frames).any()
 

@@ -25,6 +25,7 @@ from virtual_lab.video.follow.following import FollowedClip, follow, follow_blob
 from virtual_lab.video.follow.knowledge import FILE, ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound
 from virtual_lab.video.show.course import course_of, names_of
+from virtual_lab.video.show.tracked_clip import track_clip
 
 Get = Callable[[str], tuple[Made, FollowedClip]]
 SHORTER = {"carried": 45, "empty": 25, "pendulum": 75}  # number of exposures
@@ -94,7 +95,7 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
 
     If 25 per second is only the file's rate, gravity and the ball's size give the true rate of 30.
     """
-    made, result = left_out("thinned", 38, 29, tmp_path)
+    made, result = left_out("thinned", 36, 29, tmp_path)
     assert set(result.flags) == {"LOST_FRAMES", "READOUT_UNKNOWN"}
     missing = set(result.lost)
     gaps = np.flatnonzero(np.diff(made.exposures) > 1) + 1
@@ -116,10 +117,10 @@ def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
 def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift.
 
-    Three seeds (1700, 1800 and 1900) have errors of .003 to .013 and u of .027 to .040.
+    Six seeds (1700 to 2200) have errors of .001 to .027 and u of .019 to .041.
     """
     scene = SCENES["against-wall"]
-    made, result = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1900), tmp_path)
+    made, result = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1800), tmp_path)
     assert set(result.flags) == {"DRIFT_UNSEEN", "READOUT_UNKNOWN"}
     require_flights(made.truth, result)
     restitution, true = result.contacts[0].restitution, made.truth.contacts[0].restitution
@@ -302,6 +303,12 @@ def test_a_ball_that_leaves_the_picture_and_comes_back_flies_once(tmp_path: Path
     require_flights(made.truth, result)
     require_contacts(made.truth, result)
     assert np.diff(result.ways[0].frames).max() > 10
+
+
+def test_a_single_picture_is_refused_in_one_line() -> None:
+    said = {"frames_per_second": 60.0, "ball_diameter_m": 0.07}
+    with pytest.raises(InputError, match="at least two"):
+        track_clip(np.zeros((1, 48, 64), np.uint8), said)
 
 
 def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None:

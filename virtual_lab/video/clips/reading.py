@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.video.clips.containers import is_cut_short
+from virtual_lab.video.clips.containers import is_cut_short, video_tracks
 from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.source import Frame, Source, Stamped, Wanted, rate_of
 
@@ -112,7 +112,7 @@ def _pages(file: Path, count: int, at_once: int) -> Iterator[Frame]:
     import cv2
 
     for start in range(0, max(count, 1), max(at_once, 1)):
-        some, flags = min(at_once, count - start), cv2.IMREAD_UNCHANGED
+        some, flags = min(at_once, count - start), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
         read = count and cv2.imreadmulti(str(file), start=start, count=some, flags=flags)[1]
         if not read:
             raise InputError(str(file), "image", None, "cannot be read (is it cut short?)")
@@ -147,6 +147,12 @@ def _video(path: Path) -> Source:
     wide, high = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
     _require_size(path, (int(wide), int(high)))
     rate, turn = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_ORIENTATION_META)
+    tracks = video_tracks(path)
+    if any(each.mirrored for each in tracks):
+        allowed = "its header asks to mirror the pictures; convert it, with ffmpeg -i CLIP NEW"
+        raise InputError(str(path), "video", "mirrored", allowed)
+    wider = capture.get(cv2.CAP_PROP_SAR_NUM) / max(capture.get(cv2.CAP_PROP_SAR_DEN), 1)
+    stretch = (wider or 1.0, 1.0)[:: 1 if turn % 180 == 0 else -1]  # of pixels that are not square
     jpegs = _is_motion_jpeg(path, capture, (int(high), int(wide)))
 
     def read(wanted: Wanted) -> Stamped:
@@ -157,6 +163,8 @@ def _video(path: Path) -> Source:
             if frame is None and wanted(number):
                 allowed = "cannot be decoded (is the file damaged?)"
                 raise InputError(str(path), f"frame {number}", None, allowed)
+            if frame is not None and wider not in {0, 1}:
+                frame = cv2.resize(frame, None, fx=stretch[0], fy=stretch[1])
             yield frame, number / rate if jpegs else capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
             number += 1
 
@@ -166,6 +174,7 @@ def _video(path: Path) -> Source:
         estimated=not jpegs,
         rate=rate_of(rate),
         rotation=turn % 360 if np.isfinite(turn) else None,
+        tracks=tracks,
         read=read,
     )
 
@@ -194,8 +203,9 @@ def _capture(path: Path) -> cv2.VideoCapture:
     # FFmpeg takes the part before a colon, as in 12:30:05.mp4, for a protocol
     capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG)
     if not capture.isOpened():
-        allowed = f"cannot be opened (cut short, or no clip?), expected {KINDS}"
-        raise InputError(str(path), "video", None, allowed)
+        codec = ", ".join(each.codec for each in video_tracks(path)) or None
+        allowed = f"cannot be opened (cut short, unknown codec, or no clip?), expected {KINDS}"
+        raise InputError(str(path), "video", codec, allowed)
     # codes of FFmpeg for gray of 8 and 16 bits; an unknown format is -1
     greys = [int.from_bytes(name, "little") for name in (b"Y800", b"Y1\0\x10")]
     if capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT) in greys:

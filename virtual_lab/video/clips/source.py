@@ -5,7 +5,7 @@ Frames are read in order and not stored, so a clip may be larger than the memory
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from virtual_lab.errors import InputError
+from virtual_lab.video.clips.containers import VideoTrack
 
 Frame = NDArray[Any]  # pixels of 8 or 16 bits, unsigned
 # pairs of a frame (None: not wanted) and its time stamp [s] (NaN: none)
@@ -33,6 +34,7 @@ class Source:
     exposure: float | None = None  # exposure time of a frame that the file states [s]
     # clockwise rotation of the frames that the file requests, already applied [degrees]
     rotation: float | None = None
+    tracks: Sequence[VideoTrack] = ()  # video tracks of an MP4 or MOV file
     read: Callable[[Wanted], Stamped]
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:

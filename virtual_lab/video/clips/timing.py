@@ -16,6 +16,7 @@ from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.source import Source
 
 UNSURE_RATE = "the frame rate is the file's own"
+UNREAD = "frames of the file can be read; the others are damaged"
 
 
 def frame_times(
@@ -43,6 +44,10 @@ def frame_times(
     kind, fastest = source.path.suffix.lower(), max(nominal or 0.0, source.rate or 0.0)
     rounding = MILLISECOND if _are_rounded(stamps) else 0.0
     warnings = []
+    if len(source.tracks) > 1:
+        warnings.append(f"the file has {len(source.tracks)} video tracks; one of them is used")
+    if source.tracks and count < 0.95 * (stated := source.declared * source.tracks[0].shown):
+        warnings.append(f"{count} of {stated:.0f} {UNREAD}")
     if kind == ".avi" and fastest >= 2000:  # observed in real files
         warnings.append("AVI files lose frames without a warning at 2000 per second and above")
     if rounding * fastest > 0.5:
@@ -76,21 +81,19 @@ def _own_times(source: Source, stamps: Array, rounding: float) -> tuple[Array, l
     if source.rate is None:
         allowed = "the clip has no frame rate; give --fps, frames_per_second or timestamps"
         raise InputError(str(source.path), "frames_per_second", None, allowed)
-    warnings = []
+    times, warnings = np.arange(len(stamps)) / source.rate, []
+    if np.isfinite(stamps).all() and np.ptp(stamps - times) >= rounding:
+        rising = _rising(stamps)
+        if rising is None:
+            warnings.append("the file's time stamps do not increase; its frame rate is used")
+        elif (changed := np.flatnonzero(rising != stamps)).size:
+            words = f"time stamps repeat or decrease ({changed.size} frames, the first is"
+            warnings.append(f"{words} {changed[0]}); they are interpolated")
+        times = times if rising is None else rising
     # High-speed cameras write the rate at which they film.
     if source.path.suffix.lower() not in HIGHSPEED:
-        words = f"{UNSURE_RATE}, {source.rate:.6g} per second"
-        warnings.append(f"{words}; a slow-motion file states its playback rate")
-    even = np.arange(len(stamps)) / source.rate
-    if not np.isfinite(stamps).all() or np.ptp(stamps - even) < rounding:
-        return even, warnings
-    times = _rising(stamps)
-    if times is None:
-        warnings.append("the file's time stamps do not increase; its frame rate is used")
-        return even, warnings
-    if (changed := np.flatnonzero(times != stamps)).size:
-        words = f"time stamps repeat or decrease ({changed.size} frames, the first is {changed[0]})"
-        warnings.append(f"{words}; they are interpolated")
+        words = f"{UNSURE_RATE}, {1 / usual_step(times):.6g} per second"
+        warnings.insert(0, f"{words}; a slow-motion file states its playback rate")
     return times, warnings
 
 

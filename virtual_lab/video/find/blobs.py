@@ -73,18 +73,13 @@ class _Search:
     least_area: float = 12.0
     largest: float = 0.12  # largest area of a blob [share of the picture]
     regions: int = 24  # largest number of regions examined per frame and threshold
-    solid: float = 0.8  # smallest share of its hull's area that a blob fills
+    solid: float = 0.75  # smallest share of its hull's area that a blob fills
     # smallest ratio of a blob's shorter axis to its longer one: motion blur of almost five balls
     thinnest: float = 0.22
-    # percentiles of a blob's difference from the background that are used as its contrast; the
-    # second is for a background with a pattern
-    brightness: tuple[float, float] = (85, 40)
-    # smallest share of the differing pixels that a whole ball fills; a smaller hull may be one of
-    # several patches of a ball
-    whole: float = 0.6
-    # largest ratio of the axes of a hull from the second percentile, if the first percentile gave
-    # no hull, and if it gave one. A hand, a head, or a ball with its shadow is longer.
-    round: tuple[float, float] = (1.3, 1.2)
+    brightness: float = 70  # percentile of a blob's difference that is used as its contrast
+    # largest ratio of the longer axes of a hull at a low level and at half of the contrast; a
+    # shadow, or a block of a codec, makes the first one longer
+    joined: float = 1.2
     # level above which a pixel of the ring is not background [share of the contrast]
     ring_level: float = 0.35
     # levels between which the width of an edge is measured [share of the contrast]
@@ -203,10 +198,12 @@ def _blob(
     bright = inner[inner > _SEARCH.faint]
     if bright.size < _SEARCH.least_area:
         return None
-    chosen = _contrast(off, bright)
-    if chosen is None:
+    place = int(_SEARCH.brightness / 100 * (bright.size - 1))
+    contrast = float(np.partition(bright, place)[place])
+    hull = _hull(off, 0.5 * contrast) if contrast >= 2 * _SEARCH.faint else None
+    if hull is None:
         return None
-    (x, y, short, long), contrast = chosen
+    x, y, short, long = hull
     ring = _disc(off.shape, x, y, 1.5 * long + 3) & ~_disc(off.shape, x, y, 1.25 * long + 1.5)
     inside = part[_disc(off.shape, x, y, 0.6 * short)].reshape(-1, 1 if part.ndim == 2 else 3)
     colour = upper_median(inside.T)
@@ -216,7 +213,7 @@ def _blob(
         np.sqrt(float((near > level * contrast).sum()) / np.pi) for level in _SEARCH.edge_levels
     )
     lower = _hull(off, _SEARCH.edge_levels[0] * contrast)
-    if lower and lower[3] < _SEARCH.round[1] * long:  # else a shadow or the codec joins it
+    if lower and lower[3] < _SEARCH.joined * long:
         x, y, *_ = lower
     at = [fine * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
     short, long, edge = (fine * p for p in (short, long, outer - inward))
@@ -225,34 +222,6 @@ def _blob(
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)
     return (number, *at, short, long, edge, contrast, dirty, cut, *there, colours), view
-
-
-def _contrast(off: NDArray[np.float32], bright: NDArray[np.float32]) -> tuple[Hull, float] | None:
-    """Return the hull of a blob at half of its contrast, and this contrast [DN], or None.
-
-    Parameters
-    ----------
-    off
-        Difference from the background, (row, column) [DN].
-    bright
-        Values of `off` in the blob's box that exceed the faint threshold.
-    """
-    chosen, least = None, 0.0
-    for percentile, even in zip(_SEARCH.brightness, (True, False), strict=True):
-        place = int(percentile / 100 * (bright.size - 1))
-        contrast = float(np.partition(bright, place)[place])
-        if contrast < (2 if even else 4) * _SEARCH.faint:
-            break
-        hull = _hull(off, 0.5 * contrast)
-        if hull is None:
-            continue
-        _, _, short, long = hull
-        area = np.pi * short * long
-        if even or (long / short < _SEARCH.round[chosen is not None] and area > least):
-            chosen, least = (hull, contrast), area / _SEARCH.whole
-        if area > _SEARCH.whole * bright.size:
-            break
-    return chosen
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:

@@ -186,12 +186,14 @@ def repeats(watched: Watched) -> Mask:
 def lulls(change: Array) -> Mask:
     """Return a mask of the frames that change much less than their neighbors, (frame,).
 
-    `change`, (frame,), is the largest change from the previous frame [DN]. A frame is False if it
-    is the first or the last, or if its change is NaN.
+    `change`, (frame,), is the largest change from the previous frame [DN]. The second frame is
+    compared with later frames alone. A frame is False if it is the first or the last, or if its
+    change is NaN.
     """
     # number of frames on each side, smallest change there [DN], largest share of this change in a
     # repeat
     beside, least, share = 2, 8.0, 0.3
-    around = sliding_window_view(np.pad(np.nan_to_num(change), beside), 2 * beside + 1)
-    most = np.minimum(around[:, :beside].max(axis=1), around[:, beside + 1 :].max(axis=1))
+    around = sliding_window_view(np.pad(change, beside, constant_values=np.nan), 2 * beside + 1)
+    before = np.fmax.reduce(around[:, :beside], axis=1)  # NaN: nothing is known
+    most = np.fmin(before, np.nan_to_num(around[:, beside + 1 :]).max(axis=1))
     return np.asarray((most > least) & (change < share * most))

@@ -12,6 +12,7 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.timing import UNREAD
 from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.doubts import (
@@ -184,7 +185,8 @@ def measure(
         user asked to compute the scale from gravity, but no flight is curved enough.
     """
     scene, pieces, ways = search.scene, search.pieces, search.ways
-    notes = [*earlier, *(("", words) for words in clip.warnings)]
+    notes = [*earlier]
+    notes += [("FRAMES_UNREAD" if UNREAD in words else "", words) for words in clip.warnings]
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
     drift = 0.0 if knowledge.tripod else watched.still.unseen_drift(step)
     model = FittedFlights.of(scene, ways, drift) if ways else None

@@ -78,6 +78,8 @@ def track_clip(
     calibration, notes = _calibration(said)
     progress(f"reading {source.path}")
     clip = open_clip(file, calibration)
+    if clip.count < 2:
+        raise InputError(str(source.path), "frames", clip.count, "motion needs at least two")
     knowledge = _knowledge(clip, calibration, said)
     if "corrected" in said:
         watched, ways = read_track(said["corrected"], clip)
