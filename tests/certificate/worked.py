@@ -180,6 +180,8 @@ class Test:
         self._wall()
         self._impact()
         best = {key: each.value for key, each in self.known.items()}
+        self.kept: Any = 1.0
+        self.kept = self._kept(self.balls(best)["e0"])
         self.lot = self._lot(best)
         self.best = self.model(best)
         self.reasons = self._judged()
@@ -332,7 +334,17 @@ class Test:
             hits[self.wall_ball == ball].mean() + x[f"wall.ball {ball}"]
             for ball in range(len(mass))
         ]
-        return {"mass": mass, "e0": np.array(e0), "slope": slope, "speed": middle}
+        shown = np.array(e0)
+        drawn = shown.mean() + self.kept * (shown - shown.mean())
+        return {"mass": mass, "e0": shown, "drawn": drawn, "slope": slope, "speed": middle}
+
+    def _kept(self, e0: np.ndarray) -> np.ndarray:
+        """Return the share of its deviation from the lot that each ball keeps.
+
+        What it loses is the share of the errors in the variance of the balls.
+        """
+        square = float(np.square([self.known[f"wall.ball {n}"].u for n in range(len(e0))])[0])
+        return max(1 - square / float(e0.var(ddof=1)), 0.0)
 
     def _lot(self, x: Row) -> np.ndarray:
         """Return the balls that the rules admit, a mask (ball,)."""
@@ -417,12 +429,12 @@ class Test:
             at = self.set
         r = self.recoil_factor(bat, mass, at, rules["recoil"])
         e = e_a * (1 + r) + r
-        e0 = balls["e0"][self.ball] + balls["slope"] * (relative - balls["speed"])
+        e0 = balls["drawn"][self.ball] + balls["slope"] * (relative - balls["speed"])
         # the same hit by the mean ball of the lot at the nominal speed
         nominal = rules["ball_speed"] + self.turn(bat["length"]) * (
             bat["length"] - rules["pivot_from_knob"] - self.set
         )
-        lot_e0 = balls["e0"][self.lot].mean() + balls["slope"] * (nominal - balls["speed"])
+        lot_e0 = balls["drawn"][self.lot].mean() + balls["slope"] * (nominal - balls["speed"])
         lot_mass = balls["mass"][self.lot].mean()
         lot_r = self.recoil_factor(bat, lot_mass, at, rules["recoil"])
         lot_e = e / e0 * lot_e0

@@ -27,6 +27,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     BatProperties,
     ReductionSettings,
     SetResults,
+    kept_shares,
     measured_balls,
     shot_results,
 )
@@ -274,3 +275,35 @@ def test_intervals_contain_the_truth_in_95_percent(scheme: str, hit: float) -> N
         number = held(results, name)
         print(scheme, hit, name, number / 300)
         assert binom.ppf(0.001, 300, 0.95) <= number <= binom.ppf(0.999, 300, 0.95), name
+
+
+def test_balls_chosen_by_their_measured_e0_are_drawn_to_their_true_mean() -> None:
+    """Lots of twelve normal e0, sd .003, are measured with u .0018; those below .555 count.
+
+    As measured, the admitted balls are too low by a quarter to one u of the mean of twelve. Drawn,
+    the mean error of 40 000 lots is within .05 u; it has a standard error of up to .01 u.
+    """
+    rng = np.random.default_rng(67)
+    for level, most in ((0.55, -0.2), (0.553, -0.7)):
+        true = level + 0.003 * rng.standard_normal((40_000, BALLS))
+        shown = true + 0.0018 * rng.standard_normal(true.shape)
+        used = shown < 0.555
+        used |= ~used.any(axis=1, keepdims=True)
+        mean = shown.mean(axis=1, keepdims=True)
+        drawn = mean + kept_shares(shown, np.full(shown.shape, 0.0018)) * (shown - mean)
+        raw, error = (
+            np.average(values - true, axis=1, weights=used).mean() / 0.0018 * sqrt(BALLS)
+            for values in (shown, drawn)
+        )
+        assert raw < most
+        assert abs(error) < 0.05
+
+
+def test_balls_that_agree_or_have_no_error_keep_what_was_measured() -> None:
+    """Without a spread there is nothing to draw; with all spread due to errors, all is drawn."""
+    shown = np.array([0.548, 0.55, 0.552])
+    assert kept_shares(shown, np.zeros(3)) == pytest.approx(np.ones(3), abs=0)
+    assert kept_shares(np.full(3, 0.55), np.full(3, 0.002)) == pytest.approx(np.ones(3), abs=0)
+    assert kept_shares(shown, np.full(3, 0.01)) == pytest.approx(np.zeros(3), abs=0)
+    assert kept_shares(shown, np.full(3, 0.002)) == pytest.approx(np.zeros(3))  # u² = s²
+    assert kept_shares(shown, np.full(3, 0.001)) == pytest.approx(np.full(3, 0.75))  # 1 - 1/4

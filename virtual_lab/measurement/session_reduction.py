@@ -42,6 +42,7 @@ from virtual_lab.measurement.reduction.observations import (
     bench_constants,
     observe_balls,
     observe_impact,
+    restitution_names,
 )
 from virtual_lab.measurement.reduction.shot_algebra import (
     PLACE_SLOPE,
@@ -50,6 +51,7 @@ from virtual_lab.measurement.reduction.shot_algebra import (
     MeasuredBalls,
     ShotResults,
     bat_properties,
+    kept_shares,
     measured_balls,
     shot_results,
 )
@@ -285,11 +287,13 @@ def prepare(block: SessionBlock) -> Preparation:
     constants |= _place_constants(procedure.spec, constants.get(AIM_ALONG))
     best = best_values(constants)
     lot = measured_balls(best, balls)
+    errors = [constants[name].u for name in restitution_names(lot.restitution.shape[-1])]
+    kept = kept_shares(lot.restitution, np.stack(errors, axis=-1)[:, None])
     return Preparation(
         procedure=procedure,
         constants=constants,
-        balls=balls,
-        lot=lot,
+        balls=replace(balls, kept=kept),
+        lot=replace(lot, kept=kept),
         used=admit_balls(procedure.spec, lot),
         bat=bat_properties(best),
     )

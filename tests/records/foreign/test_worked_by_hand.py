@@ -128,8 +128,13 @@ def hit_the_wall(x: dict[str, float]) -> tuple[pd.Series, pd.Series, pd.Series]:
         if hit == 0:
             x["v_wall"], x["w_wall"], x["e0_hit"] = v, w, hits[0]
     e0_of = pd.Series(hits).groupby(wall.ball).mean()
-    x["e0_ball"], x["e0_lot"] = e0_of[1], e0_of.mean()
-    return mass, kappa, e0_of
+    x["e0_ball"], x["all_balls"] = e0_of[1], e0_of.mean()
+    within = sum((e0 - e0_of[ball]) ** 2 for e0, ball in zip(hits, wall.ball, strict=True))
+    x["u_ball"] = (within / (48 - 12) / 4) ** 0.5
+    x["kept"] = 1 - x["u_ball"] ** 2 / e0_of.var(ddof=1)
+    drawn = x["all_balls"] + x["kept"] * (e0_of - x["all_balls"])
+    x["e0_drawn"], x["e0_lot"] = drawn[1], drawn.mean()
+    return mass, kappa, drawn
 
 
 def flights() -> tuple[pd.Series, np.ndarray]:

@@ -31,7 +31,7 @@ RESULTS = (
 )
 DETAILS = (
     *("ball_mass", "bat_speed", "relative_speed", "recoil_rate", "recoil_factor"),
-    *("ball_restitution", "window_ball_restitution", "collision_efficiency", "restitution"),
+    *("ball_restitution", "collision_efficiency", "restitution"),
 )
 
 
@@ -331,14 +331,13 @@ def reduce_shot(
     Parameters
     ----------
     settings
-        Three bools, then three numbers:
+        Three bools, then two numbers:
 
         * whether e_A is corrected to the aimed position;
         * whether e_A is computed from the recoil;
         * whether r is computed for a free bat;
         * distance of the axis from the knob that the procedure requires [m];
-        * nominal speed of the ball [m/s];
-        * speed for which the procedure states its window of e0 [m/s].
+        * nominal speed of the ball [m/s].
     constants
         Properties of bat, rig and lot.
     ball
@@ -354,7 +353,7 @@ def reduce_shot(
         * angular rate of the swing [rad/s];
         * rate of the recoil [counts/s].
     """
-    at_aim, by_recoil, free, pivot_from_knob, ball_speed, window_speed = settings
+    at_aim, by_recoil, free, pivot_from_knob, ball_speed = settings
     M, I_cm, z_cm, length = constants.mass, constants.inertia_cm, constants.z_cm, constants.length
     lot_m, slope, mean_speed = constants.lot_mass, constants.slope, constants.speed
     v_in, v_out, sine_square, aimed, along, cosine, swing_rate, counts = shot
@@ -393,11 +392,10 @@ def reduce_shot(
     lot_e0 = restitution_at_speed(constants.lot_restitution, slope, nominal - mean_speed)
     lot_e = factor * lot_e0
     lot_e_A = efficiency_from_restitution(lot_e, lot_r)
-    window_e0 = restitution_at_speed(mean_e0, slope, window_speed - mean_speed)
     position = position + abreast - b
     return (
         (position, lot_e0, lot_r, aimed_r, factor, lot_e, lot_e_A, by_ball, by_bat),
-        (m, v_bat, v_rel, omega, r, e0, window_e0, e_A, e),
+        (m, v_bat, v_rel, omega, r, e0, e_A, e),
     )
 
 
@@ -459,7 +457,7 @@ def compiled_reduction() -> Any:
         if isinstance(value, FunctionType) and value.__module__ == __name__:
             register_jitable(no_cfunc_wrapper=True)(value)
     number, index = (np.broadcast_to(np.zeros(1, kind), (2, 2, 2)) for kind in (float, np.int64))
-    settings, sets = (True,) * 3 + (0.0,) * 3, (number,) * len(ShotConstants._fields)
+    settings, sets = (True,) * 3 + (0.0,) * 2, (number,) * len(ShotConstants._fields)
     filled = (np.empty((1, 1, 1, 1)),) * 2
     types = map(typeof, (settings, sets, (number,) * 2, index, (number,) * 8, filled))
     return njit(tuple(types), **KERNEL, error_model="numpy")(reduce_sets)

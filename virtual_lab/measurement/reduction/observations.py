@@ -66,6 +66,7 @@ class BallReadings(AlignedArrays):
     ball: NDArray[np.intp]  # ball of each wall hit, (..., hit)
     nominal_speed: Array  # nominal speed of each wall hit [m/s], (..., hit)
     flights: FlightReadings
+    kept: Array | float = 1.0  # see `MeasuredBalls`
 
     aligned: ClassVar = EVERY_FIELD
 

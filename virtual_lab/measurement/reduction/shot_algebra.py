@@ -62,14 +62,22 @@ class BatProperties(AlignedArrays):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredBalls(AlignedArrays):
-    """Measured balls, shape (..., ball). `restitution` is e0 at `speed`."""
+    """Measured balls, shape (..., ball). `restitution` is e0 at `speed`, as measured."""
 
     mass: Array
     restitution: Array
     speed: Array  # mean nominal speed of the wall hits, (..., 1) [m/s]
     slope: Array  # slope of e0 over speed, (..., 1) [s/m]
+    # share of a ball's deviation from the mean of its lot that its best e0 keeps, see `kept_shares`
+    kept: Array | float = 1.0
 
     aligned: ClassVar = EVERY_FIELD
+
+    @property
+    def best_restitution(self) -> Array:
+        """Best estimate of the e0 of each ball at `speed`: drawn toward the mean of its lot."""
+        mean = _mean_of(self.restitution, np.ones(self.restitution.shape, dtype=bool))
+        return mean + self.kept * (self.restitution - mean)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +112,8 @@ class ShotResults(SetResults):
     relative_speed: Array  # [m/s]
     recoil_rate: Array  # angular rate of a bat that was at rest, at the end of contact [rad/s]
     recoil_factor: Array  # recoil factor r with the support named by the procedure
-    ball_restitution: Array  # e0 of the ball at the relative speed of the shot
-    # e0 of the ball at the speed to which the procedure's window for balls refers
+    ball_restitution: Array  # best e0 of the ball at the relative speed of the shot
+    # measured e0 of the ball at the speed to which the procedure's window for balls refers
     window_ball_restitution: Array
     collision_efficiency: Array  # e_A at `position`, corrected for the offset across the bat
     restitution: Array
@@ -206,7 +214,30 @@ def measured_balls(x: Constants, readings: BallReadings) -> MeasuredBalls:
         restitution=restitution,
         speed=speed,
         slope=np.asarray(slopes),
+        kept=readings.kept,
     )
+
+
+def kept_shares(restitution: Array, u: Array) -> Array:
+    """Return the share of each ball's deviation from its lot that is no measurement error.
+
+    The rules set balls aside by their measured e0, so the errors of the admitted balls are not zero
+    on average. A ball's e0 is therefore drawn toward the mean of all balls of its lot, by the share
+    of their variance that is due to errors, u² / s². The error of a drawn e0 does not depend on
+    whether its ball is set aside. For a least mean square error (Efron and Morris 1973, n - 3
+    instead of the n - 1 of s²) less is drawn, too little for the mean of the admitted balls.
+
+    Parameters
+    ----------
+    restitution, u
+        Measured e0 of the balls of a lot, and its standard uncertainty by repeatability,
+        (..., ball).
+    """
+    number, every = restitution.shape[-1], np.ones(restitution.shape, dtype=bool)
+    square = number * _mean_of((restitution - _mean_of(restitution, every)) ** 2, every)
+    spread = square > 0
+    drawn = (number - 1) * u**2 / np.where(spread, square, 1.0)
+    return np.where(spread, np.maximum(1 - drawn, 0.0), 1.0)
 
 
 class Sets(NamedTuple):
@@ -319,6 +350,7 @@ def shot_results(
     if readings.recoil:
         counts, encoder = readings.recoil.rate, _angle_per_count(x, "encoder") * clock
     used = np.ones(balls.mass.shape[-1], dtype=bool) if used is None else used
+    best = balls.best_restitution
     constants = ShotConstants(
         **{name: getattr(bat, name) for name in ("mass", "length", "z_cm", "inertia_cm")},
         turn_rate=settings.turn_rate(bat.length),
@@ -326,7 +358,7 @@ def shot_results(
         aim=x.get("impact.cannon.along", 0.0),
         encoder=encoder,
         lot_mass=_mean_of(balls.mass, used),
-        lot_restitution=_mean_of(balls.restitution, used),
+        lot_restitution=_mean_of(best, used),
         speed=balls.speed,
         slope=balls.slope,
         place_slope=x.get(PLACE_SLOPE, 0.0),
@@ -353,10 +385,10 @@ def shot_results(
     compiled_reduction()(
         (
             *(PLACE_SLOPE in x, settings.reads == "recoil", settings.recoil == "free"),
-            *(settings.pivot_from_knob, settings.ball_speed, settings.window_speed),
+            *(settings.pivot_from_knob, settings.ball_speed),
         ),
         tuple(wide(each, 1) for each in constants),
-        tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, balls.restitution)),
+        tuple(wide(each, balls.mass.shape[-1]) for each in (balls.mass, best)),
         wide(readings.ball, number),
         tuple(wide(each, number) for each in shots),
         (results, details),
@@ -365,6 +397,10 @@ def shot_results(
     columns = {name: column.reshape(*shape, number) for name, column in filled}
     columns["speed"], columns["rebound_speed"] = flights.speed_in, flights.speed_out
     columns["rebound_slope"] = flights.slope_out
+    # the rules judge a ball by its measured e0
+    columns["window_ball_restitution"] = of_ball(
+        balls.restitution + balls.slope * (settings.window_speed - balls.speed), readings.ball
+    )
     columns["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))
     return kind(**{name: columns[name] for name in names})
 

@@ -91,7 +91,7 @@ class Statement:
             barrel_radius=float(preparation.bat.barrel_radius.ravel()[0]),
             ball=ball,
             ball_mass=preparation.lot.mass[0, 0],
-            ball_restitution=preparation.lot.restitution[0, 0],
+            ball_restitution=preparation.lot.best_restitution[0, 0],
             law=_law(reduced, certification, ball),
             hit_variance=hit_variance,
             wall_variance=wall_variance,
@@ -181,7 +181,7 @@ def _law(reduced: Reduction, certification: Certification, ball: BallSpec) -> St
         free=rules.recoil == "free",
         ball_mass=float(lot.mass[0, 0][used].mean()),
         ball_restitution=(
-            float(lot.restitution[0, 0][used].mean()) + line.slope * faster,
+            float(lot.best_restitution[0, 0][used].mean()) + line.slope * faster,
             -line.slope * turn_rate,
         ),
         motion=_motion(reduced, certification),
