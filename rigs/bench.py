@@ -37,7 +37,7 @@ from virtual_lab.simulation.instruments.indicator import (
 from virtual_lab.simulation.instruments.pendulum import Pendulum, PendulumSpec
 from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.simulation.stations.rig import RigOutput, ShotPlan, Specimen, Stage
-from virtual_lab.streams import Draws, owners_and_slots
+from virtual_lab.streams import Draws, Slots, owners_and_slots
 from virtual_lab.units import Array
 
 Repeats = Annotated[int, Gt(1), Dimension("number")]
@@ -155,13 +155,14 @@ class BenchStation(FittedStation):
                 )
         return replace(self, spec=replace(self.spec, **changes))
 
-    def store_humidity(self, draws: Draws) -> Array | None:
+    def store_humidity(self, draws: Draws, box: Slots | None = None) -> Array | None:
         """Return the relative humidity of the balls' store, 0 to 1, (laboratory,); None: no store.
 
-        The store belongs to the lot, whose random numbers are `draws`.
+        The store belongs to the lot, whose random numbers are `draws`. `box` is the number of the
+        lot's box, (laboratory,); None: the first.
         """
         store = None if self.ideal else self.spec.store
-        return store.draw_humidity(draws, "lot.store") if store else None
+        return store.draw_humidity(draws, "lot.store", box) if store else None
 
     def play(self, plan: ShotPlan, specimen: Specimen, draws: Draws) -> RigOutput:
         """Measure the bat and weigh the balls that `plan` names.
@@ -180,7 +181,7 @@ class BenchStation(FittedStation):
                     repeats,
                     draws.at(plan.owner),
                     "bench.ball-mass",
-                    plan.ball,
+                    plan.slot,
                 ),
                 REFERENCE_MASS: self._reference(draws),
                 "length": self.rule.measure(bat.length, repeats, draws, "bench.length"),

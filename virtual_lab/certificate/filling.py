@@ -137,7 +137,7 @@ def certificate(
         ),
         ball=BallsUsed(
             name=session.ball,
-            ball_restitution_is="mean of all balls of the lot",
+            ball_restitution_is=_balls_stated(session),
             set_aside=tuple(BallSetAside(**asdict(each)) for each in certification.set_aside),
         ),
         rigs=dict(session.rigs),
@@ -520,6 +520,16 @@ def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
             start, end = values[0, [0, -1]].tolist()
             unit = HALL_UNITS[name]
             yield HallCondition(name=name, unit=unit, at_start=start, at_end=end, u=float(u[0, 0]))
+
+
+def _balls_stated(session: Session) -> str:
+    mean = "mean of the admitted balls, each drawn toward the mean of its lot"
+    if session.boxes == 1:
+        return mean
+    return (
+        f"{mean}; the balls are from box {session.boxes}, because too few balls of each box before "
+        "were within the windows"
+    )
 
 
 def _correction(certification: Certification) -> CorrectionStated | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import secrets
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import cast
 
@@ -28,7 +28,7 @@ from virtual_lab.records.origin import ModelUsed, Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.collision.ladder import CollisionLaw, Ladder, probing_scenes
 from virtual_lab.simulation.physics.beam import Pinned
-from virtual_lab.simulation.physics.truth import draw_balls, make_bat
+from virtual_lab.simulation.physics.truth import TrueBalls, draw_balls, make_bat
 from virtual_lab.simulation.stations.rig import (
     ImpactStation,
     Reality,
@@ -40,8 +40,9 @@ from virtual_lab.simulation.stations.rig import (
     StoringStation,
     find_rig,
 )
-from virtual_lab.streams import SEED_BITS, Draws, Quiet, commitment, salt_of
+from virtual_lab.streams import SEED_BITS, Draws, Quiet, Slots, commitment, salt_of
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
+from virtual_lab.units import Mask
 
 EFFICIENCY_U = 2e-3  # typical u of e_A in a test; 0.8e-3 to 2.4e-3, depending on the procedure
 
@@ -65,6 +66,8 @@ class Laboratory:
     stations: Mapping[Stage, Station]
     specimen: Specimen
     calibration: Mapping[str, Estimates]  # constants before the first measurement
+    box: Slots  # number of the open box of balls, from 0
+    most_boxes: int = 3  # number of boxes after which a test ends without enough balls
     control_ratio: float = 1.0  # ratio of the control bat's true e with these balls to its known e
 
     @classmethod
@@ -102,10 +105,8 @@ class Laboratory:
             for name, estimate in station.calibration.items()
         }
         entered = setup.faults.calibration(constants | lot_constants(ball))
-        lot_draws, bench = setup.lot_draws(seed), stations[Stage.BENCH]
-        store = bench.store_humidity(lot_draws) if isinstance(bench, StoringStation) else None
         collision = setup.collision or collision_of(bat, ball, rules, setup.collision_model)
-        count = setup.count
+        count, box = setup.count, np.zeros(setup.shape, dtype=np.intp)
         return cls(
             setup=setup,
             seed=seed,
@@ -117,14 +118,21 @@ class Laboratory:
             stations=stations,
             specimen=Specimen(
                 bat=make_bat(bat, bats),
-                balls=draw_balls(ball, rules.balls, test_draws, lot_draws, store),
+                balls=_balls_of(setup, seed, stations[Stage.BENCH], box),
                 collision=collision,
             ),
             calibration={
                 name: each if isinstance(each, Estimates) else Estimates.stack([each] * count)
                 for name, each in entered.items()
             },
+            box=box,
         )
+
+    def open_boxes(self, opening: Mask) -> Laboratory:
+        """Return the block with the balls of the next box where `opening` is set, (laboratory,)."""
+        box = self.box + opening.reshape(self.box.shape)
+        balls = _balls_of(self.setup, self.seed, self.stations[Stage.BENCH], box)
+        return replace(self, box=box, specimen=replace(self.specimen, balls=balls))
 
     @property
     def rules(self) -> Entry[Procedure]:
@@ -151,6 +159,7 @@ class Laboratory:
             bat_sport=bat.sport or "",
             ball_sport=ball.sport or "",
             bat_construction=bat.construction or "",
+            boxes=np.reshape(self.box + 1, -1),
         )
 
     @property
@@ -167,6 +176,7 @@ class Laboratory:
             bat_sport=one.bat_sport,
             ball_sport=one.ball_sport,
             bat_construction=one.bat_construction,
+            boxes=int(one.boxes[0]),
             date=self.date,
             particulars=setup.particulars,
             rigs={stage.value: name for stage, name in setup.rigs.items()},
@@ -188,6 +198,14 @@ class Laboratory:
         """Return the records and the truth of a plan carried out with the faults of this day."""
         station = self.stations[stage]
         return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
+
+
+def _balls_of(setup: TestSetup, seed: int, bench: Station, box: Slots) -> TrueBalls:
+    """Return the balls of each laboratory's box. Each box is a lot of its own."""
+    lot = setup.lot_draws(seed)
+    store = bench.store_humidity(lot, box) if isinstance(bench, StoringStation) else None
+    draws = setup.draws(seed) if setup.test is None else setup.draws(seed, setup.test)
+    return draw_balls(setup.ball.spec, setup.rules.spec.balls, draws, lot, store, box)
 
 
 @lru_cache(maxsize=32)

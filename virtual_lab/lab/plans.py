@@ -15,26 +15,31 @@ from virtual_lab.records import Record, join
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, RigOutput, ShotPlan, Stage
-from virtual_lab.streams import owners_and_slots
+from virtual_lab.streams import Slots, of_owners, owners_and_slots
 from virtual_lab.units import Array, Mask
 
 ALONE = ()  # shape of a single laboratory; (n,) for a block
 
 
-def bench_plan(rules: Procedure, laboratories: tuple[int, ...] = ALONE) -> ShotPlan:
+def bench_plan(
+    rules: Procedure, laboratories: tuple[int, ...] = ALONE, box: Slots | int = 0
+) -> ShotPlan:
     """Return the plan to weigh every ball of the lot once, in each laboratory.
 
     `laboratories` is (n,) for a block of n laboratories, and () for one laboratory. The arrays of
     the plan have one entry per laboratory and ball, sorted by laboratory. Speed and position are
-    NaN.
+    NaN. `box` is the number of the box of balls, from 0, (n,) for a block.
     """
     owner, ball = owners_and_slots(laboratories, rules.balls)
-    nothing = np.full(ball.shape, np.nan)
-    return ShotPlan(slot=ball, ball=ball, speed=nothing, place=nothing, owner=owner)
+    nothing, slot = np.full(ball.shape, np.nan), ball + rules.balls * of_owners(box, owner)
+    return ShotPlan(slot=slot, ball=ball, speed=nothing, place=nothing, owner=owner)
 
 
 def wall_plan(
-    rules: Procedure, detail: RecordDetail, laboratories: tuple[int, ...] = ALONE
+    rules: Procedure,
+    detail: RecordDetail,
+    laboratories: tuple[int, ...] = ALONE,
+    box: Slots | int = 0,
 ) -> ShotPlan:
     """Return the plan to fire every ball at the wall at each speed of the procedure.
 
@@ -47,11 +52,14 @@ def wall_plan(
         Whether the instruments record every reading or only summary values.
     laboratories
         The tuple ``(n,)`` for a block of n laboratories, or ``()`` for one laboratory.
+    box
+        Number of the box of balls, from 0, (n,) for a block. The numbers of the shots go on from
+        box to box.
     """
     speeds = np.tile(rules.wall_speeds, rules.wall_hits)
     owner, slot = owners_and_slots(laboratories, rules.balls * speeds.size)
     return ShotPlan(
-        slot=slot,
+        slot=slot + rules.balls * speeds.size * of_owners(box, owner),
         ball=slot // speeds.size,
         speed=speeds[slot % speeds.size],
         place=np.zeros(slot.shape),

@@ -60,7 +60,8 @@ class TestDay:
     def measure_bat(self) -> TestDay:
         """Weigh, measure, balance and swing the bat, and weigh the balls."""
         setup = self.laboratory.setup
-        bench = self.laboratory.play(Stage.BENCH, bench_plan(setup.rules.spec, setup.shape))
+        plan = bench_plan(setup.rules.spec, setup.shape, self.laboratory.box)
+        bench = self.laboratory.play(Stage.BENCH, plan)
         return replace(self, sessions=self._add_records(Stage.BENCH, bench), bench=bench)
 
     def hit_wall(self) -> TestDay:
@@ -70,7 +71,7 @@ class TestDay:
         of a ball between wall and bat is not modeled.
         """
         laboratory, setup = self.laboratory, self.laboratory.setup
-        plan = wall_plan(setup.rules.spec, setup.detail, setup.shape)
+        plan = wall_plan(setup.rules.spec, setup.detail, setup.shape, laboratory.box)
         wall = laboratory.play(Stage.BALLS, plan)
         specimen = laboratory.specimen
         balls = specimen.balls.after_hits(plan.ball, wall.truth["restitution_loss"], plan.owner)
@@ -216,13 +217,20 @@ def prepare_day(laboratory: Laboratory, progress: Progress = quiet) -> TestDay:
     """Return the test day before the first shot at the bat.
 
     Bat and balls are already measured, and these records are reduced. `laboratory` is not changed.
+    Where too few balls of a box are within the windows, the balls of another box are measured.
     `progress` is called with a sentence before each stage.
     """
     rules = laboratory.rules.spec
     progress("bench: weighing, balancing and swinging the bat, weighing the balls")
-    day = TestDay.begin(laboratory).measure_bat()
-    progress(f"ball-wall rig: {rules.wall_hits} hits of each of {rules.balls} balls")
-    return day.hit_wall().prepare()
+    while True:
+        day = TestDay.begin(laboratory).measure_bat()
+        progress(f"ball-wall rig: {rules.wall_hits} hits of each of {rules.balls} balls")
+        day = day.hit_wall().prepare()
+        assert day.preparation is not None
+        opening = day.preparation.short & (day.sessions.boxes < laboratory.most_boxes)
+        if not opening.any():
+            return day
+        laboratory = laboratory.open_boxes(opening)
 
 
 def _round_in_words(shots: NextShots) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf
+from math import ceil, inf
 from typing import ClassVar
 
 import numpy as np
@@ -296,6 +296,7 @@ def certify_reduction(
         )
     )
     reason_table = (
+        _too_few_balls(block, reduced),
         *_invalidating(rules, hit_weights, has_result, metric.u, checked),
         *unmet_rules(
             rules,
@@ -402,6 +403,22 @@ def _invalidating(
     yield Reason(Verdict.INVALID, has_result & ~(metric_u <= most), too_large)
     for name, where in checked.voids.items():
         yield Reason(Verdict.INVALID, where, partial(_by_flag, name))
+
+
+def _too_few_balls(block: SessionBlock, reduced: Reduction) -> Reason:
+    """Return the reason why tests with too few balls are INVALID."""
+    preparation = reduced.preparation
+
+    def sentence(i: int) -> str:
+        rules, lot = reduced.procedure, preparation.lot.select((i, 0))
+        number, left_out = lot.mass.size, len(set_aside(rules, lot))
+        least, boxes = max(ceil(rules.least_admitted * number - 1e-9), 1), int(block.boxes[i])
+        return (
+            f"box {boxes} of the balls has {number - left_out} of {number} within the windows, "
+            f"needs {least}"
+        )
+
+    return Reason(Verdict.INVALID, preparation.short, sentence)
 
 
 def _by_flag(name: str, _laboratory: int) -> str:

@@ -23,6 +23,7 @@ from virtual_lab.measurement.procedure import (
     Procedure,
     accept_hits,
     admit_balls,
+    has_too_few,
     hit_weights_of,
     judge,
     metric_of,
@@ -80,6 +81,11 @@ class Preparation(AlignedArrays):
     def laboratories(self) -> int:
         """Number of laboratories."""
         return len(self.used)
+
+    @property
+    def short(self) -> Mask:
+        """Whether too few balls of each box are within the windows, (laboratory,)."""
+        return has_too_few(self.procedure.spec, self.lot)[:, 0]
 
     @property
     def percussion(self) -> Array:

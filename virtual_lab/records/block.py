@@ -35,6 +35,8 @@ class SessionBlock:
     bat_construction: str = ""  # "": not known
     # variance of one hit in earlier tests, by the name of the result, (laboratory,)
     history: Mapping[str, Estimates] = field(default_factory=dict)
+    # number of boxes of balls that were opened, (laboratory,)
+    boxes: NDArray[np.intp] = field(default_factory=lambda: np.ones(1, dtype=np.intp))
 
     def __post_init__(self) -> None:
         if self.counted and self.laboratories > 1:
@@ -55,6 +57,7 @@ class SessionBlock:
             bat_sport=session.bat_sport,
             ball_sport=session.ball_sport,
             bat_construction=session.bat_construction,
+            boxes=np.array([session.boxes]),
         )
 
     @property
@@ -94,6 +97,7 @@ class SessionBlock:
                 for stage, records in self.records.items()
             },
             owner=np.zeros(int(mask.sum()), dtype=np.intp),
+            boxes=self.boxes[laboratory : laboratory + 1],
             laboratories=1,
         )
 

@@ -18,9 +18,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Ge
 
 from virtual_lab.catalog.specs import BatSport, Construction, Name, Real, Spec, Sport, Title, Whole
 from virtual_lab.catalog.validation import validate
@@ -65,6 +66,7 @@ class Session:
     uncertainty: Propagation = "first-order"  # method of the evaluation
     # SHA-256 of session.json of the control bat's test; "": none
     control_sha256: str = ""
+    boxes: int = 1  # number of boxes of balls that were opened; the balls are those of the last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +125,7 @@ def pack(session: Session) -> PackedSession:
         "ball": session.ball,
         "date": session.date,
         **{key: getattr(session, key) for key in OPTIONAL if getattr(session, key)},
+        **({"boxes": session.boxes} if session.boxes > 1 else {}),
         **({"particulars": stated} if (stated := session.particulars.stated) else {}),
         "rigs": dict(session.rigs),
         "procedure_sha256": digest_of_text(rules),
@@ -255,6 +258,8 @@ class SessionForm(Spec):
     """Method by which the uncertainty is evaluated."""
     control_sha256: str = ""
     """SHA-256 of session.json of the control bat's test; empty: none."""
+    boxes: Annotated[int, Ge(1)] = 1
+    """Number of boxes of balls that were opened; the balls are those of the last."""
 
 
 def load_session(folder: Path) -> Session:
@@ -291,6 +296,7 @@ def load_session(folder: Path) -> Session:
         uncertainty=form.uncertainty,
         control_sha256=form.control_sha256,
         **{key: getattr(form, key) for key in OPTIONAL},
+        boxes=form.boxes,
     )
 
 

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.laboratories import opened
-from virtual_lab import catalog
+from tests.laboratories import certify, opened
+from virtual_lab import catalog, procedure
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.text import certificate_text
-from virtual_lab.lab import run_test
+from virtual_lab.lab import RoundRobin, run_test
+from virtual_lab.lab.certify import certify_block
 from virtual_lab.lab.laboratory import Laboratory
-from virtual_lab.measurement.procedure import Procedure, admit_balls, set_aside
+from virtual_lab.measurement.procedure import Procedure, admit_balls, has_too_few, set_aside
 from virtual_lab.measurement.reduction.shot_algebra import MeasuredBalls
 
 OUNCE, MPH = 0.028349523125, 0.44704
@@ -87,3 +88,59 @@ def test_balls_set_aside_are_not_fired_and_the_certificate_names_them(lively: La
     assert true.measurand["ball_restitution"] == pytest.approx(mean_e0, abs=1e-4)
     assert e0.value == pytest.approx(mean_e0, abs=5 * e0.u)
     assert abs(true.balls.restitution.mean() - mean_e0) > 5e-4
+
+
+def test_too_few_balls_are_less_than_the_share_of_the_rules() -> None:
+    """Six of twelve balls are the half that the rules ask for, five are too few."""
+    assert RULES.least_admitted == 0.5
+    without = replace(RULES, least_admitted=0.0)  # rules without this number
+    for wrong, short, none in ((6, False, False), (7, True, False), (12, True, True)):
+        e0 = np.where(np.arange(12) < wrong, 0.6, 0.474)
+        lot = balls(mass=np.full(12, 5.125 * OUNCE), restitution=e0)
+        assert has_too_few(RULES, lot) == short
+        assert has_too_few(without, lot) == none
+
+
+def test_a_laboratory_with_too_few_balls_opens_another_box() -> None:
+    """Seed 90040 sets aside twelve of twelve balls of its first box; the second is another lot.
+
+    The truth refers to the balls of the second box, and a block finds the same as its laboratory.
+    """
+    test = certify("ea70", procedure="astm-f1881", seed=90040)
+    certification, first = test.certification, opened("ea70", procedure="astm-f1881", seed=90040)
+    assert certification.session.boxes == 2
+    assert certification.verdict.value == "PASS"
+    assert len(certification.set_aside) == 1
+    balls, before = test.sealed.balls, first.specimen.balls
+    assert balls.spec.restitution.value < before.spec.restitution.value - 0.002
+    assert not np.isclose(balls.mass, before.mass).any()
+    e0 = certification.quantities["ball_restitution"]
+    assert abs(e0.value - test.sealed.measurand["ball_restitution"]) < 4 * e0.u
+    assert "box 2" in certificate(certification).ball.ball_restitution_is
+
+
+def test_after_three_boxes_the_test_is_invalid_with_this_reason() -> None:
+    """Hardly a ball has an e0 within .5499 to .5501."""
+    windows = {
+        f"windows.ball_restitution_{end}": e0 for end, e0 in (("low", 0.5499), ("high", 0.5501))
+    }
+    text = procedure("astm-f1881").with_(windows).text
+    rules = catalog.read(text, "procedures/astm-f1881", Procedure)
+    certification = certify("r161", procedure=rules, seed=1).certification
+    assert certification.session.boxes == 3
+    assert certification.verdict.value == "INVALID"
+    assert certification.reasons[0] == "box 3 of the balls has 0 of 12 within the windows, needs 6"
+
+
+def test_boxes_of_a_block_are_those_of_its_laboratories() -> None:
+    """Some of forty laboratories open two boxes; each finds the same alone."""
+    setup = RoundRobin.of("r161", "astm-f1881").setup
+    block = certify_block(replace(setup, seed=1, number=np.arange(40)))
+    boxes = block.certified.block.boxes
+    assert set(boxes) == {1, 2}
+    for number in (int(boxes.argmax()), int(boxes.argmin())):
+        alone = certify_block(replace(setup, seed=1, number=number))
+        assert alone.certified.block.boxes == [boxes[number]]
+        assert alone.measurands["metric"] == block.measurands["metric"][number]
+        value = alone.certified.results["metric"].value
+        assert value == pytest.approx(block.certified.results["metric"].value[number], rel=1e-12)

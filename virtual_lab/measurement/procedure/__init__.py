@@ -15,7 +15,12 @@ from virtual_lab.measurement.procedure.judge import (
     judge,
     worst_misfit,
 )
-from virtual_lab.measurement.procedure.lot import SetAside, admit_balls, set_aside
+from virtual_lab.measurement.procedure.lot import (
+    SetAside,
+    admit_balls,
+    has_too_few,
+    set_aside,
+)
 from virtual_lab.measurement.procedure.metric import Curve, Objective, metric_of, objective_of
 from virtual_lab.measurement.procedure.outcome import (
     HitWeights,
@@ -56,6 +61,7 @@ __all__ = [
     "curve_of",
     "exemption",
     "findings",
+    "has_too_few",
     "hit_weights_of",
     "judge",
     "metric_of",

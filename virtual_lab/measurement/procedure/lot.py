@@ -32,6 +32,16 @@ def admit_balls(procedure: Procedure, balls: MeasuredBalls) -> Mask:
     return np.asarray(fit | ~fit.any(axis=-1, keepdims=True))
 
 
+def has_too_few(procedure: Procedure, balls: MeasuredBalls) -> Mask:
+    """Return whether too few balls of each lot are within the windows, (...).
+
+    Too few are none, or a share of the balls below `least_admitted` of the procedure.
+    """
+    light, e0 = _misfits(procedure, balls)
+    admitted = (~(light | e0)).mean(axis=-1)
+    return np.asarray((admitted < procedure.least_admitted - 1e-9) | (admitted == 0))
+
+
 def set_aside(procedure: Procedure, balls: MeasuredBalls) -> tuple[SetAside, ...]:
     """Return the balls of one lot with a mass or e0 outside the window, each with the reason.
 

@@ -18,7 +18,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     TrueConstant,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
-from virtual_lab.streams import Draws
+from virtual_lab.streams import Draws, Slots
 from virtual_lab.uncertainty.estimate import Estimate
 
 POSSIBLE = 0.05, 0.95  # range of the relative humidity
@@ -42,9 +42,11 @@ class HallSpec(Spec):
     humidity_spread: Share
     humidity_change: Share
 
-    def draw_humidity(self, draws: Draws, name: str) -> NDArray[np.float64]:
+    def draw_humidity(
+        self, draws: Draws, name: str, slots: Slots | None = None
+    ) -> NDArray[np.float64]:
         """Draw the relative humidity in which a lot is kept, 0 to 1, one per laboratory."""
-        damp = self.humidity + self.humidity_spread * draws.normal(name)
+        damp = self.humidity + self.humidity_spread * draws.normal(name, (), slots)
         return np.clip(damp, *POSSIBLE)
 
 

@@ -271,25 +271,27 @@ def _spec_of_owners(spec: BallSpec, owner: Any) -> BallSpec:
     )
 
 
-def draw_lot(spec: BallSpec, draws: Draws, store: Array | None = None) -> BallSpec:
+def draw_lot(
+    spec: BallSpec, draws: Draws, store: Array | None = None, box: Slots | None = None
+) -> BallSpec:
     """Return a copy of a ball's data sheet with the properties of a lot, drawn at random [SI].
 
     The properties are radius, stiffness, and level and slope of the ball-wall restitution e0. For a
     block of laboratories they are arrays (laboratory,), because each laboratory has its own lot.
     `store` is the relative humidity in which the lot was kept, 0 to 1, (laboratory,); None means
-    the humidity of the sheet.
+    the humidity of the sheet. `box` is the number of its box, (laboratory,); None means the first.
     """
-    wider, steeper = draws.normal("lot", 2).T
+    wider, steeper = draws.normal("lot", 2, box).T
     line, law = spec.restitution, spec.humidity
     damp: Any = 1.0 if law is None or store is None else law.factor(store)
-    stiffer: Any = draws.normal("lot.stiffness")
+    stiffer: Any = draws.normal("lot.stiffness", (), box)
     return replace(
         spec,
         radius=spec.radius + spec.radius_u * wider,
         stiffness=spec.stiffness * (1 + spec.stiffness_spread * stiffer),
         restitution=replace(
             line,
-            value=damp * (line.value + line.value_u * draws.normal("lot.level")),
+            value=damp * (line.value + line.value_u * draws.normal("lot.level", (), box)),
             slope=damp * (line.slope + line.slope_u * steeper),
         ),
     )
@@ -301,6 +303,7 @@ def draw_balls(
     draws: Draws,
     lot: Draws | None = None,
     store: Array | None = None,
+    box: Slots | None = None,
 ) -> TrueBalls:
     """Return balls of a lot, drawn at random, with arrays of mass [kg] and restitution, (ball,).
 
@@ -320,9 +323,12 @@ def draw_balls(
     store
         Relative humidity in which the lot is kept, 0 to 1, (laboratory,). If None, it is the
         humidity of the data sheet.
+    box
+        Number of the box that each laboratory opens, from 0, (laboratory,). Each box is a lot of
+        its own. If None, it is the first.
     """
-    mass, restitution = np.moveaxis(draws.normal("balls", (2, number)), -2, 0)
-    lot_spec, spread = draw_lot(spec, lot or draws, store), spec.spread
+    mass, restitution = np.moveaxis(draws.normal("balls", (2, number), box), -2, 0)
+    lot_spec, spread = draw_lot(spec, lot or draws, store, box), spec.spread
     level = np.asarray(lot_spec.restitution.value)[..., None]
     return TrueBalls(
         spec=lot_spec,

@@ -186,7 +186,7 @@ class FilmingStation(Station, Protocol):
 class StoringStation(Station, Protocol):
     """A station with a store in which the balls are kept."""
 
-    def store_humidity(self, draws: Draws) -> Array | None:
+    def store_humidity(self, draws: Draws, box: Slots | None = None) -> Array | None:
         """Return the relative humidity of the store, 0 to 1, (laboratory,), None without one."""
         ...
 

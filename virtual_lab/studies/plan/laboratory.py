@@ -108,11 +108,11 @@ class PlannedLaboratory:
 
         The actions take as long as at the rehearsal bench. The time to weigh the balls is
         proportional to the number of balls. The time to fire them at the wall is proportional to
-        the number of wall hits.
+        the number of wall hits. Both include the balls of boxes with too few balls in the windows.
         """
         actions = catalog.sheet("bench", "actions")[0]["actions"]
         forecast, present = self.forecast, self.forecast.present
-        balls = np.asarray(counts.balls) / present.balls
+        balls = np.asarray(counts.balls) / present.balls * forecast.sample.boxes.mean()
         times: dict[str, Array] = {
             "weigh-balls": balls,
             "hit-wall": balls * counts.wall_hits / present.wall_hits,

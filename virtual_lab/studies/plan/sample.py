@@ -48,6 +48,7 @@ class SampledTests(AlignedArrays):
     at_best: Whole  # number of shots at the impact position of the result
     valid_at_best: Whole
     admitted: Array  # number of balls that the procedure admits
+    boxes: Whole  # number of boxes of balls that were opened
     by_ball: Array  # derivative of the metric with respect to e0 of each ball, (laboratory, ball)
     shares: Array  # weight of each ball's hits in the result, (laboratory, ball)
     # sum of the squared shares if 1, 2, … balls had been fired in turn, (laboratory, balls)
@@ -56,7 +57,7 @@ class SampledTests(AlignedArrays):
     aligned: ClassVar = (
         *("has_result", "invalid", "u", "squares", "total", "unexplained", "dof", "weighing"),
         *("wall_variance", "shots", "valid", "places", "full", "at_best", "valid_at_best"),
-        *("admitted", "by_ball", "shares", "dealt"),
+        *("admitted", "boxes", "by_ball", "shares", "dealt"),
     )
 
     @classmethod
@@ -129,6 +130,7 @@ def sample_of(tested: BlockTest) -> SampledTests:
         at_best=np.bincount(owner, best, count),
         valid_at_best=np.bincount(owner, best & reduced.valid, count),
         admitted=reduced.preparation.used.reshape(count, -1).sum(axis=1),
+        boxes=certified.block.boxes,
         by_ball=parts.effect[:, of_balls] / u_ball,
         shares=shares,
         dealt=np.stack([_dealt(weights, n + 1) for n in range(MOST_DEALT * len(of_balls))], 1),

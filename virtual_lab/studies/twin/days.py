@@ -187,6 +187,7 @@ class TwinDays:
             stations=stations,
             specimen=Specimen(bat=bat, balls=balls, collision=statement.law),
             calibration={name: _stack(each, count) for name, each in entered.items()},
+            box=np.zeros(np.shape(days), dtype=np.intp),
         )
 
 
