@@ -33,9 +33,11 @@ def laboratory(
     stray: float = 0.0,
     valid: int = 6,
     verdict: str = "PASS",
+    **others: Array,
 ) -> Any:
     """Return a block of one with six hits, whose results are `errors` above the truth.
 
+    `others` are true values of the metric by another definition.
     `stray` [m] is the distance of the marks to either side of the mean aim.
     """
     value = np.array([TRUE + errors])
@@ -61,7 +63,7 @@ def laboratory(
                 calibration={"impact.cannon.along": SimpleNamespace(value=np.array([AIM]))},
             ),
         ),
-        measurands=dict.fromkeys(names, np.array([TRUE])),
+        measurands=dict.fromkeys(names, np.array([TRUE])) | others,
     )
 
 
@@ -97,6 +99,18 @@ def test_a_truth_above_the_interval_is_counted_above(studied: Any) -> None:
     tests = [laboratory(error) for error in (-0.03, -0.03, 0.03, *[0.0] * 7)]
     for row in studied(tests):
         assert (row.coverage, row.above, row.below) == pytest.approx((0.7, 0.2, 0.1))
+
+
+def test_a_metric_converted_by_a_formula_is_also_compared_with_the_standard_ball() -> None:
+    """The true values differ by .02: one of four intervals (u .01) holds both."""
+    true = {"metric_with_standard_ball": np.array([TRUE + 0.02])}
+    errors = (-0.01, 0.015, 0.03, 0.05)
+    parts = [study.sample(laboratory(error, **true)) for error in errors]
+    rows = study.coverage_table(parts, "r161", "astm-f1881", 1)
+    shares = {row.quantity: row.coverage for row in rows}
+    assert shares.pop("metric_with_standard_ball") == 0.5
+    assert set(shares.values()) == {0.5}
+    assert [row.quantity for row in rows][:2] == ["metric", "metric_with_standard_ball"]
 
 
 def test_the_edge_of_an_interval_is_students(studied: Any) -> None:

@@ -120,17 +120,24 @@ def test_the_bias_without_noise_is_below_1e_3() -> None:
         limit = 4e-3 if row["bat"] == "check-cylinder" else 1e-3
         assert abs(row["collision_efficiency_bias"]) < limit
         assert abs(row["ball_restitution_bias"]) < 1e-5
+    e_A = [row["collision_efficiency_bias"] for row in rows]
+    line = f"collision efficiency bias: {min(e_A):+.1e} to {max(e_A):+.1e} over all bats"
+    assert line in rows.text.splitlines()
 
 
 def test_a_known_error_is_scored_in_units_of_u() -> None:
     names = ("collision_efficiency", "restitution", "recoil_factor", "ball_restitution")
-    certificate = {"metric": {"name": "bat_performance_factor", "value": 1.0, "u": 0.01}}
+    metric = {"name": "bat_performance_factor", "value": 1.0, "u": 0.01}
+    certificate = {"metric": metric | {"interval_95": [0.975, 1.025]}}
     certificate |= {name: {"value": 0.25, "u": 0.0} for name in names}
-    true = dict.fromkeys(names, 0.25) | {"metric": 0.98}
+    true = dict.fromkeys(names, 0.25) | {"metric": 0.98, "metric_with_standard_ball": 0.97}
     rows = score(certificate, true)
     assert rows["metric"].error == pytest.approx(0.02)
     assert rows["metric"].z == pytest.approx(2.0)
     assert rows["restitution"].z is None
+    assert rows["metric_with_standard_ball"].z == pytest.approx(3.0)
+    held = [rows[name].held for name in ("metric", "metric_with_standard_ball", "restitution")]
+    assert held == [True, False, None]
 
 
 def test_one_laboratory_is_too_few_for_coverage() -> None:

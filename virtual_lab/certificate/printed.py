@@ -398,7 +398,10 @@ def _correction(correction: CorrectionStated | None) -> str:
         return ""
     standard, control = correction.standard, correction.control
     if control is None:
-        return f"is converted to a ball with e0 = {standard:g} by the method {correction.method}"
+        return (
+            f"is converted to a ball with e0 = {standard:g} by the method {correction.method}, a "
+            "formula of this program that no standard states; its own error is not in u"
+        )
     ratio = _with_u(control)
     return (
         f"has been divided by {ratio['value']} (u = {ratio['u']}), the ratio of the control bat's "

@@ -56,6 +56,8 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "true": _M("true value", PER_ROW),
     "error": _M("value minus true value", PER_ROW),
     "z": _M("error divided by u"),
+    "held": _M("whether the 95 % interval holds the true value", WORDS),
+    "formula_error": _M("metric by the formula minus that with the standard ball", PER_ROW),
     "limit": _M("limit of the procedure for the metric", PER_ROW),
     "risk": _M("risk of a wrong verdict, with no knowledge of the bat before the test"),
     "valid_hits": _M("number of valid hits", WORDS),
@@ -255,6 +257,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "name": _M("name of the entry", WORDS),
     "title": _M("title in one line", WORDS),
     "metric_of_continuous_curve": _M("maximum of the exact curve along the barrel", PER_ROW),
+    "metric_with_standard_ball": _M("metric of the bat struck by the standard ball", PER_ROW),
     "metric_as_found": _M("metric before the correction for the balls", PER_ROW),
     "width_m": _M("width of the curve along the barrel at the stated drop"),
     # a sheet of the catalog

@@ -23,6 +23,7 @@ from virtual_lab.streams import Owner
 from virtual_lab.units import Array
 
 CONTINUOUS = "metric_of_continuous_curve"
+STANDARD_BALL = "metric_with_standard_ball"
 WIDTH_KEY = "width_m"
 POINTS = 41  # number of points of the continuous curve
 
@@ -46,6 +47,9 @@ def measurands(
       exists only if the scan states `width_drop`.
     * ``metric_as_found`` is the metric before the conversion to a standard ball. It exists only if
       the procedure requires this conversion.
+    * ``metric_with_standard_ball`` is the metric of the bat struck by the standard ball, which has
+      the same e0 at every speed. It comes from the dynamics, without the formula of the conversion.
+      It exists only if the procedure converts to a standard ball.
 
     All values are NaN in a laboratory without a result.
 
@@ -68,11 +72,11 @@ def measurands(
     laboratories = reduced.preparation.laboratories
     one_lot = specimen.balls.mass.ndim == 1
 
-    def curve_at(position: Array, whose: NDArray[np.intp]) -> TrueCurve:
-        return true_curve(station, specimen, procedure, position, ... if one_lot else whose)
+    def curve_at(position: Array, whose: NDArray[np.intp], struck: Specimen) -> TrueCurve:
+        return true_curve(station, struck, procedure, position, ... if one_lot else whose)
 
     at, inverse = np.unique(owner + 1j * reduced.position, return_inverse=True)
-    curve = curve_at(at.imag, at.real.astype(np.intp))
+    curve = curve_at(at.imag, at.real.astype(np.intp), specimen)
     finite_weights = np.where(np.isfinite(weights), weights, 0.0)
     has_result = np.bincount(owner, finite_weights != 0, laboratories) > 0
     true_values: dict[str, Array] = {
@@ -88,9 +92,16 @@ def measurands(
         plain = replace(curve, procedure=procedure.as_found)
         true = true[0], plain.metric()[inverse]  # at the position of the result
         true_values[AS_FOUND] = results_of_curves(procedure, laboratories, visited, *true)
+    if (standard := procedure.standard_restitution) is not None:
+        balls = specimen.balls.with_restitution(standard)
+        struck = curve_at(at.imag, at.real.astype(np.intp), replace(specimen, balls=balls))
+        struck = replace(struck, procedure=procedure.as_found)
+        true = struck.objective()[inverse], struck.metric()[inverse]
+        true_values[STANDARD_BALL] = results_of_curves(procedure, laboratories, visited, *true)
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
-        smooth = curve_at(np.tile(along, laboratories), np.arange(laboratories).repeat(POINTS))
+        whose = np.arange(laboratories).repeat(POINTS)
+        smooth = curve_at(np.tile(along, laboratories), whose, specimen)
         shape = laboratories, POINTS
         true_values |= _continuous_results(
             procedure.scan,

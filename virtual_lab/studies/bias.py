@@ -15,6 +15,7 @@ import numpy as np
 
 from virtual_lab import catalog
 from virtual_lab.lab import TestSetup, certify_bat
+from virtual_lab.lab.measurand import STANDARD_BALL
 from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
@@ -22,6 +23,8 @@ from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import Column
 from virtual_lab.sheets import AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.stations.rig import Reality
+
+FORMULA = "formula_error"
 
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
@@ -61,7 +64,8 @@ def bias(
 
     The table has one row per bat in the catalog and one column per quantity, such as
     ``restitution_bias``. An entry is None if the test of the bat gave no result, for example if a
-    scan has no maximum.
+    scan has no maximum. If the procedure converts the metric to a standard ball, ``formula_error``
+    is the metric by this formula minus that of the bat struck by the standard ball, both true.
 
     Parameters
     ----------
@@ -83,22 +87,31 @@ def bias(
         The procedure is unknown, or a file cannot be used.
     """
     procedure = entry_name(procedure)
-    rows, bats = [], catalog.names("bats")
+    rows, bats, table = [], catalog.names("bats"), dict[str, list[float]]()
     for number, bat in enumerate(bats):
         progress("bats", number, len(bats))
         tested = certify_bat(
             TestSetup.of(bat, procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
         )
         measured, true = tested.certification.quantities, tested.sealed.measurand
-        errors = {
+        errors: dict[str, float | None] = {
             f"{name}_bias": measured[name].value - true[name] if measured else None
             for name in QUANTITIES
         }
+        if tested.certification.procedure.standard_restitution is not None:
+            errors[FORMULA] = true["metric"] - true[STANDARD_BALL] if measured else None
+        for name, error in errors.items():
+            if error is not None:
+                table.setdefault(name, []).append(error)
         rows.append({"bat": bat, **errors})
+    columns = {name: Column(name.replace("_", " "), form="+.1e") for name in table}
     return Biases(
         name="bias",
         title=f"measured minus true value by {procedure}, without randomness",
-        columns={"bat": Column("bat")}
-        | {f"{name}_bias": Column(name.replace("_", " "), form="+.1e") for name in QUANTITIES},
+        columns={"bat": Column("bat")} | columns,
+        words="\n".join(
+            f"{columns[name].title}: {min(values):+.1e} to {max(values):+.1e} over all bats"
+            for name, values in table.items()
+        ),
         rows=rows,
     )

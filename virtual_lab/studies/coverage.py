@@ -20,7 +20,7 @@ from scipy.stats import binom, binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
-from virtual_lab.lab.measurand import true_curve
+from virtual_lab.lab.measurand import STANDARD_BALL, true_curve
 from virtual_lab.measurement.procedure import variances_within
 from virtual_lab.measurement.procedure.model import QUANTITIES
 from virtual_lab.output.metrics import METRICS
@@ -270,9 +270,9 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
     Laboratories with an INVALID test are only counted. Raises `ValueError` if no laboratory has a
     result.
     """
-    names = ("metric", *QUANTITIES)
+    order = ("metric", STANDARD_BALL, *QUANTITIES)
     nominal = RoundRobin.of(bat, procedure)
-    rows_of_quantity: dict[str, list[Array]] = {name: [] for name in names}
+    rows_of_quantity: dict[str, list[Array]] = {name: [] for name in order}
     strayed: list[Array] = []
     bends: dict[str, float] = {}
     rehearsal = None
@@ -288,14 +288,17 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
             bends = _curvatures(first, place)
             rehearsal = Rehearsal.of(first, place) if first.rules.spec.scan else None
         strayed.append(np.stack([part.stray, part.scatter], axis=1)[part.sound])
-        for name in names:
+        for name in order:
+            if name not in part.results:
+                continue
             beside = 0.0 if rehearsal and name == "metric" else part.beside
             rows_of_quantity[name].append(
                 part.results[name].rows(bends[name] * beside / 2)[part.sound]
             )
     rejected = 1 - valid / fired
     about = {"bat": bat, "procedure": procedure, "invalid": invalid, "rejected": rejected}
-    units = {"metric": METRICS[nominal.setup.rules.spec.metric].si_unit}
+    unit = METRICS[nominal.setup.rules.spec.metric].si_unit
+    units = {"metric": unit, STANDARD_BALL: unit}
     metric, *rows = (
         _row(
             np.concatenate(rows_of_quantity[name]),
@@ -303,7 +306,8 @@ def coverage_table(samples: Iterable[Sample], bat: str, procedure: str, seed: in
             unit=units.get(name, ""),
             **about,
         )
-        for name in names
+        for name in order
+        if rows_of_quantity[name]
     )
     if rehearsal:
         hit_scatter = rehearsal.hit_scatter(*np.sqrt(np.mean(np.concatenate(strayed), axis=0)))
@@ -385,14 +389,18 @@ def sample(tested: BlockTest) -> Sample:
             owner[in_result], reduced.position[in_result], metric[in_result], count
         ),
         results={
-            name: Results(
+            true: Results(
                 value=budgets.value,
                 u=budgets.u,
                 dof=budgets.dof,
                 shift=budgets.components.shift.sum(axis=1),
-                true=tested.measurands[name],
+                true=tested.measurands[true],
             )
-            for name, budgets in certified.results.items()
+            for true, budgets in (
+                *certified.results.items(),
+                (STANDARD_BALL, certified.results["metric"]),
+            )
+            if true in tested.measurands
         },
     )
 
@@ -403,7 +411,7 @@ def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
     places = place + step * np.array([-1.0, 0.0, 1.0])
     procedure = laboratory.rules.spec
     curve = true_curve(laboratory.impact, laboratory.specimen, procedure, places)
-    values = curve.quantities | {"metric": curve.metric()}
+    values = curve.quantities | dict.fromkeys(("metric", STANDARD_BALL), curve.metric())
     return {name: float(np.diff(row, 2)[0]) / step**2 for name, row in values.items()}
 
 

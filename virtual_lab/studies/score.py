@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.certificate.seal import TRUTH, Alteration, alterations
 from virtual_lab.errors import InputError
 from virtual_lab.files import read_bytes, read_json
-from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
+from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.result import Json, StudyResult
@@ -30,7 +30,8 @@ class QuantityScore:
     """Measured and true value of a quantity in `unit`, its SI unit.
 
     Measured value, u, error and z are None if there is no measured value. z is the error divided by
-    u, and it is also None if u is 0.
+    u, and it is also None if u is 0. `held` states whether the 95 % interval of the certificate
+    holds the true value; None if the certificate states no interval.
     """
 
     quantity: str = column("quantity")
@@ -40,19 +41,35 @@ class QuantityScore:
     true: float = column("true", "SI", ".6f")
     error: float | None = column("error", "SI", "+.6f")
     z: float | None = column("error", "u", "+.2f")
+    held: bool | None = column(
+        "in the 95 % interval", form=lambda row: {True: "yes", False: "no", None: ""}[row.held]
+    )
 
     @classmethod
     def of(
         cls, quantity: str, measured: Mapping[str, Any], true: float, unit: str = ""
     ) -> QuantityScore:
-        """Return the score of a result; `measured` has the keys `value` and `u`.
+        """Return the score of a result.
+
+        `measured` has the keys `value` and `u`, and ``interval_95`` if the certificate states it.
 
         Without a value the error is None. z is None without a value, and if u is None or 0.
         """
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
         z = error / u if error is not None and u else None
-        return cls(quantity=quantity, unit=unit, value=value, u=u, true=true, error=error, z=z)
+        interval = measured.get("interval_95")
+        held = interval[0] <= true <= interval[1] if interval else None
+        return cls(
+            quantity=quantity,
+            unit=unit,
+            value=value,
+            u=u,
+            true=true,
+            error=error,
+            z=z,
+            held=held,
+        )
 
 
 def score(
@@ -61,7 +78,9 @@ def score(
     """Return each certified quantity compared with its true value, keyed by name, in SI units.
 
     The metric of a scan is compared with two true values: the result of the procedure on the exact
-    curve, and the maximum of this curve.
+    curve, and the maximum of this curve. A metric that is converted to a standard ball is also
+    compared with that of the bat struck by this ball. This true value does not use the formula of
+    the conversion, so the difference of the two true values is the error of the formula.
 
     Two quantities are compared only if the certificate states them:
 
@@ -84,14 +103,14 @@ def score(
     if not measurand:
         return {}
     stated = {"metric": certificate["metric"]}
-    if CONTINUOUS in measurand:
-        stated[CONTINUOUS] = certificate["metric"]
+    others = CONTINUOUS, STANDARD_BALL
+    stated |= {name: certificate["metric"] for name in others if name in measurand}
     stated |= {name: certificate[name] for name in QUANTITIES if name in certificate}
     if AS_FOUND in measurand and (correction := certificate["ball_correction"]):
         stated[AS_FOUND] = correction["as_found"]
     if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
         stated[WIDTH_KEY] = certificate[WIDTH_KEY]
-    units = dict.fromkeys(("metric", CONTINUOUS, AS_FOUND), certificate["metric"].get("unit", ""))
+    units = dict.fromkeys(("metric", *others, AS_FOUND), certificate["metric"].get("unit", ""))
     units |= {WIDTH_KEY: "m"}
     return {
         name: QuantityScore.of(name, result, measurand[name], units.get(name, ""))

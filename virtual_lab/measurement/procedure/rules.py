@@ -139,10 +139,10 @@ class Game(Spec):
 class BallCorrection(Spec):
     """Correction for balls that differ from the standard ball.
 
-    `none`: no correction. `ratio`: e is proportional to e0, which is exact for a rigid shell.
+    `none`: no correction. `ratio`: e is proportional to e0, which is exact for a rigid body.
     `trampoline`: the stiffness ratio of shell and ball follows from e and e0, and gives e with the
-    standard ball. `control-bat`: e is proportional to the result of a bat of known e with the same
-    lot.
+    standard ball. Both leave out the vibration of the bat. `control-bat`: e is proportional to the
+    result of a bat of known e with the same lot.
     """
 
     method: Literal["none", "ratio", "trampoline", "control-bat"]
@@ -282,6 +282,14 @@ class Procedure(Spec):
     def normalized(self) -> bool:
         """Whether the metric is converted to another ball than the balls of the lot."""
         return self.correction is not None and self.correction.method != "none"
+
+    @property
+    def standard_restitution(self) -> float | None:
+        """e0 of the standard ball to which the metric is converted; None: to none."""
+        correction = self.correction
+        if correction is None or correction.method not in ("ratio", "trampoline"):
+            return None
+        return correction.standard
 
     @property
     def controlled(self) -> bool:

@@ -154,6 +154,15 @@ class TrueBalls:
         mean_loss = np.bincount(number, loss, size) / np.maximum(hits, 1)
         return replace(self, restitution=self.restitution - mean_loss.reshape(self.mass.shape))
 
+    def with_restitution(self, e0: float) -> TrueBalls:
+        """Return these balls with the ball-wall restitution `e0` at every speed."""
+        line = self.spec.restitution
+        value: Any = np.full_like(line.value, e0)
+        slope: Any = np.zeros_like(line.slope)
+        line = replace(line, value=value, slope=slope, floor=0.0)
+        spec = replace(self.spec, restitution=line)
+        return replace(self, spec=spec, restitution=np.full_like(self.restitution, e0))
+
     def mean_ball(self) -> TrueBalls:
         """Return a lot of one ball, the mean of this lot, to which a measurand refers."""
         mask = np.zeros(self.mass.shape, dtype=bool)
