@@ -17,7 +17,7 @@ from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.errors import InputError
-from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
+from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure import Procedure, Verdict
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
@@ -68,7 +68,7 @@ def test_ideal_laboratory_recovers_the_truth(procedure: str, bat: str, played: P
     assert found.hit_weights.reasons == ("",)
     assert found.metric is not None
     assert found.metric.value == pytest.approx(true["metric"], rel=1e-9)
-    beside = {"metric", CONTINUOUS, WIDTH_KEY}
+    beside = {"metric", CONTINUOUS, STANDARD_BALL, WIDTH_KEY}
     known = QUANTITIES.keys() | ({AS_FOUND} if found.procedure.normalized else set())
     assert found.quantities.keys() == known == true.keys() - beside
     for name, budget in found.quantities.items():
