@@ -134,6 +134,24 @@ def hits(count: int, seed: int, size: int) -> Figures:
     return {"median u": (float(u.median()), float(ends.diff().iloc[-1] / 2))}
 
 
+def cannon(seed: int, size: int) -> Figures:
+    """Return the mean u of the laboratory, and with a cannon without errors along the bat."""
+    perfect = vl.instrument("slow-cannon").with_(along_scatter="0 mm", along_u="0 mm")
+    figures: Figures = {}
+    for name, sheets in {"present": [], "perfect cannon": [perfect]}.items():
+        u = vl.sweep("r161", laboratories=size, seed=seed, instruments=sheets, progress=quiet)["u"]
+        figures[f"mean u, {name}"] = float(u.mean()), float(u.std() / sqrt(size))
+    return figures
+
+
+def weight(seed: int, size: int) -> Figures:
+    """Return the share of individual R161 that bbcor would reject for their weight."""
+    bat = vl.bat("r161").with_(construction="aluminum")  # wood is exempt
+    more = {"laboratories": size, "seed": seed, "individual": True, "progress": quiet}
+    reasons = vl.sweep(bat, procedures=["bbcor"], **more)["reason"]
+    return {"too light": share(float(reasons.str.contains("minus weight").sum()), size)}
+
+
 def coverage(procedure: str, seed: int, size: int) -> Figures:
     """Return coverage, bias, and the rms error; seed 1 is that of the stored table."""
     bat, kept = bat_of(procedure), {}
@@ -162,6 +180,8 @@ STUDIES: dict[str, Callable[[int, int], Figures]] = {
     "critique astm-f1881": partial(critique, "barrel-loaded", "knob-loaded", "astm-f1881"),
     "critique bbcor": partial(critique, "barrel-loaded", "knob-loaded", "bbcor"),
     "critique ncaa-besr": partial(critique, "ea70", "knob-loaded", "ncaa-besr"),
+    "cannon": cannon,
+    "weight": weight,
     **{f"hits {count}": partial(hits, count) for count in (6, 12, 24)},
     **{
         f"coverage {name}": partial(coverage, name)
