@@ -20,8 +20,9 @@ Value = TypeVar("Value", float, Array)
 
 # options of kernels called from Python: no wrapper for C, which takes time to compile
 KERNEL: dict[str, Any] = {"cache": True, "no_cfunc_wrapper": True}
-# Options of functions that only kernels call: no wrapper at all. The compiled code of such a
-# function is in the cache of its callers.
+# Options of functions that only kernels call: no wrapper at all, and no cache. The compiled code of
+# such a function is in the cache of its callers. If it had a cache of its own, a caller compiled in
+# a later process could not inline it, and the last bits of its sums would differ.
 INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 INCH = 0.0254  # m

@@ -10,7 +10,7 @@ from math import expm1
 from numba import njit
 
 from virtual_lab.relations.flight import SERIES, SERIES_BELOW
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 BLOCK = 256
 # The only flag is nsz, so NaN stays NaN. Contraction is not allowed, because the last bits of a
@@ -18,7 +18,7 @@ BLOCK = 256
 FAST = {"nsz"}
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def time_over(distance: Array, pace: Array, drag: Array, out: Array) -> None:
     """Fill `out` with the times of flight [s] over the distances `way`, one per shot.
 

@@ -145,7 +145,7 @@ def _uniform(words: Words, out: Floats) -> None:
         out[i] = between[i] - 1.5 + 2.0**-53
 
 
-@njit(**KERNEL, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _normal(numbers: Floats, values: Floats, tails: Floats, at: Whole) -> None:
     """Convert uniform numbers between -1/2 and 1/2 to normal numbers with the same quantiles."""
     for i in range(numbers.size):

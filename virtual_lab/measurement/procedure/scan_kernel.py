@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array, Mask
+from virtual_lab.units import INNER, Array, Mask
 
 LEAST = 1e-9  # rounding [m]
 
@@ -36,14 +36,14 @@ class ScanRules(NamedTuple):
     tolerance: float  # half a setting step
 
 
-@njit(cache=True)
+@njit(**INNER)
 def max_scan_shots(rules: ScanRules) -> int:
     """Return an upper limit for the number of shots that a scan can need in one round."""
     positions = int((rules.high - rules.low) / min(rules.coarse_step, rules.fine_step)) + 2
     return positions * max(rules.coarse_hits, rules.valid_hits) + rules.final_hits
 
 
-@njit(cache=True)
+@njit(**INNER)
 def is_at(position: float, at: float, tolerance: float) -> bool:
     """Return whether a shot at `position` is at most `tolerance` away from the position `at` [m].
 
@@ -52,7 +52,7 @@ def is_at(position: float, at: float, tolerance: float) -> bool:
     return bool(abs(position - at) < tolerance + LEAST)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def count_scan_hits(position: Array, valid: Mask, rules: ScanRules, counted: Mask) -> None:
     """Fill `counted` with a mask of the hits that count for a scan.
 
@@ -69,7 +69,7 @@ def count_scan_hits(position: Array, valid: Mask, rules: ScanRules, counted: Mas
             counted[shot] = before < rules.valid_hits
 
 
-@njit(cache=True)
+@njit(**INNER)
 def mean_at(
     at: float, most: int, position: Array, valid: Mask, objective: Array, tolerance: float
 ) -> tuple[int, float]:
@@ -87,7 +87,7 @@ def mean_at(
     return count, total / max(count, 1)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def best_of(
     among: Array, most: int, position: Array, valid: Mask, objective: Array, rules: ScanRules
 ) -> int:
@@ -142,7 +142,7 @@ def find_final_hits(
     return count
 
 
-@njit(cache=True)
+@njit(**INNER)
 def next_hits(position: Array, valid: Mask, objective: Array, rules: ScanRules, out: Array) -> int:
     """Fill `out` with the positions of the next shots of one laboratory [m]. Return their number.
 
@@ -152,7 +152,7 @@ def next_hits(position: Array, valid: Mask, objective: Array, rules: ScanRules, 
     """
     coarse = np.arange(rules.low, rules.high + LEAST, rules.coarse_step)
     coarse = _hopeful(coarse, rules.coarse_hits, position, objective, rules.tolerance)
-    lacking = _lacking(coarse, rules.coarse_hits, position, valid, rules.tolerance, out)
+    lacking: int = _lacking(coarse, rules.coarse_hits, position, valid, rules.tolerance, out)
     if lacking or not coarse.size:
         return lacking
     middle = coarse[best_of(coarse, rules.coarse_hits, position, valid, objective, rules)]
@@ -349,13 +349,13 @@ def shortfalls_of_block(
             square[laboratory] += u**2 * ((1 + deficit**2) * share + deficit * density)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _round_position(position: Array) -> Array:
     """Return positions rounded to a micrometer, which removes rounding errors of sums."""
     return np.rint(position * 1e6) / 1e6
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _sort_distinct(values: Array) -> Array:
     """Return the distinct values in ascending order. `np.unique` takes seconds more to compile."""
     distinct, count = np.empty(values.size), 0
@@ -371,7 +371,7 @@ def _sort_distinct(values: Array) -> Array:
     return distinct[:count]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _select_complete(position: Array, valid: Mask, rules: ScanRules) -> tuple[Array, Mask]:
     """Return the positions with all hits of a scan, and the mask of these hits."""
     counted = np.empty(position.size, np.bool_)
@@ -387,14 +387,14 @@ def _select_complete(position: Array, valid: Mask, rules: ScanRules) -> tuple[Ar
     return positions[full], counted
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _next_to(best: float, complete: Array, rules: ScanRules) -> Mask:
     """Return a mask of the complete positions next to the best one."""
     distance = np.abs(complete - best)
     return (distance > 1e-6) & (distance < rules.fine_step + 4 * rules.tolerance)
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _hopeful(
     positions: Array, hits: int, position: Array, objective: Array, tolerance: float
 ) -> Array:
@@ -415,7 +415,7 @@ def _hopeful(
     return positions[hopeful]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _hits(at: float, position: Array, valid: Mask, tolerance: float) -> int:
     count = 0
     for shot in range(position.size):
@@ -423,7 +423,7 @@ def _hits(at: float, position: Array, valid: Mask, tolerance: float) -> int:
     return count
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _lacking(
     positions: Array, hits: int, position: Array, valid: Mask, tolerance: float, out: Array
 ) -> int:
@@ -436,7 +436,7 @@ def _lacking(
     return count
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _complete(positions: Array, position: Array, valid: Mask, rules: ScanRules) -> Array:
     full = np.empty(positions.size, np.bool_)
     for k in range(positions.size):

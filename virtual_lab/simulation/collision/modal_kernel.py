@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.collision.scene import Failure
 from virtual_lab.simulation.collision.splitting import SRKN_11
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 Counts = NDArray[np.int64]
 State = tuple[Array, Array, Array]  # views p, v, [s, s'] into one array
@@ -63,14 +63,14 @@ class Limits(NamedTuple):
 LIMITS = Limits()
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _copy(source: Array, target: Array) -> None:
     """Copy `source` into `target`. An assignment to a slice takes seconds more to compile."""
     for i in range(source.size):
         target[i] = source[i]
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(**INNER, fastmath=FAST)
 def _approach(s: float, g: Array, p: Array) -> float:
     total = s
     for i in range(p.size):
@@ -78,7 +78,7 @@ def _approach(s: float, g: Array, p: Array) -> float:
     return total
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _force(x: float, law: Law) -> tuple[float, float]:
     """Return the force [N] and the compression of the ball [m] at an approach x [m]."""
     coefficient, scale, power, compliance = law
@@ -95,7 +95,7 @@ def _force(x: float, law: Law) -> tuple[float, float]:
     return force, u
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(**INNER, fastmath=FAST)
 def _step(h: float, bat: Bat, law: Law, state: State) -> None:
     """Advance the state in place by the time h [s]."""
     c, g, w2 = bat
@@ -113,7 +113,7 @@ def _step(h: float, bat: Bat, law: Law, state: State) -> None:
                 p[i] += drift * v[i]
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[float, float]:
     """Return the quantity that is zero at the event, and its time derivative."""
     c, g, w2 = bat
@@ -130,7 +130,7 @@ def _miss(event: int, bat: Bat, law: Law, state: State, peak: float) -> tuple[fl
     return rate, bend
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _step_to(
     event: int, h: float, bat: Bat, law: Law, state: State, peak: float, y: Array, old: Array
 ) -> float:
@@ -141,7 +141,7 @@ def _step_to(
     low, high = 0.0, h
     after, slope = _miss(event, bat, law, state, peak)
     past_event = after > 0.0
-    t = h - after / slope
+    t: float = h - after / slope
     for _ in range(LIMITS.root_tries):
         if not low < t < high:
             t = 0.5 * (low + high)
@@ -158,7 +158,7 @@ def _step_to(
     return t
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _contact(
     h: float, bat: Bat, ball: Law, state: State, y: Array, old: Array
 ) -> tuple[float, float, int]:
@@ -197,7 +197,7 @@ def _contact(
     return nan, u_max, turns  # too many steps
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(**INNER, fastmath=FAST)
 def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
     """Set the state to `old` after a time t [s] of free motion. Return the approach [m]."""
     g, w2 = bat[1], bat[2]
@@ -209,10 +209,11 @@ def _ring(t: float, bat: Bat, state: State, y: Array, old: Array) -> float:
         sine, cosine, displacement = np.sin(w * t), np.cos(w * t), p[i]
         p[i] = displacement * cosine + v[i] / w * sine
         v[i] = v[i] * cosine - w * displacement * sine
-    return _approach(r[0], g, p)
+    x: float = _approach(r[0], g, p)
+    return x
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array) -> float:
     """Integrate the flight from the release in `y` to the next touch. Return its duration [s].
 
@@ -253,7 +254,7 @@ def _flight(h: float, limit: float, bat: Bat, state: State, y: Array, old: Array
     return inf
 
 
-@njit(cache=True, fastmath=FAST)
+@njit(**INNER, fastmath=FAST)
 def _energy(bat: Bat, state: State, loss: float) -> float:
     """Return the total energy after release as the squared speed of a ball [m^2/s^2]."""
     c, g, w2 = bat
@@ -264,7 +265,7 @@ def _energy(bat: Bat, state: State, loss: float) -> float:
     return float(r[1] ** 2 + c * energy)
 
 
-@njit(cache=True, nogil=True)
+@njit(**INNER)
 def _follow(
     h: float, window: float, bat: Bat, ball: Law, y: Array, old: Array, counts: Counts
 ) -> tuple[float, float]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 BLOCK = 256  # points per block, so that its polynomials fit in the first-level cache
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _polynomials(x: Array, out: Array) -> None:
     """Fill `out` (degree, point) with the Chebyshev polynomials at `x` (point,)."""
     for i in range(x.size):  # a slice takes seconds more to compile

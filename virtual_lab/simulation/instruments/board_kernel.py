@@ -10,7 +10,7 @@ from numba import njit
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
 from virtual_lab.simulation.instruments.gate_kernel import WAY, pass_gate
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 CENTRE_PHASES = 64  # number of tabulated positions of a center between two beams
 
@@ -200,7 +200,7 @@ def fill_gains(centre: Array, beams: int, radius: Array, memory: Array, gains: A
         gains[0, i], gains[1, i], gains[2, i] = entry[1], entry[2], entry[3]
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def _gains(phase: float, missing: float, radius: float) -> tuple[float, float, float]:
     """Return the three gains of `fill_gains` if the lowest `missing` beams are missing.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from virtual_lab.relations.flight_kernel import BLOCK, FAST, time_over
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 
 class Way(NamedTuple):
@@ -25,7 +25,7 @@ class Way(NamedTuple):
 WAY = Way()
 
 
-@njit(cache=True, fastmath=FAST, error_model="numpy")
+@njit(**INNER, fastmath=FAST, error_model="numpy")
 def pass_gate(
     flight: Array, distance: Array, gravity: Array, since: Array, height: Array, steep: Array
 ) -> None:

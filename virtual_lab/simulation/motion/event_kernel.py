@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.simulation.motion.played import Target
 from virtual_lab.simulation.motion.touch import TOUCHING, Obstacle
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 _, BAT, BAT_AGAIN, STOP, FRAME = range(len(Target))
 PLAYED, EDGE, GRAZED, FOLLOWED, MANY = range(len(Obstacle) + 1)
@@ -107,7 +107,7 @@ class Log(NamedTuple):
     refused: NDArray[np.int8]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _radius(place: float, scene: Scene) -> float:
     """Return the bat's radius [m]; beyond an end it is the radius of that end."""
     last = scene.knots.size - 1
@@ -121,7 +121,7 @@ def _radius(place: float, scene: Scene) -> float:
     return radius
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _move(state: Moving, time: float, shot: Own) -> Moving:
     """Return the state after a `time` [s] of free motion."""
     loss = shot.drag * hypot(state.vx, state.vz) * time
@@ -138,7 +138,7 @@ def _move(state: Moving, time: float, shot: Own) -> Moving:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _nearness(state: Moving, shot: Own, scene: Scene) -> Near:
     """Return gap and relative motion of ball and bat. The ends of the bat are flat."""
     c, s = cos(state.angle), sin(state.angle)
@@ -162,14 +162,14 @@ def _nearness(state: Moving, shot: Own, scene: Scene) -> Near:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _kick(state: Moving, gain: float, normal: tuple[float, float, float], rate: float) -> Moving:
     """Return the state with the ball's velocity changed by `gain` along `normal`, and `rate`."""
     vx, vy, vz = state.vx + gain * normal[0], state.vy + gain * normal[1], state.vz
     return Moving(state.x, state.y, state.z, vx, vy, vz + gain * normal[2], state.angle, rate)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[Moving, int]:
     """Return the state after a frictionless contact with this e_A, and the obstacle, 0 if none."""
     near = _nearness(state, shot, scene)
@@ -183,7 +183,7 @@ def _struck(state: Moving, efficiency: float, shot: Own, scene: Scene) -> tuple[
     return after, FOLLOWED if _nearness(after, shot, scene).approach >= 0 else PLAYED
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     """Return the time of the first touch of ball and bat before `until` [s], inf if there is none.
 
@@ -220,7 +220,7 @@ def _first_touch(state: Moving, until: float, shot: Own, scene: Scene) -> float:
     return time
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**INNER, error_model="numpy")
 def _next_solid(
     state: Moving, shot: Own, solids: Array
 ) -> tuple[float, int, tuple[float, float, float]]:
@@ -259,7 +259,7 @@ def _next_solid(
     return first, ahead, normal
 
 
-@njit(cache=True)
+@njit(**INNER)
 def _write(state: Moving, row: Array) -> None:
     for k in range(row.size):
         row[k] = state[k]
@@ -312,7 +312,9 @@ def carry_on(shots: NDArray[np.int64], efficiency: Array, scene: Scene, log: Log
                 state = _kick(state, gain, normal, state.rate)
                 log.kind[row, i] = int(solids[ahead, SOLID.kind])
             elif span == stop:
-                state = Moving(*state[:6], scene.stop, -scene.restitution * state.rate)
+                rebound = -scene.restitution * state.rate
+                flight = state.x, state.y, state.z, state.vx, state.vy, state.vz
+                state = Moving(*flight, scene.stop, rebound)
                 log.kind[row, i] = STOP
             elif span < free:
                 near = _nearness(state, shot, scene)

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 from virtual_lab.video.locate.rim_profiles import AT, SHADES, TABLE, TALLY, Profiles
 
 Noises = tuple[float, float, float, float, float]  # `Noise.figures`
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "cache": True, "nogil": True, "fastmath": True}
+FAST: dict[str, Any] = {"error_model": "numpy", "fastmath": True}
 NODES = np.zeros((33, 32, 2))  # nodes and weights of Gauss-Legendre rules, by number of nodes
 for _n in range(1, len(NODES)):
     NODES[_n, :_n] = np.stack(np.polynomial.legendre.leggauss(_n), axis=1)
@@ -38,7 +38,7 @@ class View(NamedTuple):
     way: Array  # (2,), shift of the ball during the exposure [pixel]
 
 
-@njit(**OPTIONS)
+@njit(**INNER, **FAST)
 def _fill(
     x: float, y: float, behind: float, p: Array, way: Array, rim: Profiles, light: Array, row: Array
 ) -> tuple[float, float]:
@@ -89,7 +89,7 @@ def _fill(
     return mean, outline / s
 
 
-@njit(**OPTIONS)
+@njit(**INNER, **FAST)
 def _weigh(
     value: float, mean: float, ball: float, edge: float, first: bool, noise: Noises, tally: Array
 ) -> float:
@@ -117,7 +117,7 @@ def _weigh(
     return float((1.0 if first else min(1.0, SUM.loose_sigmas / sqrt(misfit + 1e-30))) / v)
 
 
-@njit(**OPTIONS)
+@njit(**FAST, cache=True, nogil=True)
 def sector_sums(
     view: View, rim: Profiles, noise: Noises, p: Array, pattern: Array, first: bool, sums: Array
 ) -> Array:

@@ -16,10 +16,10 @@ from numba import config, njit, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 Pixels = NDArray[np.float32]
-FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
+FAST: dict[str, Any] = {"fastmath": True, "error_model": "numpy"}
 NODE_PHASES = 256  # number of tabulated positions of a node between two grid points
 REACH = 4.2  # half width of the blur [standard deviations]
 
@@ -61,7 +61,7 @@ class ShownBall(NamedTuple):
     spans: NDArray[np.int64]  # number of steps in which a spinning ball is rendered
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _bump(u: float) -> float:
     return float((1 - u * u) ** 2) if abs(u) < 1 else 0.0
 
@@ -89,7 +89,7 @@ def _albedo(x: float, y: float, z: float, look: Array) -> float:
     return float(white * (1 - contrast * dark))
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _spread(warp: Array, body: Array, light: Array, look: KernelLook, grid: Pixels) -> None:
     """Fill `grid` with rows of the disk and rows of its radiance, in alternation."""
     nodes, surface, table, size = look.nodes, look.surface, look.table, look.size
@@ -136,7 +136,7 @@ def _spread(warp: Array, body: Array, light: Array, look: KernelLook, grid: Pixe
             at += 2 * size
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _phase(part: float, table: Pixels, out: Pixels) -> None:
     """Set `out` to the Gaussian of a node at a fraction `part` of the grid spacing."""
     entry = NODE_PHASES * part
@@ -148,7 +148,7 @@ def _phase(part: float, table: Pixels, out: Pixels) -> None:
     add_row(out, 0, table, LANES * (number + 1), rest)
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _weights(
     path: Array,
     times: Array,
@@ -188,7 +188,7 @@ def _weights(
                     out[row + k, column + j] += weight * hy[k] * hx[j]
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _gather(
     grid: Pixels, planes: Pixels, weights: Array, first: NDArray[np.int64], out: Pixels
 ) -> None:
@@ -226,7 +226,7 @@ def _gather(
                         line[j] += weight * source[j]
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _rotate(turn: Array, share: float, body: Array, out: Array) -> None:
     """Set `out` to `body` (axes of the ball as rows), rotated by a share of a rotation vector."""
     angle = share * sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
@@ -240,7 +240,7 @@ def _rotate(turn: Array, share: float, body: Array, out: Array) -> None:
             out[k, i] = cos(angle) * body[k, i] + a * cross + b * along * turn[i]
 
 
-@njit(**FAST)
+@njit(**FAST, cache=True)
 def render(balls: ShownBall, look: KernelLook, out: Pixels) -> None:
     """Render the ball in each region, and add it to the values of `out`.
 

@@ -9,13 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 Pixels = NDArray[np.float32]
-FAST: dict[str, Any] = {"cache": True, "fastmath": True, "error_model": "numpy"}
+FAST: dict[str, Any] = {"fastmath": True, "error_model": "numpy"}
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _step(z: float) -> float:
     """Return the cumulative normal distribution at z."""
     if z > 6.0:
@@ -23,7 +23,7 @@ def _step(z: float) -> float:
     return 0.0 if z < -6.0 else 0.5 * (1 + erf(z / sqrt(2.0)))
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _crossing(edge: Array, y: float) -> tuple[float, float]:
     """Return x and the cosine of the slope of an edge (station, 2) at y, which falls along it."""
     k = 0
@@ -34,7 +34,7 @@ def _crossing(edge: Array, y: float) -> tuple[float, float]:
     return edge[k, 0] + slope * (y - edge[k, 1]), 1 / sqrt(1 + slope * slope)
 
 
-@njit(**FAST)
+@njit(**FAST, cache=True)
 def hide_behind(
     near: Array,
     far: Array,

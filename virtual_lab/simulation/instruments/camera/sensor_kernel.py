@@ -9,10 +9,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from virtual_lab.units import Array
+from virtual_lab.units import INNER, Array
 
 Pixels = NDArray[np.float32]
-FAST: dict[str, Any] = {"cache": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
+FAST: dict[str, Any] = {"fastmath": {"contract", "nsz"}, "error_model": "numpy"}
 DIM = np.float32(25)  # number of electrons below which the noise is exactly Poisson, not Gaussian
 # reciprocals of electron numbers up to the largest of a dim pixel; a product is faster than a
 # quotient
@@ -30,7 +30,7 @@ class Electronics(NamedTuple):
     top: float  # largest gray value
 
 
-@njit(**FAST)
+@njit(**FAST, cache=True)
 def expect(
     electrons: Pixels, corners: NDArray[np.int64], response: Pixels, dark: float, out: Pixels
 ) -> bool:
@@ -69,7 +69,7 @@ def expect(
     return dim > 0
 
 
-@njit(**FAST)
+@njit(**INNER, **FAST)
 def _poisson(mean: float, share: float) -> float:
     """Return the quantile of the Poisson distribution of `mean` at the probability `share`."""
     term = exp(-mean)
@@ -81,7 +81,7 @@ def _poisson(mean: float, share: float) -> float:
     return float(count)
 
 
-@njit(**FAST)
+@njit(**FAST, cache=True)
 def read_out(
     means: Pixels,
     corners: NDArray[np.int64],
