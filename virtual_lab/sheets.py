@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 NAMED = ("bats", "balls", "procedures")  # kinds of sheet with a new name after a change
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
+OMITTED = ("progress", "sign")  # arguments that no settings file has; a key is private
 REVEALING = ("seed", "faults", "instruments")  # arguments that would reveal the truth of a test
 LEFT_OUT = (
     "# seed and changes of the laboratory are left out, because they would reveal the truth\n"
@@ -449,8 +450,9 @@ def sheet_at(rigs: Mapping[str, str], key: str) -> tuple[Sheet, str]:
 def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> str:
     """Return the arguments of a call as the TOML text of a settings file, for ``--config``.
 
-    The text begins with `call`, as a comment. Arguments that are None, and `progress`, are omitted.
-    An argument that a file cannot contain (a sheet with changed values, an array, a function) is
+    The text begins with `call`, as a comment. Arguments that are None, and those in `OMITTED`, are
+    left out. Of an absolute path only the name is written, because the folder may be handed on. An
+    argument that a file cannot contain (a sheet with changed values, an array, a function) is
     only described in a comment.
 
     If `sealed` is True, seed, faults and changed instruments are omitted, because they would reveal
@@ -458,7 +460,7 @@ def settings_text(call: str, arguments: Mapping[str, Any], *, sealed: bool) -> s
     """
     settings, changed = {}, [f"# {call}\n", *([LEFT_OUT] if sealed else [])]
     for key, value in arguments.items():
-        if value is not None and key != "progress" and not (sealed and key in REVEALING):
+        if value is not None and key not in OMITTED and not (sealed and key in REVEALING):
             listed = isinstance(value, list | tuple)
             values = [_setting(each) for each in (value if listed else [value])]
             if None in values:
@@ -479,13 +481,21 @@ def _setting(value: Any) -> Any:
     """Return an argument as a value of a file; None if a file cannot contain it."""
     if isinstance(value, Sheet):
         if value.origin.endswith(".toml"):
-            return f"{value.name}={value.origin}"
+            return f"{value.name}={_unrooted(value.origin)}"
         has_file = value.name in _names(value.kind) or value.name.endswith(".toml")
-        return value.name if has_file and value == Sheet.of(value.kind, value.name) else None
+        same = has_file and value == Sheet.of(value.kind, value.name)
+        return _unrooted(value.name) if same else None
     if isinstance(value, Path):
-        return str(value)
+        return _unrooted(value)
+    if isinstance(value, str) and value.endswith(".toml"):
+        return _unrooted(value)
     value = value if getattr(value, "ndim", 0) else _plain(value)
     return value if isinstance(value, str | bool | int | float) else None
+
+
+def _unrooted(path: str | Path) -> str:
+    """Return a relative path unchanged, and of an absolute one the name."""
+    return Path(path).name if Path(path).is_absolute() else str(path)
 
 
 def toml_text(document: Mapping[str, Any]) -> str:

@@ -262,6 +262,20 @@ def test_settings_of_a_sealed_test_hide_the_laboratory() -> None:
     assert "instruments" in settings_text("x", hidden, sealed=False)
 
 
+def test_settings_hold_no_absolute_path_and_no_key(tmp_path: Path) -> None:
+    """Only the name of a file, because the folder may be handed on."""
+    bat, key = str(tmp_path / "mine.toml"), tmp_path / "key.pem"
+    paths = {"bat": bat, "laboratory": tmp_path / "lab.toml", "history": (tmp_path / "tests",)}
+    text = settings_text("x", {**paths, "procedure": "sub/rules.toml", "sign": key}, sealed=True)
+    assert tomllib.loads(text) == {
+        "bat": "mine.toml",
+        "laboratory": "lab.toml",
+        "history": ["tests"],
+        "procedure": "sub/rules.toml",
+    }
+    assert "key" not in text
+
+
 def test_settings_name_what_no_file_gives_again() -> None:
     """The settings contain neither the pixels of a clip nor a function."""
     frames = np.zeros((3, 20, 20), np.uint8)
