@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+import virtual_lab as vl
 from tests.certificate.altering import (
     Change,
     all_of,
@@ -83,6 +84,19 @@ def every(name: str, old: str, new: str) -> Change:
         path = folder / name
         assert old in path.read_text("utf-8")
         path.write_text(path.read_text("utf-8").replace(old, new), "utf-8", newline="")
+
+    return change
+
+
+def settings(line: str) -> Change:
+    """Put a line before the settings, and take away the line with the same key."""
+
+    def change(folder: Path) -> None:
+        path = folder / "settings.toml"
+        lines = path.read_text("utf-8").splitlines()
+        key = line.split(" = ", maxsplit=1)[0]
+        kept = [each for each in lines if not each.startswith(f"{key} = ")]
+        path.write_text("\n".join([*kept, line, ""]), "utf-8")
 
     return change
 
@@ -312,7 +326,18 @@ ALTERED: dict[
         "certificate.json",
         "session_digest",
     ),
+    # alterations of the settings
+    "another bat in the settings": (settings('bat = "ea70"'), "settings.toml", "bat"),
+    "a procedure in the settings": (settings('procedure = "bbcor"'), "settings.toml", "procedure"),
+    "another ball in the settings": (settings('ball = "other"'), "settings.toml", "ball"),
+    "an option in the settings": (settings('motion = "pymunk"'), "settings.toml", "motion"),
+    "settings that are no TOML": (settings("motion"), "settings.toml", "TOML"),
     # alterations of the truth
+    "a file beside the truth": (
+        lambda folder: (folder / "truth/more.json").write_text("{}"),
+        "truth/more.json",
+        "",
+    ),
     "the truth exchanged": (
         lambda folder: (folder / "truth/truth.json").write_text("no JSON"),
         "truth/truth.json",
@@ -601,6 +626,10 @@ def test_a_control_bats_test_that_is_missing_was_not_checked(
         assert (found.rows, found.code) == ((), 4), found.text
         assert found.unchecked == ("control: the folder is missing",)
         sums_again(folder)
+    change = all_of(in_session(lambda session: session.pop("control_sha256")), records_told_again)
+    change(folder)
+    sums_again(folder)
+    assert verify(folder).unchecked == ("control: the folder is missing",)
 
 
 def in_second(change: Change) -> Change:
@@ -619,6 +648,16 @@ def replaced_by(**values: object) -> Change:
     return change
 
 
+def other_report(folders: Path, bat: str, choices: dict[str, Any]) -> None:
+    """Put another valid report in place of the first, and state it in the second."""
+    shutil.rmtree(folders / "first")
+    vl.certify(bat, seed=7, **choices).save(folders / "first")
+    text = (folders / "first/certificate.json").read_text("utf-8")
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    replaced_by(digest=digest, number=number_by_hand(text))(folders / "second")
+    forms_again(folders / "second")
+
+
 CHAINED: dict[
     str, tuple[Change, str, str]
 ] = {  # change, and the row (file and key) that `verify` must name
@@ -634,6 +673,17 @@ CHAINED: dict[
         in_second(replaced_by(digest="0" * 64)),
         "../first/certificate.json",
         "sha256",
+    ),
+    "another number": (in_second(replaced_by(number="0" * 12)), "../first", "number"),
+    "a report on another bat": (
+        lambda folder: other_report(folder, "ea70", {}),
+        "../first/certificate.json",
+        "bat.name",
+    ),
+    "a report by another procedure": (
+        lambda folder: other_report(folder, "r161", {"procedure": "ncaa-besr"}),
+        "../first/certificate.json",
+        "procedure.name",
     ),
     "no report replaced": (
         in_second(renumbered(particulars__replaces=None)),
@@ -680,8 +730,9 @@ def test_a_replaced_report_of_another_program_differs_in_the_chain_too(
 ) -> None:
     folders = shutil.copytree(chain, tmp_path / "chain")
     in_all_forms(**OTHER, **BETTER)(folders / "first")
-    digest = hashlib.sha256((folders / "first/certificate.json").read_bytes()).hexdigest()
-    replaced_by(digest=digest)(folders / "second")
+    text = (folders / "first/certificate.json").read_text("utf-8")
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    replaced_by(digest=digest, number=number_by_hand(text))(folders / "second")
     forms_again(folders / "second")
     for each in folders.iterdir():
         sums_again(each)

@@ -105,6 +105,10 @@ def test_folder_and_reason_are_given_together(chain: Path, run: Run) -> None:  #
         vl.reduce(chain / "first" / "records", reason="wrong customer")
     with pytest.raises(InputError, match=r"certificate\.json"):
         vl.certify("r161", replaces=chain, reason="wrong customer")
+    with pytest.raises(InputError, match=r"bat.name = 'r161'; allowed: .* the same bat, ea70"):
+        vl.certify("ea70", replaces=chain / "first", reason="other")
+    with pytest.raises(InputError, match=r"procedure.name = 'astm-f1881'; allowed: .* bbcor"):
+        vl.certify("r161", procedure="bbcor", replaces=chain / "first", reason="other")
     code, _, err = run("certify", "r161", "--replaces", str(chain / "none"), "--reason", "x")
     assert code == 2
     assert "certificate.json" in err

@@ -7,6 +7,7 @@ import json
 import re
 import sys
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import page as validator
 import pytest
 from pypdf import PdfReader
 
+import virtual_lab as vl
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from tests.laboratories import certified
 from virtual_lab.api import Certificate
@@ -26,7 +28,7 @@ from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.pdf import certificate_pdf, pdf_name
 from virtual_lab.certificate.printed import NONE, printed_values
-from virtual_lab.certificate.seal import alterations
+from virtual_lab.certificate.seal import compared_seal
 from virtual_lab.certificate.text import certificate_text
 from virtual_lab.errors import IncompleteError, InputError
 from virtual_lab.records.particulars import NOTHING_STATED, Customer, particulars_of
@@ -222,7 +224,7 @@ def test_a_form_that_fails_costs_nothing_else(
     )
     assert out.splitlines()[-1] == str(tmp_path / "sealed")
     assert not list((tmp_path / "sealed").glob("*.pdf"))
-    assert alterations(tmp_path / "sealed") == []
+    assert not [*compared_seal(tmp_path / "sealed")]
     assert run("verify", str(tmp_path / "sealed"))[0] == 0
 
     monkeypatch.setattr(Certificate, "plot", fails)
@@ -252,7 +254,9 @@ def test_save_writes_the_pdf_on_request(tmp_path: Path, document: CertificateDoc
     test.save(tmp_path / "with", pdf=True)
     assert not list((tmp_path / "without").glob("*.pdf"))
     (path,) = (tmp_path / "with").glob("*.pdf")
-    assert path.read_bytes() == certificate_pdf(test.printed)
+    printed = vl.load(tmp_path / "with").printed
+    assert path.read_bytes() == certificate_pdf(printed)
+    assert printed.versions == test.printed.versions | {"typst": version("typst")}
     with pytest.raises(InputError, match="paper = 'a5'; allowed: a4, letter"):
         test.save(tmp_path / "a5", pdf=True, paper="a5")
     assert not (tmp_path / "a5").exists()

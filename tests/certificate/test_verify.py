@@ -15,7 +15,13 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 import virtual_lab as vl
-from tests.certificate.altering import edit_json, in_all_forms, in_document, sums_again
+from tests.certificate.altering import (
+    edit_json,
+    in_all_forms,
+    in_document,
+    sums_again,
+    with_risk,
+)
 from tests.cli.test_cli import Run, run  # noqa: F401 its fixture
 from virtual_lab.certificate import verify as verifying
 from virtual_lab.certificate.comparing import Mismatch
@@ -104,6 +110,41 @@ def test_a_file_that_cannot_be_made_here_is_not_checked(
     assert any("versions.numpy: 1.0 stated" in each for each in verify(result).unchecked)
 
 
+def test_the_pdf_of_another_typst_is_compared_by_its_words(
+    result: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing that the PDF says of its maker counts: only the version in the certificate."""
+    (pdf,) = result.glob("*.pdf")
+    assert json.loads((result / "certificate.json").read_text("utf-8"))["versions"]["typst"]
+    monkeypatch.setattr(verifying.program, "typst", lambda: "9.9")
+    found = verify(result)
+    assert (found.rows, found.code) == ((), 4)
+    assert any(each.startswith(f"{pdf.name}: made by Typst") for each in found.unchecked)
+    in_document(metric__value=0.94, metric__interval_95=[0.93, 0.95])(result)
+    edit_json(result / "certificate.json", with_risk, indent=2)
+    forged = {row.key for row in verify(result).rows if row.file == pdf.name}
+    assert forged == {"name", "number", "metric"}
+    pdf.write_bytes(b"%PDF-1.7 Typst 9.9")
+    assert {"statement", "verdict"} < {
+        row.key for row in verify(result).rows if row.file == pdf.name
+    }
+
+
+def test_files_that_a_system_adds_are_named_and_ignored(result: Path) -> None:
+    """They are ignored by their exact names: a link, or another name, is not."""
+    names = [".DS_Store", "records/._gates.csv", "records/impact/desktop.ini", "truth/Thumbs.db"]
+    for name in names:
+        (result / name).write_bytes(b"litter")
+    for _ in range(2):
+        found = verify(result)
+        assert (found.rows, found.state) == ((), "whole")
+        assert f"ignored: {', '.join(names)}" in found.note
+        write_sums(result)
+    (result / "thumbs.txt").write_bytes(b"litter")
+    (result / "records" / "._link").symlink_to(result / "thumbs.txt")
+    assert {row.file for row in verify(result).rows} == {"thumbs.txt", "records/._link"}
+
+
 @pytest.mark.parametrize(
     "stated",
     [{"versions__virtual-lab": "0.0.1"}, {"commit": {"id": "1" * 40, "changes": "ab"}}],
@@ -123,7 +164,7 @@ def test_another_program_that_makes_the_same_bytes_is_whole(
     sums_again(result)
     found = verify(result)
     honest(found)
-    assert found.note.startswith("made by version ")
+    assert "; made by version " in found.note
     assert vl.__version__ in found.note
 
 
@@ -247,8 +288,11 @@ def test_an_alteration_after_signing_is_named(
         return [(row.file, row.key) for row in found.rows]
 
     (result / "truth" / "more.json").write_text("{}")
-    assert faults() == [("truth/more.json", "sha256")]
+    assert faults() == [("truth/more.json", "")]
     assert "SHA256SUMS was signed by the owner of the key, but" in verify(result, key=keys[1]).text
+    (result / "truth" / "more.json").unlink()
+    with (result / "truth" / "seal.json").open("a") as seal:
+        seal.write(" ")
     sums_again(result)
     assert faults() == [("SHA256SUMS.sig", "signature")]
     (result / "SHA256SUMS.sig").write_text("no signature")

@@ -77,12 +77,16 @@ class Certificate:
         import hashlib
 
         from virtual_lab.certificate.filling import certificate
+        from virtual_lab.certificate.program import typst
 
-        if self.stated:
-            return self.stated
-        truth = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
-        digest = self._records.digest
-        return certificate(self.certification, truth_digest=truth, session_digest=digest)
+        document = self.stated
+        if document is None:
+            truth = hashlib.sha256(self._truth).hexdigest() if self.sealed else None
+            digest = self._records.digest
+            document = certificate(self.certification, truth_digest=truth, session_digest=digest)
+        if not self.pdf:
+            return document
+        return replace(document, versions={**document.versions, "typst": str(typst())})
 
     @cached_property
     def document(self) -> dict[str, Any]:
@@ -247,10 +251,11 @@ class Certificate:
         from virtual_lab.files import new_folder
         from virtual_lab.files.tables import write_csv
 
-        target = Path(folder)
-        pdf, paper = self.pdf if pdf is None else pdf, paper or self.paper
+        if pdf is not None and pdf != self.pdf:  # the certificate then states the version of Typst
+            return replace(self, pdf=pdf).save(folder, paper=paper, sign=sign, overwrite=overwrite)
+        target, paper = Path(folder), paper or self.paper
         require_paper(paper)
-        if pdf and not self.pdf:  # otherwise checked before the test
+        if self.pdf:
             require_pdf(paper)
         if sign:
             require_key(Path(sign), private=True)
@@ -266,13 +271,13 @@ class Certificate:
             with without_if_it_fails("certificate.html", missing):
                 page = certificate_page(self.printed, paper)
                 (draft / "certificate.html").write_text(page, encoding="utf-8")
-            if pdf:
+            if self.pdf:
                 name = pdf_name(self.printed)
                 with without_if_it_fails(name, missing):
                     (draft / name).write_bytes(certificate_pdf(self.printed, paper))
             if self.control:
                 with without_if_it_fails("parts of control", missing):
-                    self.control.save(draft / "control", pdf=pdf, paper=paper)
+                    self.control.save(draft / "control", pdf=self.pdf, paper=paper)
             if self.film:
                 with without_if_it_fails("film", missing), new_folder(draft / "film") as film:
                     self.film(film)
@@ -508,8 +513,13 @@ def certify(
                 "test.operator": operator,
                 "test.notes": notes,
             },
-            replaced_report(None if replaces is None else Path(replaces), reason),
         ),
+    )
+    replaced = replaced_report(
+        None if replaces is None else Path(replaces),
+        reason,
+        setup.bat.spec.name,
+        setup.rules.spec.name,
     )
     session = {
         "bat": setup.bat.spec.name,
@@ -520,6 +530,7 @@ def certify(
     scatter = earlier_scatter(paths_of(history), session)
     setup = replace(
         setup,
+        particulars=replace(setup.particulars, replaces=replaced or setup.particulars.replaces),
         motion=member_of(MotionModel, "motion", motion),
         film=film,
         test=test,
@@ -601,15 +612,20 @@ def reduce(
         no certificate. Only one of `replaces` and `reason` is stated. `history` has fewer than
         three tests, or tests of another kind.
     """
+    from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter, kind_of
+    from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.studies.foreign import certify_folder
 
-    replaced = replaced_report(None if replaces is None else Path(replaces), reason)
     folders = paths_of(history)
 
     def with_options(session: Session) -> Session:
         particulars = session.particulars
+        rules = catalog.read(session.procedure_text, f"{records}/procedure.toml", Procedure)
+        replaced = replaced_report(
+            None if replaces is None else Path(replaces), reason, session.bat, rules.spec.name
+        )
         return replace(
             session,
             particulars=replace(particulars, replaces=replaced) if replaced else particulars,

@@ -321,6 +321,11 @@ def _shipped_text(kind: str, name: str) -> str:
     return read_text(find(kind, name))
 
 
+def is_shipped(kind: str, name: str, text: str) -> bool:
+    """Return whether `text` is that of the catalog's own file, whatever replaces it at present."""
+    return name in names(kind) and _shipped_text(kind, name) == text
+
+
 @contextmanager
 def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
     """Replace files of the catalog by `texts` within the context.

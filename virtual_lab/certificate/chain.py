@@ -23,13 +23,16 @@ from virtual_lab.records.session import SESSION, digest_of_text, load_session
 RESULT = ("verdict", "metric", "shots", "budget")
 
 
-def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
+def replaced_report(
+    folder: Path | None, reason: str, bat: str, procedure: str
+) -> ReplacedReport | None:
     """Return a reference to the report that a new report replaces.
 
     The reference holds the number, the digest and the folder name of the old report, and the
     reason. `folder` is the result folder of the old report. The result is None if `folder` is None
-    and `reason` is empty. Raises `InputError` if only one of them is stated, or if the folder has
-    no certificate that this version can read.
+    and `reason` is empty. Raises `InputError` if only one of them is stated, if the folder has no
+    certificate that this version can read, or if the old report is about another bat than `bat` or
+    another procedure than `procedure`, both names.
     """
     if folder is None and not reason:
         return None
@@ -37,6 +40,10 @@ def replaced_report(folder: Path | None, reason: str) -> ReplacedReport | None:
         key, value = ("reason", reason) if folder is None else ("replaces", folder)
         raise InputError("", key, value, "needs both the folder that is replaced and the reason")
     document = read_document(folder / CERTIFICATE)
+    for key, new in (("bat", bat), ("procedure", procedure)):
+        if (old := getattr(document, key).name) != new:
+            allowed = f"allowed: a report on the same {key}, {new}; another test is a new report"
+            raise InputError(str(folder / CERTIFICATE), f"{key}.name", old, allowed)
     return ReplacedReport(
         number=document.number,
         digest=digest_of_text(read_bytes(folder / CERTIFICATE)),

@@ -18,6 +18,8 @@ from virtual_lab.files import read_bytes, read_json
 from virtual_lab.output.tables import column
 
 TOLERANCE = 1e-9  # largest relative difference of a number between processors
+# The same for a line of a budget, which is a difference of two results (measured: 7e-8).
+TOLERANCE_OF_BUDGET = 1e-6
 NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")  # number in a cell of a table
 RowState = Literal["altered", "differs"]
 
@@ -174,13 +176,14 @@ def differences(stated: Any, expected: Any, file: str, key: str = "") -> Iterato
     elif isinstance(stated, list) and isinstance(expected, list) and len(stated) == len(expected):
         for number, (there, here) in enumerate(zip(stated, expected, strict=True)):
             yield from differences(there, here, file, f"{key}[{number}]")
-    elif not _same(stated, expected):
+    elif not _same(stated, expected, key):
         yield Mismatch(file=file, key=key, stated=_value(stated), expected=_value(expected))
 
 
-def _same(stated: Any, expected: Any) -> bool:
+def _same(stated: Any, expected: Any, key: str = "") -> bool:
     if isinstance(stated, float) and isinstance(expected, float):
-        return isclose(stated, expected, rel_tol=TOLERANCE, abs_tol=1e-15)
+        tolerance = TOLERANCE_OF_BUDGET if key.startswith("budget[") else TOLERANCE
+        return isclose(stated, expected, rel_tol=tolerance, abs_tol=1e-15)
     return type(stated) is type(expected) and bool(stated == expected)
 
 

@@ -10,7 +10,9 @@ import datetime
 import json
 import re
 from importlib.resources import files
+from io import BytesIO
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 from unicodedata import category
 
@@ -18,6 +20,7 @@ from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.figures import certificate_figures
 from virtual_lab.certificate.printed import printed_values
 from virtual_lab.errors import InputError, of_extra
+from virtual_lab.files import read_bytes
 from virtual_lab.output.svg import description_of
 from virtual_lab.records.logo import picture_in
 
@@ -127,6 +130,21 @@ def _missing_glyphs(refusal: str, printable: str) -> set[str]:
             marks = {each for each in behind if category(each) in MARKS}
         characters |= marks or {each for each in text if not each.isascii()}
     return characters
+
+
+def text_of_pdf(path: Path) -> str:
+    """Return the text of a PDF with single spaces; "" if it cannot be read.
+
+    Raises `InputError` if there is no such file, or if the extra ``pdf`` is not installed.
+    """
+    pypdf = of_extra("pypdf", "pdf", "the text of a PDF")
+    try:
+        pages = pypdf.PdfReader(BytesIO(read_bytes(path))).pages
+        return " ".join(" ".join(page.extract_text() for page in pages).split())
+    except InputError:
+        raise
+    except Exception:  # the file may be anything
+        return ""
 
 
 def source_of_pdf() -> bytes:

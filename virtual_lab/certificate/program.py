@@ -7,8 +7,9 @@ import os
 import re
 import struct
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +24,13 @@ REGULAR = 0o100000  # mode of a regular file in the index, without its permissio
 def versions() -> dict[str, str]:
     """Return the versions of this program and of its numerical libraries, keyed by name."""
     return {"virtual-lab": VERSION} | {name: _installed(name) for name in LIBRARIES}
+
+
+def typst() -> str | None:
+    """Return the version of Typst, which makes PDFs, or None if it is not installed."""
+    with suppress(PackageNotFoundError):
+        return _installed("typst")
+    return None
 
 
 _installed = cache(version)  # cached, because it searches every folder of the path

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from base64 import b64decode, b64encode
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ def write_sums(folder: Path, key: Path | None = None) -> None:
     if it cannot be used, as described for `require_key`.
     """
     private = None if key is None else require_key(key, private=True)
-    lines = [f"{_digest(folder / name)}  {name}\n" for name in _list_files(folder)]
+    lines = [f"{digest_of_file(folder / name)}  {name}\n" for name in list_files(folder)]
     text = "".join(lines).encode()
     (folder / SUMS).write_bytes(text)
     if private:
@@ -71,19 +71,26 @@ def compared_sums(folder: Path, optional: tuple[str, ...]) -> Iterator[FolderFin
     except InputError as fault:
         yield Mismatch(file=SUMS, key="", stated=fault.allowed, expected="")
         return
-    here = {*_list_files(folder)}
     stated = [(name, digest) for digest, _, name in (line.partition("  ") for line in lines[:-1])]
     absent = {top for top in optional if not (folder / top).exists()}
-    for name, digest in stated:
-        if name.split("/")[0] in absent:
-            continue
-        actual = _digest(folder / name) if name in here else "the file is missing"
-        if actual != digest and not _same_lines(folder / name, digest, name in here):
-            yield Mismatch(file=name, key="sha256", stated=actual, expected=digest)
-    for name in sorted(here - {name for name, _ in stated}):
+    there = [each for each in stated if each[0].split("/")[0] not in absent]
+    yield from compared_digests(folder, there)
+    for name in sorted({*list_files(folder)} - {name for name, _ in stated}):
         yield Mismatch(file=name, key="sha256", stated=f"is not listed in {SUMS}", expected="")
     for top in sorted(absent & {name.split("/")[0] for name, _ in stated}):
         yield Unchecked(f"{top}: the folder is missing")
+
+
+def compared_digests(folder: Path, stated: Iterable[tuple[str, str]]) -> Iterator[FolderFinding]:
+    """Yield a mismatch for each file in pairs of name and digest that is changed or missing.
+
+    Changed line ends are not a mismatch.
+    """
+    here = {*list_files(folder)}
+    for name, digest in stated:
+        actual = digest_of_file(folder / name) if name in here else "the file is missing"
+        if actual != digest and not _same_lines(folder / name, digest, name in here):
+            yield Mismatch(file=name, key="sha256", stated=actual, expected=str(digest))
 
 
 def signature_fault(folder: Path, key: Path) -> Mismatch | Unchecked | None:
@@ -112,7 +119,11 @@ def _text_of_sums(folder: Path) -> bytes:
     return read_bytes(folder / SUMS).replace(b"\r\n", b"\n")
 
 
-def _list_files(folder: Path) -> list[str]:
+def list_files(folder: Path) -> list[str]:
+    """Return the paths of all files in a folder, except for the list of digests and its signature.
+
+    Litter is left out.
+    """
     return [
         name
         for name, kind in contents(folder).items()
@@ -120,7 +131,8 @@ def _list_files(folder: Path) -> list[str]:
     ]
 
 
-def _digest(path: Path) -> str:
+def digest_of_file(path: Path) -> str:
+    """Return the SHA-256 of a file, as 64 hexadecimal digits."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

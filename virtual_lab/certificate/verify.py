@@ -43,24 +43,28 @@ from virtual_lab.certificate.document import (
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.packages import READINGS, descriptors, text_of_descriptor
-from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, pdf_name
+from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, text_of_pdf
 from virtual_lab.certificate.printed import printed_result
+from virtual_lab.certificate.seal import SEAL
+from virtual_lab.certificate.seal import TRUTH as TRUTH_FILE
 from virtual_lab.certificate.signing import SIGNATURE, SUMS, compared_sums, signature_fault
 from virtual_lab.certificate.tables import shots_as_columns
 from virtual_lab.errors import InputError
-from virtual_lab.files import contents, read_bytes, read_json
+from virtual_lab.files import contents, litter, read_bytes, read_json, read_toml
 from virtual_lab.files.tables import csv_text
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import table_text
 from virtual_lab.parameters import SETTINGS, File, Folder
+from virtual_lab.records.origin import Simulated
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
+from virtual_lab.streams import commitment
 
 CERTIFICATE, PAGE, RECORDS = "certificate.json", "certificate.html", "records"
 TRUTH, FILM, CONTROL = "truth", "film", "control"
-TRUTH_FILE = "truth/truth.json"
+TYPST = {"typst"}  # key of a version that only a certificate with a PDF states
 MISSING, NO_FOLDER = "the file is missing", "the folder is missing"
 OPTIONAL = (TRUTH, FILM, CONTROL)  # folders that may be missing from a result that was handed on
 COPIED = re.compile(  # keys of the document with values copied from the records
@@ -142,9 +146,9 @@ class Verification(StudyResult):
         """The first alterations and differences, lines on unchecked parts, and the signer."""
         lines = [self.state]
         if altered := self._of("altered"):
-            lines += _listed(altered)
+            lines += listed_rows(altered)
         if differing := self._of("differs"):
-            lines += ["differs from this program:", *_listed(differing)]
+            lines += ["differs from this program:", *listed_rows(differing)]
         lines += [f"not checked: {each}" for each in self.unchecked]
         worth = SIGNATURES[self.signature]
         if self.signature == "valid" and not self.signed:
@@ -152,8 +156,8 @@ class Verification(StudyResult):
         return "\n".join([*lines, *filter(None, [self.note]), worth])
 
 
-def _listed(rows: Sequence[Mismatch]) -> list[str]:
-    """Return the table of rows; of many, their number in each file and the first results."""
+def listed_rows(rows: Sequence[Mismatch]) -> list[str]:
+    """Return a table of rows as lines; of many, their number in each file and the first results."""
     if len(rows) <= MOST_LISTED:
         return [table_text(rows)]
     files = Counter(row.file for row in rows)
@@ -189,10 +193,7 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
     folder = Path(folder)
     fault = None if key is None else signature_fault(folder, Path(key))
     findings = [*_findings(folder), *([fault] if fault else [])]
-    rows = [each for each in findings if isinstance(each, Mismatch)]
-    # A digest adds nothing to a row that names what was altered in the file.
-    named = {row.file for row in rows if row.key != "sha256" and row.state == "altered"}
-    rows = [row for row in dict.fromkeys(rows) if row.key != "sha256" or row.file not in named]
+    rows = named_rows(each for each in findings if isinstance(each, Mismatch))
     unchecked = [each.text for each in findings if isinstance(each, Unchecked)]
     signature = "not checked" if key is None else "valid"
     if fault:
@@ -203,11 +204,18 @@ def verify(folder: Folder, *, key: File | None = None) -> Verification:
         unchecked.append(f"{SIGNATURE}: checking the signature needs the public key (--key)")
     return Verification(
         folder=str(folder),
-        rows=tuple(rows),
+        rows=rows,
         unchecked=tuple(dict.fromkeys(unchecked)),
         signature=signature,
         note="; ".join(dict.fromkeys(each.text for each in findings if isinstance(each, Remark))),
     )
+
+
+def named_rows(rows: Iterable[Mismatch]) -> tuple[Mismatch, ...]:
+    """Return rows without those that only state a digest, if another row names the alteration."""
+    rows = tuple(dict.fromkeys(rows))
+    named = {row.file for row in rows if row.key != "sha256" and row.state == "altered"}
+    return tuple(row for row in rows if row.key != "sha256" or row.file not in named)
 
 
 def reduced_document(
@@ -221,8 +229,8 @@ def reduced_document(
         JSON values of the certificate to compare with. These values are copied from it:
 
         * the digest of the truth
-        * the versions, if they have the keys that this program writes. Otherwise the result has the
-          versions of this program.
+        * the versions, if they have the keys that this program writes, and perhaps ``typst``.
+          Otherwise the result has the versions of this program.
         * the commit, if it has the keys ``id`` and ``changes``. Otherwise the result has no commit.
     session_digest
         SHA-256 of ``session.json``.
@@ -230,7 +238,7 @@ def reduced_document(
     digest = at(stated, "simulation", "truth_digest")
     expected = certificate(certification, truth_digest=digest, session_digest=session_digest)
     versions, commit = stated.get("versions"), stated.get("commit")
-    if isinstance(versions, Mapping) and versions.keys() == expected.versions.keys():
+    if isinstance(versions, Mapping) and versions.keys() - TYPST == expected.versions.keys():
         expected = replace(expected, versions=dict(versions))
     if isinstance(commit, Mapping) and commit.keys() == {"id", "changes"}:
         return replace(expected, commit=CommitStated(**commit))
@@ -242,6 +250,8 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
     stated = read_json(folder / CERTIFICATE)
     require_schema(stated, str(folder / CERTIFICATE))
     yield from _strays(folder)
+    if ignored := litter(folder):
+        yield Remark(f"ignored: {', '.join(ignored)}")
     yield from compared_sums(folder, OPTIONAL)
     yield from _truth(folder, stated)
     elsewhere = made_elsewhere(stated)
@@ -250,10 +260,10 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
         document = yield from _document(folder, stated, certification, bool(elsewhere))
         yield from _tables(folder, document, certification, bool(elsewhere))
         yield from _control(folder, certification, bool(elsewhere))
-    yield from _forms(folder, document, bool(elsewhere))
+        yield from _settings(folder / SETTINGS, certification)
+    yield from _forms(folder, document, stated, bool(elsewhere))
     if elsewhere:
         yield Remark(elsewhere)
-        yield from _words(folder, stated)
     for name, here in program.versions().items():
         there = at(stated, "versions", name)
         if name != "virtual-lab" and there != here:
@@ -370,8 +380,42 @@ def _tables(
     yield from _differing(rows) if elsewhere else rows
 
 
+def _settings(path: Path, certification: Certification) -> Iterator[Mismatch]:
+    """Yield the arguments of ``certify`` in a settings file that the records contradict.
+
+    A sheet in a file is not compared, because its name is inside the file.
+    """
+    if not path.exists():
+        return
+    session = certification.session
+    try:
+        text, stated = same_text(path), read_toml(path)
+    except InputError as fault:
+        yield _report_fault(SETTINGS, fault)
+        return
+    origin = session.origin if isinstance(session.origin, Simulated) else None
+    motion = origin and origin.rungs.get("motion")
+    recorded = {  # value in the records, and default of ``certify``
+        "bat": (session.bat, ""),
+        "procedure": (certification.procedure.name, "astm-f1881"),
+        "ball": (session.ball, None),
+        "rig": (session.rigs.get("impact"), None),
+        "reality": (origin and origin.reality, "real"),
+        "motion": (motion and motion.rung, "closed-form"),
+        "uncertainty": (session.uncertainty, "first-order"),
+    }
+    for key, (value, default) in recorded.items():
+        absent = None if "records" in stated or f"# {key}: " in text else default
+        given = stated.get(key, absent)
+        if given not in (None, value) and not str(given).endswith(".toml"):
+            yield Mismatch(file=SETTINGS, key=key, stated=str(given), expected=str(value))
+
+
 def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    """Yield a mismatch if the truth does not have the digest that the certificate states."""
+    """Yield mismatches if a truth does not have the stated digest, or the seed of the commitment.
+
+    The true values follow from the seed, but only `virtual_lab.score` computes them.
+    """
     stated_digest, path = at(stated, "simulation", "truth_digest"), folder / TRUTH_FILE
     if path.is_file():
         digest = digest_of_text(read_bytes(path))
@@ -379,10 +423,23 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
             yield Mismatch(
                 file=TRUTH_FILE, key="sha256", stated=digest, expected=str(stated_digest or "")
             )
+        yield Remark("truth: only `score` can check it")
+        committed = at(stated, "simulation", "seed_commitment")  # compared with the records
+        if committed and committed != (found := _commitment(path)):
+            yield Mismatch(file=TRUTH_FILE, key="seed", stated=found, expected=str(committed))
     elif (folder / TRUTH).exists():
         yield Mismatch(file=TRUTH_FILE, key="", stated=MISSING, expected="")
     elif stated_digest:
         yield Unchecked(f"{TRUTH}: {NO_FOLDER}")
+
+
+def _commitment(truth: Path) -> str:
+    """Return the commitment to salt and seed of a truth, or what is wrong with them."""
+    try:
+        document = read_json(truth)
+        return commitment(bytes.fromhex(document["salt"]), document["seed"])
+    except (KeyError, TypeError, ValueError) as fault:
+        return f"no salt and seed ({fault})"
 
 
 def _control(
@@ -391,8 +448,9 @@ def _control(
     """Yield differences of the control bat's test from the control test named in the records."""
     session, there = certification.session, folder / CONTROL
     ratio, stated_digest = session.calibration.get(RATIO), session.control_sha256
+    corrected = ratio and (ratio.u or ratio.value != 1)  # the control bat's own test has 1 and 0
     if not there.exists():
-        if stated_digest:
+        if stated_digest or corrected:
             yield Unchecked(f"{CONTROL}: {NO_FOLDER}")
         return
     if not (stated_digest or (elsewhere and ratio)):
@@ -415,12 +473,26 @@ def _control(
 
 
 def _forms(
-    folder: Path, document: CertificateDocument | None, elsewhere: bool
+    folder: Path,
+    document: CertificateDocument | None,
+    stated: Mapping[str, Any],
+    elsewhere: bool,
 ) -> Iterator[FolderFinding]:
     """Yield differences of page and PDF from the document, and parts that cannot be compared."""
     pdfs = sorted(path.name for path in folder.glob("*.pdf"))
     if not (folder / PAGE).is_file():
         yield Mismatch(file=PAGE, key="", stated=MISSING, expected="")
+    elif elsewhere:
+        text = unescape(re.sub("<[^>]*>", " ", same_text(folder / PAGE)))
+        yield from _words(PAGE, text, stated)
+    here, there = program.typst(), at(stated, "versions", "typst")
+    for name in pdfs:
+        if number_of(stated) not in name:
+            yield Mismatch(file=name, key="name", stated=name, expected=number_of(stated))
+        if here != there:
+            yield Unchecked(f"{name}: made by Typst {there}, here it is {here}")
+        if elsewhere or here != there:
+            yield from _pdf_words(folder / name, stated)
     if document is None:
         if elsewhere:  # otherwise the reason is an alteration
             for name in (PAGE, *pdfs):
@@ -428,15 +500,12 @@ def _forms(
                 yield Unchecked(f"{name}: {why}")
         return
     state: RowState = "differs" if elsewhere else "altered"  # other programs use other words
+    rows: list[FolderFinding] = []
     if (folder / PAGE).is_file():
-        yield from (replace(row, state=state) for row in _page(folder / PAGE, document))
-    for name in pdfs:
-        if not elsewhere and name != pdf_name(document):
-            yield Mismatch(file=name, key="name", stated=name, expected=pdf_name(document))
-        try:
-            yield from (replace(row, state=state) for row in _pdf(folder / name, document))
-        except InputError as fault:  # no extra ``pdf``, or another version of Typst made it
-            yield Unchecked(f"{name}: {fault}")
+        rows += _page(folder / PAGE, document)
+    for name in pdfs if here == there else ():
+        rows += _pdf(folder / name, document)
+    yield from (replace(r, state=state) if isinstance(r, Mismatch) else r for r in rows)
 
 
 def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
@@ -450,32 +519,27 @@ def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     yield from compared_text(path.name, stated, first)
 
 
-def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
-    """Yield a mismatch if the PDF is not that of the document for any paper size.
-
-    Raises `InputError` if it cannot be compared, for example if another version of Typst made it.
-    """
-    stored, expected = read_bytes(path), b""
-    for paper in PAPERS:
-        expected = certificate_pdf(document, paper)
-        if stored == expected:
-            return
-    producer = re.compile(rb"Typst [\d.]+")
-    theirs, ours = producer.findall(stored), producer.findall(expected)
-    if theirs and theirs != ours:
-        raise InputError("", "Typst", theirs[0].decode(), f"here it is {ours[0].decode()}")
-    yield Mismatch(
-        file=path.name, key="", stated="differs from the file made from the records", expected=""
-    )
+def _pdf(path: Path, document: CertificateDocument) -> Iterator[FolderFinding]:
+    """Yield a finding if the PDF is not that of the document for any paper size."""
+    stored = read_bytes(path)
+    try:
+        if all(stored != certificate_pdf(document, paper) for paper in PAPERS):
+            wrong = "differs from the file made from the records"
+            yield Mismatch(file=path.name, key="", stated=wrong, expected="")
+    except InputError as fault:  # no extra ``pdf``, or Typst fails
+        yield Unchecked(f"{path.name}: {fault}")
 
 
-def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    """Yield values of the document that are missing in the page and PDF of another program."""
-    number = number_of(stated)
-    for path in sorted(folder.glob("*.pdf")):
-        if number not in path.name:
-            yield Mismatch(file=path.name, key="name", stated=path.name, expected=number)
-    expected = {"number": number, "verdict": str(stated.get("verdict"))}
+def _pdf_words(path: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
+    try:
+        yield from _words(path.name, text_of_pdf(path), stated)
+    except InputError as fault:  # no extra ``pdf``
+        yield Unchecked(f"{path.name}: {fault}")
+
+
+def _words(file: str, text: str, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
+    """Yield values of the document that are missing in the text of a page or PDF."""
+    expected = {"number": number_of(stated), "verdict": str(stated.get("verdict"))}
     if stated.get("origin") == "simulated":
         expected["statement"] = "SIMULATED"
     try:
@@ -485,11 +549,9 @@ def _words(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
     else:
         if result["stated"]:
             expected["metric"] = f"{result['value']} ± {result['expanded']}"
-    if (folder / PAGE).is_file():
-        words = unescape(re.sub("<[^>]*>", " ", same_text(folder / PAGE)))
-        for key, word in expected.items():
-            if word not in words:
-                yield Mismatch(file=PAGE, key=key, stated="", expected=word)
+    for key, word in expected.items():
+        if word not in text:
+            yield Mismatch(file=file, key=key, stated="", expected=word)
 
 
 def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
@@ -518,6 +580,14 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
         return
     yield Remark(f"it replaces {number} in {name}")
     try:
+        there = read_json(old / CERTIFICATE)
+        facts = {"number": (number_of(there), number)}
+        for key in ("bat", "procedure"):
+            facts[f"{key}.name"] = at(there, key, "name"), at(stated, key, "name")
+        for key, (found, expected) in facts.items():
+            if found != expected:
+                file = f"../{name}/{CERTIFICATE}"
+                yield Mismatch(file=file, key=key, stated=str(found), expected=str(expected))
         yield from within(f"../{name}", _findings(old))
     except InputError as fault:
         yield Unchecked(f"../{name}: {fault}")
@@ -526,6 +596,7 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
 def _strays(folder: Path) -> Iterator[Mismatch]:
     """Yield the files that do not belong to a result, except in the folder of the records."""
     of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SETTINGS, SUMS, SIGNATURE}
+    of_result |= {TRUTH_FILE, SEAL}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]
         if top in (RECORDS, CONTROL) and "/" in name:
@@ -534,8 +605,6 @@ def _strays(folder: Path) -> Iterator[Mismatch]:
             stated = f"a {kind}" if kind != "folder" else "an empty folder"
             yield Mismatch(file=name, key="", stated=stated, expected="no such entry")
         elif not (
-            name in of_result
-            or re.fullmatch(r"[^/]+\.pdf", name)
-            or (top in (TRUTH, FILM) and "/" in name)
+            name in of_result or re.fullmatch(r"[^/]+\.pdf", name) or (top == FILM and "/" in name)
         ):
             yield Mismatch(file=name, key="", stated="a file", expected="no such file")

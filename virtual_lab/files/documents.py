@@ -12,6 +12,7 @@ import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from fnmatch import fnmatchcase
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -30,6 +31,7 @@ DOTTED = re.compile(rf"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){{{DEEPEST}}}")
 NESTED = f"is nested deeper than {DEEPEST} levels"
 LONGER_ROW = re.compile(r"Expected (\d+) fields in line (\d+), saw (\d+)")  # words of pandas
 EMPTY_CELL = re.compile(rb"(?<=[,\n])(?=[,\r\n])")
+LITTER = ("._*", ".DS_Store", "Thumbs.db", "desktop.ini")  # files that a system adds to a folder
 SEPARATORS = {",": "comma", ";": "semicolon", "\t": "tab"}
 
 
@@ -172,12 +174,26 @@ KINDS = (
 )
 
 
+def is_litter(name: str) -> bool:
+    """Return whether `name` is that of a file that an operating system adds to folders."""
+    return any(fnmatchcase(name, pattern) for pattern in LITTER)
+
+
+def litter(folder: Path) -> list[str]:
+    """Return the paths of the litter in a folder and its subfolders (see `is_litter`), sorted."""
+    return [
+        path.relative_to(folder).as_posix()
+        for path in sorted(folder.rglob("*"))
+        if is_litter(path.name) and stat.S_ISREG(path.lstat().st_mode)
+    ]
+
+
 def contents(folder: Path) -> dict[str, str]:
     """Return the kind of every file and empty folder in a folder and its subfolders, keyed by path.
 
-    Paths are relative to `folder`, and sorted. A kind is ``file``, ``folder``, ``link``, ``pipe``,
-    ``socket`` or ``device``. A link is listed but not followed. A folder is listed only if it is
-    empty. The result is empty if `folder` is missing.
+    Litter is left out (see `is_litter`). Paths are relative to `folder`, and sorted. A kind is
+    ``file``, ``folder``, ``link``, ``pipe``, ``socket`` or ``device``. A link is listed but not
+    followed. A folder is listed only if it is empty. The result is empty if `folder` is missing.
     """
     kinds = {}
     for root, folders, files in os.walk(folder):
@@ -187,6 +203,8 @@ def contents(folder: Path) -> dict[str, str]:
             if stat.S_ISDIR(mode) and any(path.iterdir()):
                 continue
             kind = next((word for test, word in KINDS if test(mode)), "device")
+            if kind == "file" and is_litter(name):
+                continue
             kinds[path.relative_to(folder).as_posix()] = kind
     return dict(sorted(kinds.items()))
 

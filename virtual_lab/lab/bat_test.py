@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.lab.laboratory import Laboratory, constant_name
+from virtual_lab.lab.recipe import Recipe
 from virtual_lab.measurement.certification import Certification, Certifications
 from virtual_lab.measurement.procedure.model import CONTROL
 from virtual_lab.records.block import SessionBlock
@@ -97,6 +98,7 @@ class BlockTest:
             shots={name: values[rows] for name, values in self.shots.items()},
             wall_hits={name: values[hits] for name, values in self.wall.items()},
             faults=setup.faults.names,
+            recipe=Recipe.of(setup, laboratory.seed, index).as_json(),
         )
 
 

@@ -8,6 +8,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.lab.bat_test import BatTest, BlockTest
 from virtual_lab.lab.fitting import require_positions
 from virtual_lab.lab.laboratory import Laboratory, collision_of
+from virtual_lab.lab.recipe import Recipe
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.lab.test_day import run_test
 from virtual_lab.measurement.procedure import Verdict
@@ -92,6 +93,8 @@ def certify_block(setup: TestSetup, progress: Progress = quiet) -> BlockTest:
         control_ratio=control.sealed.measurand["restitution"] / standard,
         most_boxes=1,
     )
+    recipe = replace(Recipe.of(setup, laboratory.seed, 0), is_control=True).as_json()
+    control = replace(control, sealed=replace(control.sealed, recipe=recipe))
     return replace(run_test(corrected, progress), control=control)
 
 

@@ -40,7 +40,7 @@ from virtual_lab.simulation.stations.rig import (
     StoringStation,
     find_rig,
 )
-from virtual_lab.streams import SEED_BITS, Draws, Quiet, Slots, commitment, salt_of
+from virtual_lab.streams import SEED_BITS, Draws, Quiet, Slots, commitment
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
 from virtual_lab.units import Mask
 
@@ -58,7 +58,7 @@ class Laboratory:
 
     setup: TestSetup
     seed: int
-    salt: bytes
+    salt: bytes  # random bytes of the commitment to the seed; empty: the seed was chosen
     date: str
     sealing: str  # statement whether the truth can be found by trying seeds
     draws: Draws
@@ -110,7 +110,7 @@ class Laboratory:
         return cls(
             setup=setup,
             seed=seed,
-            salt=salt_of(setup.seed),
+            salt=secrets.token_bytes(16) if setup.seed is None else b"",
             date=datetime.date.today().isoformat(),
             sealing=_sealing(setup),
             draws=test_draws,
@@ -188,7 +188,7 @@ class Laboratory:
             origin=Simulated(
                 reality=setup.reality.value,
                 sealing=self.sealing,
-                seed_commitment=commitment(self.salt, self.seed),
+                seed_commitment=commitment(self.salt, self.seed) if self.salt else "",
                 unverified_numbers=setup.unverified,
                 rungs=models,
             ),
@@ -259,5 +259,5 @@ def _sealing(setup: TestSetup) -> str:
     if setup.reality is not Reality.REAL:
         return "reproducible: nothing is random, not sealed"
     if setup.seed is not None:
-        return "reproducible: seed chosen by the operator, not sealed"
+        return "reproducible: seed chosen, not sealed"
     return f"sealed: random seed of {SEED_BITS} bits, stored only with the truth"

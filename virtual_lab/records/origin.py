@@ -33,7 +33,7 @@ class Simulated(Spec):
     sealing: str
     """Statement whether the truth could be found from the records."""
     seed_commitment: str
-    """SHA-256 of salt and seed."""
+    """SHA-256 of salt and seed; empty: the seed was chosen, or nothing is random."""
     unverified_numbers: Mapping[str, str]
     """Number of unverified values of each data sheet, as a string."""
     rungs: Mapping[str, ModelUsed]

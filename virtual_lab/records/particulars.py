@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -248,9 +248,7 @@ IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in
 
 
 def read_particulars(
-    file: Path | Mapping[str, Any] | None,
-    changes: Mapping[str, str],
-    replaces: ReplacedReport | None = None,
+    file: Path | Mapping[str, Any] | None, changes: Mapping[str, str]
 ) -> Particulars:
     """Return the particulars of a test from a file, with some values of the file replaced.
 
@@ -258,8 +256,7 @@ def read_particulars(
     instruments. `file` is the path of the file, or its keys and values. If it is None, only the
     values in `changes` are stated. The values in `changes` replace the values in the file. Keys
     have the form ``laboratory.name``. Empty values are ignored. The logo is the name of a file in
-    the folder of `file`. If `file` is not a path, the logo is in the current folder. `replaces` is
-    the earlier report that the new report replaces. By default it is read from the file.
+    the folder of `file`. If `file` is not a path, the logo is in the current folder.
 
     Raises
     ------
@@ -276,8 +273,7 @@ def read_particulars(
         stated = document.get(table, {})
         if value and isinstance(stated, Mapping):  # anything else is rejected below
             document = {**document, table: {**stated, name: value}}
-    particulars = particulars_of(document, where, folder=folder)
-    return replace(particulars, replaces=replaces or particulars.replaces)
+    return particulars_of(document, where, folder=folder)
 
 
 def particulars_of(

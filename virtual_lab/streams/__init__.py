@@ -11,7 +11,6 @@ its code.
 from __future__ import annotations
 
 import hashlib
-import secrets
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cache, lru_cache
@@ -41,7 +40,6 @@ __all__ = [
     "in_turn",
     "of_owners",
     "require_seed",
-    "salt_of",
 ]
 
 Array = NDArray[np.float64]
@@ -215,18 +213,6 @@ def _leading(laboratory: int | Slots, slots: Slots | None) -> tuple[int, ...]:
     return np.shape(slots)
 
 
-def salt_of(seed: int | None) -> bytes:
-    """Return the 16-byte salt for the commitment to a seed.
-
-    If the seed is None, the program draws the seed and keeps it secret; the salt is then random. A
-    seed chosen by the user is not secret. Its salt is computed from the seed, so a repeated test
-    produces identical files.
-    """
-    if seed is None:
-        return secrets.token_bytes(16)
-    return hashlib.sha256(f"salt of the chosen seed {seed}".encode()).digest()[:16]
-
-
 def require_seed(seed: int) -> None:
     """Raise `InputError` for a seed that is not between 0 and 2^128 - 1."""
     if not 0 <= seed <= LARGEST_SEED:
@@ -237,8 +223,8 @@ def commitment(salt: bytes, seed: int) -> str:
     """Return the commitment to a seed, as 64 hexadecimal digits.
 
     The commitment is the SHA-256 hash of the bytes of `salt`, followed by the decimal digits of the
-    seed as text. It can be published before a test, because it does not reveal the seed. Anyone who
-    learns salt and seed later can compute the hash and verify that the seed is the published one.
+    seed as text. It can be published before a test, because it does not reveal a random seed of 128
+    bits. Anyone who learns salt and seed later can verify that the seed is the published one.
     """
     return hashlib.sha256(salt + str(seed).encode()).hexdigest()
 

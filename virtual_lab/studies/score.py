@@ -1,28 +1,38 @@
-"""Comparison of a certificate with the sealed truth of its test."""
+"""Comparison of a certificate with the sealed truth, after the test was played again from it."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from virtual_lab.certificate.seal import TRUTH, Alteration, alterations
+from virtual_lab.certificate.comparing import Mismatch, RowState
+from virtual_lab.certificate.seal import TRUTH, compared_seal
+from virtual_lab.certificate.verify import (
+    CERTIFICATE,
+    listed_rows,
+    made_elsewhere,
+    named_rows,
+    verify,
+)
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_bytes, read_json
+from virtual_lab.files import litter, read_bytes, read_json
 from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
+from virtual_lab.lab.recipe import Recipe
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folder
+from virtual_lab.studies.replay import compared_replay, play_again
 
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
 
-CERTIFICATE = "certificate.json"
+STATED = ("seal", "state", "unchecked", "sealing", "faults", "sheets", "ignored")  # keys of JSON
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,33 +130,40 @@ def score(
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CertificateScore(StudyResult):
-    """A certificate compared with the truth, and whether the seal on both is intact."""
+    """A certificate compared with the truth, and whether all files still belong to one test."""
 
-    altered: tuple[Alteration, ...]  # changes after the sealing
+    broken: bool  # whether files were changed since the sealing
+    different: tuple[Mismatch, ...]  # changed files, contradictions, and differences from a replay
+    unchecked: str  # reason why the test was not played again, or not by the same program
     sealing: str | None  # statement on the safety of the seal against trying seeds
     rows: tuple[QuantityScore, ...]  # empty if the certificate cannot be scored
     faults: tuple[str, ...] = ()  # names of the faults of the test day in the catalog
+    sheets: tuple[str, ...] = ()  # sheets of the test that the catalog does not have
+    ignored: tuple[str, ...] = ()  # litter, see `virtual_lab.files.is_litter`
 
     name = "score"
 
     @property
     def seal(self) -> str:
         """State of the seal: ``whole`` or ``broken``."""
-        return "broken" if self.altered else "whole"
+        return "broken" if self.broken else "whole"
 
     @property
-    def _lack(self) -> str:
-        return "too many keys were changed" if self.altered else "the test has no result"
+    def state(self) -> str:
+        """State of all files together: ``whole``, ``altered`` or ``not checked``."""
+        if self.broken or any(row.state == "altered" for row in self.different):
+            return "altered"
+        return "not checked" if self.unchecked or self.different else "whole"
 
     @property
     def title(self) -> str:
-        """Title with the state of the seal."""
-        return f"comparison of a certificate with the truth; the seal is {self.seal}"
+        """Title with the state."""
+        return f"comparison of a certificate with the truth: {self.state}"
 
     @property
     def code(self) -> int:
-        """Exit code of the command: 3 for a broken seal, else 0."""
-        return 3 if self.altered else 0
+        """Exit code of the command."""
+        return {"whole": 0, "altered": 3, "not checked": 4}[self.state]
 
     def draw(self) -> PageFigure:
         """Draw the errors in units of u, beside the limits of a 95 % interval."""
@@ -164,35 +181,45 @@ class CertificateScore(StudyResult):
         rows = {row.quantity: {**record(row)} for row in self.rows}
         for row in rows.values():
             del row["quantity"]
-        altered = [asdict(each) for each in self.altered]
-        stated = {"seal": self.seal, "altered": altered, "sealing": self.sealing}
-        return {**stated, "faults": list(self.faults), **rows}
+        stated: dict[str, Any] = {name: getattr(self, name) for name in STATED}
+        for state in ("altered", "differs"):
+            stated[state] = [asdict(row) for row in self.different if row.state == state]
+        return {**stated, **rows}
 
     @property
     def text(self) -> str:
-        """Table of the scores, and one line per change after the test."""
-        lines = [
-            table_text(self.rows) if self.rows else f"no score: {self._lack}",
-            "The seal is broken; changes since the test:"
-            if self.altered
-            else "The seal is intact.",
-            *(f"  {each}" for each in self.altered),
-        ]
-        if self.faults:
-            lines.append(f"faults of the test day: {', '.join(self.faults)}")
+        """Table of the scores, the state of seal and replay, and what is special about the test."""
+        lack = "too many keys were changed" if self.different else "the test has no result"
+        lines = [table_text(self.rows) if self.rows else f"no score: {lack}"]
+        lines.append(f"The seal is {'broken' if self.broken else 'intact'}.")
+        if self.state == "whole":
+            lines.append("Played again: truth and records agree.")
+        else:
+            lines.append(self.state + (f": {self.unchecked}" if self.unchecked else ""))
+            lines += listed_rows(self.different) if self.different else []
+        for words, names in (
+            ("faults of the test day", self.faults),
+            ("sheets that are not those of the catalog", self.sheets),
+            ("ignored", self.ignored),
+        ):
+            lines += [f"{words}: {', '.join(names)}"] if names else []
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
-def score_folder(folder: Folder) -> CertificateScore:
-    """Compare the certificate in a result folder with the true values.
+def score_folder(folder: Folder, *, progress: Progress = quiet) -> CertificateScore:
+    """Play a test again from its truth, and compare its certificate with the true values.
 
-    Files or keys that were changed since the test are listed in the result. The exit code of the
-    command is then 3.
+    The exit code of the command is 3 if files were changed since the test, if the folder
+    contradicts itself, or if truth or records differ from the replay. It is 4 if the test could not
+    be played again: another version made it, or a rig is missing.
 
     Parameters
     ----------
     folder
         Result folder with ``certificate.json`` and ``truth/``.
+    progress
+        Function that is called with a message that names the current task. If it is not given, the
+        functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------
@@ -200,36 +227,50 @@ def score_folder(folder: Folder) -> CertificateScore:
         Certificate, truth or seal is missing or cannot be compared.
     """
     folder = Path(folder)
-    read_bytes(folder / CERTIFICATE)
-    digest = hashlib.sha256(read_bytes(folder / TRUTH)).hexdigest()
-    altered = alterations(folder)
+    for name in (CERTIFICATE, TRUTH):
+        read_bytes(folder / name)
+    changed = tuple(row for row in compared_seal(folder) if isinstance(row, Mismatch))
+    result = CertificateScore(
+        broken=bool(changed),
+        different=changed,
+        unchecked="",
+        sealing=None,
+        rows=(),
+        ignored=tuple(litter(folder)),
+    )
     try:
-        simulation, rows, faults = _score_files(folder)
-    except InputError:
-        if not altered:
+        certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
+        result = replace(result, **_score_files(folder, certificate, truth))
+        rows, elsewhere = verify(folder).rows, made_elsewhere(certificate)
+        recipe = Recipe.read(truth, str(folder / TRUTH))
+        result = replace(
+            result, different=named_rows((*changed, *rows)), sheets=tuple(recipe.sheets)
+        )
+        again = compared_replay(folder, play_again(recipe, progress))
+    except InputError as fault:
+        if not (result.rows or changed):
             raise
-        simulation, rows, faults = {}, (), ()
-    named = {(each.file, each.key) for each in altered}
-    # If truth and seal were altered together, the digest differs from that in the certificate.
-    bound = {(TRUTH, ""), (CERTIFICATE, "simulation.truth_digest")}
-    if simulation.get("truth_digest") not in (None, digest) and not named & bound:
-        altered.append(Alteration(TRUTH, "", "altered"))
-    sealing = simulation.get("sealing")
-    return CertificateScore(altered=tuple(altered), sealing=sealing, rows=rows, faults=faults)
+        return replace(result, unchecked=str(fault))
+    state: RowState = "differs" if elsewhere else "altered"
+    rows = named_rows((*result.different, *(replace(row, state=state) for row in again)))
+    return replace(result, different=rows, unchecked=elsewhere if rows else "")
 
 
 def _score_files(
-    folder: Path,
-) -> tuple[dict[str, str], tuple[QuantityScore, ...], tuple[str, ...]]:
-    """Return the key `simulation` of a certificate, the scores, and the faults of the day.
+    folder: Path, certificate: Mapping[str, Any], truth: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the fields on the scores, on the seed and on the faults of the day, keyed by name.
 
     Raises `InputError` if a key is missing or has a wrong type.
     """
-    certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
     try:
         rows = tuple(score(certificate, truth["measurand"]).values())
         json.dumps([asdict(row) for row in rows], allow_nan=False)  # rejects NaN and infinity
-        return {**certificate["simulation"]}, rows, tuple(map(str, truth.get("faults", ())))
+        return {
+            "sealing": certificate["simulation"].get("sealing"),
+            "rows": rows,
+            "faults": tuple(map(str, truth.get("faults", ()))),
+        }
     except (ArithmeticError, AttributeError, KeyError, TypeError, ValueError) as fault:
         raise InputError(
             str(folder),

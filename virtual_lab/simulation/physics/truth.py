@@ -212,11 +212,12 @@ class SealedTruth:
     shots: Mapping[str, Array]  # true values of each shot, (shot,)
     wall_hits: Mapping[str, Array]
     faults: tuple[str, ...] = ()  # faults of the test day
+    recipe: Mapping[str, Any]  # choices from which the test can be played again
 
     def document(self) -> dict[str, Any]:
         """Return the truth as the content of its JSON file."""
         return {
-            "schema": 1,
+            "schema": 2,
             "seed": self.seed,
             "number": self.number,
             "salt": self.salt.hex(),
@@ -236,6 +237,7 @@ class SealedTruth:
             "shots": _as_lists(self.shots),
             "wall_hits": _as_lists(self.wall_hits),
             "faults": list(self.faults),
+            "recipe": dict(self.recipe),
         }
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.files import is_litter
 from virtual_lab.video.clips.containers import is_cut_short, video_tracks
 from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.source import Frame, Source, Stamped, Wanted, rate_of
@@ -69,7 +70,7 @@ def _image_files(folder: Path) -> list[Path]:
     A minus is the sign of a number if a separator or nothing is before it (image_-9), or if another
     image has a digit or a plus at the same position. Raises `InputError` if there are no images.
     """
-    entries = [each for each in folder.iterdir() if not each.name.startswith(".")]
+    entries = (each for each in folder.iterdir() if not is_litter(each.name))
     images = [each for each in entries if each.suffix.lower() in IMAGES]
     names = [each.name.lower() for each in images]
     start = commonprefix(names)  # noqa: RUF071  # common characters, not folders
