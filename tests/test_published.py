@@ -42,6 +42,18 @@ def test_every_row_can_be_run_and_has_three_seeds() -> None:
     assert all(each.command and each.runs[0].error for each in ROWS)
 
 
+@pytest.mark.parametrize("name", [name for name in STUDIES if name.startswith("coverage")])
+def test_figures_of_a_stored_table_are_those_of_its_file(name: str) -> None:
+    """After a new table of coverage: `python -m tests.published renew "NAME OF THE STUDY"`."""
+    of_file = STUDIES[name](1, 0)
+    for each in (each for each in ROWS if each.study == name):
+        numbers = (each.runs[0].value, each.runs[0].error)
+        assert numbers == pytest.approx(of_file[each.figure], rel=1e-5), (
+            name,
+            "is outdated: renew",
+        )
+
+
 @pytest.mark.parametrize("each", [row for row in ROWS if row.pages], ids=lambda row: row.figure)
 def test_pages_state_the_figures_of_the_table(each: Row) -> None:
     for page in each.pages:

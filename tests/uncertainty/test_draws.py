@@ -329,6 +329,15 @@ def test_impossible_draws_are_refused(inputs: dict, more: dict, said: str) -> No
         vl.propagate(total, inputs, method="monte-carlo", **more)
 
 
+def test_draws_with_a_larger_first_digit_than_the_first_order_still_judge_it() -> None:
+    """The u of first order is .0099, that of the draws .0101 with ten times the tolerance."""
+    result = propagated(
+        lambda x: x, {"x": vl.Input(0, 0.0099, dof=60)}, draws=None, digits=1, validate=True
+    )["result"]
+    assert result.u > 0.01
+    assert result.verdict.startswith("first order validated")
+
+
 def test_clause_8_compares_both_ends() -> None:
     """For a normal law cut at -1 u, the upper end is first order's 1.96, but the lower is -1."""
     result = propagated(
