@@ -4,8 +4,8 @@ Is the stated u of a laboratory right?
 
 A twin repeats the test of a laboratory a thousand times, with the instruments and scatter that its
 records state. The standard deviation of its errors should be the u that the laboratory states:
-ratio 1 (below 1: u is too small). Of the ratios, 95 % are between 0.8 and 1.2, and the largest is
-1.8. All laboratories are simulated, have no fault and test bats of model R161.
+ratio 1 (below 1: u is too small; each ± 4 %). Of the ratios, 95 % are between 0.8 and 1.2, and the
+largest is 1.8. All laboratories are simulated, have no fault and test bats of model R161.
 """
 
 import matplotlib.pyplot as plt

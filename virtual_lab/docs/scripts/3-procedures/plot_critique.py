@@ -2,7 +2,7 @@
 Does a procedure rank bats as play does?
 ========================================
 
-Probability (%) that a laboratory ranks two bats opposite to their order in play (50: by chance). In
+Probability (%) that a laboratory ranks two bats opposite to play (50: by chance; ± 4 at most). In
 play less inertia means a faster swing, as in PROPOSED (2003 paper); NCAA MODIFIED swings all bats
 alike. BPF (ASTM F1881) ignores the mass near the ball. Loaded: EA70, 2.3 oz moved to this end.
 """

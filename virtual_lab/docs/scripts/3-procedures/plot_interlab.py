@@ -3,9 +3,9 @@ Why laboratories differ
 =======================
 
 Standard deviation of BBCOR among laboratories that test one EA70, for each cause alone (bars) and
-for all (total, dashed). The squares of the bars add up to about the square of the total.
-Normalizing to a standard ball removes the effects of ball lot and humidity. It adds that of the
-wall at which the ball is tested.
+for all (total, dashed), each ± 1 %. The squares of the bars add up to about the square of the
+total. Normalizing to a standard ball removes the effects of ball lot and humidity. It adds that of
+the wall at which the ball is tested.
 """
 
 import matplotlib.pyplot as plt

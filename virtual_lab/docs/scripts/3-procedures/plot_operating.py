@@ -5,7 +5,7 @@ Chance to pass near the limit
 Chance that a bat passes BBCOR, for 20 variants of EA70 with different hoop frequencies. Circles:
 counted in 5 000 laboratories each (95 % intervals). Line: predicted from the errors of one variant
 in 20 000 laboratories. The limit is raised to 0.537 because all variants exceed the 0.500 of the
-rules. At the limit 47 % pass, not 50, because BBCOR comes out 0.00015 high on average.
+rules. At the limit 47 ± 1 % pass, not 50, because BBCOR comes out 0.00015 high on average.
 """
 
 import matplotlib.pyplot as plt

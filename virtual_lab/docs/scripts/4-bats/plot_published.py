@@ -12,7 +12,7 @@ import pandas as pd
 
 import virtual_lab as vl
 
-table = vl.reference().table.query("role == 'prediction' and ~quantity.str.contains('minus un')")
+table = vl.reference().table.query("role == 'prediction' and ~quantity.str.contains('minus')")
 columns = ["value", "agreement_low", "agreement_high"]
 ratios = table[columns].div(pd.to_numeric(table["published"], errors="coerce"), axis=0)
 ratios = ratios.join(table[["quantity", "agreement"]]).dropna().sort_values("value").reset_index()
