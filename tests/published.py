@@ -176,8 +176,7 @@ def coverage(procedure: str, seed: int, size: int) -> Figures:
 
 
 STUDIES: dict[str, Callable[[int, int], Figures]] = {
-    **{f"operating {name}": partial(operating, name) for name in ("astm-f1881", "bbcor")},
-    "critique astm-f1881": partial(critique, "barrel-loaded", "knob-loaded", "astm-f1881"),
+    "operating astm-f1881": partial(operating, "astm-f1881"),
     "critique bbcor": partial(critique, "barrel-loaded", "knob-loaded", "bbcor"),
     "critique ncaa-besr": partial(critique, "ea70", "knob-loaded", "ncaa-besr"),
     "cannon": cannon,
