@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import erf, stdtrit
+from scipy.special import erf, fdtri, stdtrit
 
 INCH, OUNCE, MPH = 0.0254, 0.45359237 / 16, 0.44704
 UNITS = {
@@ -707,8 +707,32 @@ class Test:
         ]
         places = np.round(self.set[used], 6)
         lines.append(self._scatter(hits, k, places, np.array(list(steps.values()))))
+        self._lean(lines[-1], of(self.best), used, k, np.array(list(steps.values())))
         lines[-1].value = float(hits @ k)
         return Result(float(hits @ w), self._pooled(lines))
+
+    def _lean(
+        self, line: Line, every: np.ndarray, used: np.ndarray, k: np.ndarray, steps: np.ndarray
+    ) -> None:
+        """Pool the scatter of the final hits of a scan with that of other hits within an inch."""
+        scan = self.rules.get("scan")
+        if scan is None or not scan["final_hits"]:
+            return
+        near = np.abs(self.set - self.set[used].mean()) < scan["fit_half_width"] + STEP
+        square, freedom = 0.0, 0
+        for place in np.unique(np.round(self.set[near], 6)):
+            here = every[near & ~used & self.valid & (np.abs(self.set - place) < 1e-6)]
+            square += float(((here - here.mean()) ** 2).sum()) if here.size else 0.0
+            freedom += max(here.size - 1, 0)
+        own = float(((every[used] - every[used].mean()) ** 2).sum())
+        known = float(((steps - steps.mean(axis=1, keepdims=True)) ** 2).sum())
+        n = int(used.sum()) - 1
+        if not (freedom and own and square) or own / n > fdtri(n, freedom, 0.99) * square / freedom:
+            return
+        total = (own + square) / (n + freedom)
+        left = max((own - known + square) / (n + freedom), 1e-3 * total)
+        line.u = line.moved = sqrt(float(k @ k) * left)
+        line.dof = (n + freedom) * (left / total) ** 2
 
     def _scatter(
         self, hits: np.ndarray, k: np.ndarray, places: np.ndarray, steps: np.ndarray

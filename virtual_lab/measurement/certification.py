@@ -30,6 +30,7 @@ from virtual_lab.measurement.diagnostics import (
     overdue,
 )
 from virtual_lab.measurement.procedure import (
+    Curve,
     Finding,
     HitWeights,
     Judgement,
@@ -40,14 +41,17 @@ from virtual_lab.measurement.procedure import (
     add_shortfall,
     exemption,
     findings,
+    metric_of,
     sentences_of,
     set_aside,
     shortfalls,
     unmet_rules,
+    variances_within,
     verdicts_of,
 )
-from virtual_lab.measurement.procedure.model import AS_FOUND
+from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.measurement.procedure.peak_width import Width, width_of
+from virtual_lab.measurement.procedure.rules import SETTING_STEP
 from virtual_lab.measurement.reduction.flights import number_shots
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.shot_algebra import (
@@ -258,7 +262,10 @@ def certify_reduction(
         return np.where(hits >= 0, values[hits], 0.0)
 
     variants = Variants.of(reduced.constants)
-    earlier = {name: HitVariance.of(estimates) for name, estimates in block.history.items()}
+    earlier = _nearby_variances(reduced, hit_weights)
+    for name, estimates in block.history.items():
+        past = HitVariance.of(estimates)
+        earlier[name] = HitVariance.pool([earlier[name], past]) if name in earlier else past
     result_hits = ResultHits(
         hits=hits,
         weights=at_hits(hit_weights.weights),
@@ -316,6 +323,32 @@ def certify_reduction(
         reason_table=reason_table,
         verdicts=verdicts_of(rules, reason_table, laboratories),
     )
+
+
+def _nearby_variances(reduced: Reduction, hit_weights: HitWeights) -> dict[str, HitVariance]:
+    """Return the variance of a hit within its position, from hits near the chosen position.
+
+    The few final hits of a scan at one position give a poor estimate of their scatter. The other
+    valid hits within the half width of a fit scatter alike, so their variance is pooled with that
+    of the final hits like one of an earlier test. Nothing explained by constants is subtracted from
+    it. The dictionary is empty for a test without final hits.
+    """
+    rules, owner, position = reduced.procedure, reduced.owner, reduced.position
+    if rules.scan is None or not rules.scan.final_hits:
+        return {}
+    off = np.abs(position - hit_weights.position[owner])
+    mask = reduced.valid & ~hit_weights.used & (off < rules.scan.fit_half_width + SETTING_STEP)
+    values = {name: getattr(reduced.shots, field) for name, field in QUANTITIES.items()}
+    values["metric"] = reduced.shot_metric
+    if rules.normalized:
+        bat = reduced.preparation.bat.select((owner, 0, 0))
+        values[AS_FOUND] = metric_of(rules.as_found)(Curve.from_shots(reduced.shots), bat)
+    laboratories, nearby = reduced.preparation.laboratories, {}
+    for name, hits in values.items():
+        variance, dof = variances_within(owner[mask], position[mask], hits[mask], laboratories)
+        variance = np.where(dof > 0, variance, 0.0)
+        nearby[name] = HitVariance(unexplained=variance, total=variance, dof=dof)
+    return nearby
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -387,7 +387,7 @@ def sample(tested: BlockTest) -> Sample:
         beside=np.mean(deviation**2, axis=1),
         scatter=variances_within(
             owner[in_result], reduced.position[in_result], metric[in_result], count
-        ),
+        )[0],
         results={
             true: Results(
                 value=budgets.value,

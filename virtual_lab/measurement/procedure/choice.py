@@ -89,18 +89,20 @@ def add_shortfall(metric: Budgets, shortfall: Shortfalls) -> Budgets:
 
 def variances_within(
     owner: NDArray[np.intp], position: Array, metric: Array, laboratories: int
-) -> Array:
-    """Return the variance of hits at the same impact position, (laboratory,).
+) -> tuple[Array, Array]:
+    """Return the variance of hits at the same impact position, and its freedom, (laboratory,).
 
     The deviation of a hit is taken from the mean of the hits at its position. The variance is
     pooled over all positions of a laboratory. It has the unit of `metric`, squared. `owner`,
     `position` and `metric` are the laboratory, the position [m] and the value of each hit, (hit,).
-    The variance is NaN if no position of a laboratory has two hits.
+    The variance is NaN, and its degrees of freedom are 0, if no position of a laboratory has two
+    hits.
     """
     of, inverse = np.unique(owner + 1j * np.round(position, 6), return_inverse=True)
     counts = np.bincount(inverse)
     deviation = metric - (np.bincount(inverse, metric) / counts)[inverse]
     whose = of.real.astype(np.intp)
-    freedom = np.bincount(whose, counts - 1, laboratories)
+    freedom = np.asarray(np.bincount(whose, counts - 1, laboratories), dtype=float)
     square = np.bincount(owner, deviation**2, laboratories)
-    return np.where(freedom > 0, square / np.where(freedom > 0, freedom, 1.0), np.nan)
+    variance = square / np.where(freedom > 0, freedom, np.nan)
+    return np.asarray(variance), freedom
