@@ -96,9 +96,26 @@ def test_an_error_leaves_no_files(
         (draft / "half.txt").write_text("half")
         raise ZeroDivisionError
 
+    (tmp_path / "mine").mkdir()
     with pytest.raises(ZeroDivisionError), new(tmp_path / "mine") as draft:
         fail(draft)
     assert [path for path in tmp_path.rglob("*") if path.name != "mine"] == []
+
+
+@pytest.mark.parametrize("new", [new_folder, new_files])
+def test_a_mistyped_path_makes_no_folders(
+    new: Callable[[Path], AbstractContextManager[Path]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The folder ``out`` of the current folder is ours, and made when it is needed."""
+    with pytest.raises(InputError, match="there is no folder"), new(tmp_path / "wrnog" / "mine"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.chdir(tmp_path)
+    with new_folder(Path("out") / "mine") as draft:
+        (draft / "file.txt").write_text("result")
+    assert (tmp_path / "out" / "mine" / "file.txt").exists()
 
 
 def test_files_appear_together_and_replace_none(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 SETTINGS = "settings.toml"  # file in a result folder with the arguments of its call
+OUT = "out"  # folder of results in the current folder, which is created when it is needed
 SEED_BITS = 128  # length of a random seed, too long for trial and error
 LARGEST_SEED = 2**SEED_BITS - 1
 

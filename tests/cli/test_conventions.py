@@ -75,6 +75,7 @@ def test_the_seed_is_in_the_folder_only_where_it_was_given(run: Run, tmp_path: P
 
 
 def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> None:  # noqa: F811
+    (tmp_path / "sub").mkdir()
     files = ("--csv", "sub/peaks.csv", "--plot", "peaks.svg")
     code, out, _ = run("profile", "r161", "ea70", *files)
     assert code == 0

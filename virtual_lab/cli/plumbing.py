@@ -20,6 +20,7 @@ import click
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.files import check_new_folder, check_writable, first_free, new_files
 from virtual_lab.output.progress import show_progress
+from virtual_lab.parameters import OUT
 
 HELP_WIDTH = 1000  # longest first sentence in a list of commands [characters], never exceeded
 LONGEST_NAME = 60  # largest length of a name within a folder's name [characters]
@@ -209,7 +210,7 @@ def _usual_folder(
     for key in NAMED:
         if key in request:
             name += f"-{key}-{request[key]}"
-    return Path("out") / name
+    return Path(OUT) / name
 
 
 def _part(value: str) -> str:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from virtual_lab.errors import InputError
 from virtual_lab.files.drafts import draft_in
-from virtual_lab.parameters import SETTINGS
+from virtual_lab.parameters import OUT, SETTINGS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -353,11 +353,16 @@ def _is_result(folder: Path) -> bool:
 def check_writable(target: Path, key: str) -> None:
     """Raise `InputError` unless a file or folder can be created at `target`.
 
-    The check creates a temporary folder and removes it. A system may report a folder such as
-    ``/proc`` as writable although no file can be created in it. `key` is the name of the target in
-    the error message.
+    The folder around it must exist, except ``out`` in the current folder, so that a mistyped path
+    makes no folders. The check creates a temporary folder and removes it. A system may report a
+    folder such as ``/proc`` as writable although no file can be created in it. `key` is the name of
+    the target in the error message.
     """
-    existing = next(parent for parent in (target, *target.absolute().parents) if parent.exists())
+    parent = target.absolute().parent
+    if not (parent.is_dir() or target.parent == Path(OUT)):
+        allowed = f"cannot be written (there is no folder {target.parent})"
+        raise InputError("", key, str(target), allowed)
+    existing = next(each for each in (target, parent, Path()) if each.exists())
     try:
         with draft_in(existing):
             pass
@@ -428,6 +433,7 @@ def new_files(folder: Path, *, overwrite: bool = False) -> Iterator[Path]:
     already contains one of them, `InputError` is raised and no file is moved. `InputError` is also
     raised if `folder` cannot be written, or for an `OSError` within the context.
     """
+    check_writable(folder / "file", "out")
     try:
         with draft_in(folder) as draft:
             yield draft

@@ -20,13 +20,13 @@ open_drafts: set[Path] = set()  # drafts of this process, removed if it must end
 
 @contextmanager
 def draft_in(folder: Path) -> Iterator[Path]:
-    """Yield a new temporary folder within `folder`, which is created if it is missing.
+    """Yield a new temporary folder within `folder`, which is created in an existing folder.
 
     When the context ends, the temporary folder is deleted with all files that were not moved out of
     it. Temporary folders of processes that have ended are deleted at the start. Raises `OSError` if
     `folder` cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
     _sweep(folder)
     draft = folder / f"{PREFIX}{os.urandom(RANDOM_BYTES).hex()}"
     young = draft.with_suffix(".new")  # name that `_sweep` ignores until the draft is locked
