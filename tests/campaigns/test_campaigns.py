@@ -24,7 +24,7 @@ import pytest
 import virtual_lab as vl
 from tests.campaigns.conftest import COLUMN, KEY, STUDY, begun, contents, part
 from virtual_lab import catalog, lab
-from virtual_lab.campaigns import workers
+from virtual_lab.campaigns import running, workers
 from virtual_lab.campaigns.folder import PARTS, Campaign
 from virtual_lab.campaigns.summary import VERDICTS
 from virtual_lab.cli import cli
@@ -342,8 +342,19 @@ def test_a_study_that_cannot_be_used_makes_no_folder(
     with pytest.raises(InputError) as fault:
         vl.campaign(study, tmp_path / "c")
     assert said in str(fault.value)
+    assert str(fault.value).startswith(f"{study}: ") or "r161" in said
     assert "\n" not in str(fault.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study.toml"]
+
+
+@pytest.mark.parametrize("wrong", [{"blocks": "7/2"}, {"dask": "nohost"}, {"workers": 0}])
+def test_a_refused_argument_makes_no_folder(wrong: dict[str, Any], tmp_path: Path) -> None:
+    study = begun(tmp_path / "c")
+    with pytest.raises(InputError):
+        vl.campaign(study, tmp_path / "c", **wrong)
+    with pytest.raises(InputError, match="there is no folder"):
+        vl.campaign(study, tmp_path / "mistyped" / "c")
+    assert [path.name for path in tmp_path.iterdir()] == ["study.toml"]
 
 
 VERBS: dict[str, Callable[[Path], object]] = {
@@ -389,6 +400,8 @@ def no_study(folder: Path) -> None:
 def test_a_folder_that_is_not_this_campaign_is_left_alone(
     change: Callable[[Path], None], said: str, verb: str, copy: Path
 ) -> None:
+    with pytest.raises(InputError, match="there is no such folder"):
+        VERBS[verb](copy / "missing")
     change(copy)
     before = contents(copy)
     with pytest.raises(InputError, match=said):
@@ -471,8 +484,9 @@ def test_a_dask_scheduler_without_workers_is_refused(
     with LocalCluster(n_workers=0, processes=False, dashboard_address=None) as cluster:
         with pytest.raises(InputError, match="has no worker; start one"):
             vl.campaign(None, copy, dask=cluster.scheduler_address)
-        sound, calls = workers._threads_at, iter(range(9))
-        monkeypatch.setattr(workers, "_threads_at", lambda at: sound(at) if next(calls) else 1)
+        sound, calls = workers.threads_at, iter(range(9))
+        monkeypatch.setattr(running, "threads_at", lambda at: 1)
+        monkeypatch.setattr(workers, "threads_at", lambda at: sound(at) if next(calls) else 1)
         with pytest.raises(InputError, match="has no worker; start one"):
             vl.campaign(None, copy, dask=cluster.scheduler_address)
 

@@ -69,6 +69,8 @@ class Campaign:
         InputError
             There is no campaign, it was changed, or another version of this program made it.
         """
+        if not Path(folder).is_dir():
+            raise InputError("", "folder", str(folder), "there is no such folder")
         path, study = Path(folder) / STAMP, read_study(Path(folder) / STUDY)
         stamp = read_json(path)
         if stamp.get("schema") != COLUMN_SCHEMA:
@@ -154,12 +156,7 @@ class Campaign:
 
         Raises `InputError` if the string is not a share.
         """
-        digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text or "1/1")
-        number, many = map(int, digits.groups()) if digits else (0, 0)
-        if not 1 <= number <= many:
-            raise InputError(
-                "", "blocks", text, "allowed: N/M for share N of M, from 1/40 to 40/40 for example"
-            )
+        number, many = read_share(text)
         return range(self.blocks * (number - 1) // many, self.blocks * number // many)
 
     def layout(self, block: Block) -> PartColumns:
@@ -280,6 +277,19 @@ class Campaign:
 
     def __repr__(self) -> str:
         return f"<Campaign of {len(self.cases)} cases in {self.blocks} blocks, {self.folder}>"
+
+
+def read_share(text: str | None) -> tuple[int, int]:
+    """Return N and M of a share ``N/M`` of a campaign; None means ``1/1``.
+
+    Raises `InputError` if the string is not a share.
+    """
+    digits = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text or "1/1")
+    number, many = map(int, digits.groups()) if digits else (0, 0)
+    if not 1 <= number <= many:
+        allowed = "allowed: N/M for share N of M, from 1/40 to 40/40 for example"
+        raise InputError("", "blocks", text, allowed)
+    return number, many
 
 
 def read_study(path: Path) -> Study:

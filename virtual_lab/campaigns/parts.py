@@ -31,6 +31,7 @@ from virtual_lab.files import parse_json, whole_file
 from virtual_lab.files.dictionary import column_meaning
 from virtual_lab.lab import BlockTest
 from virtual_lab.lab.measurand import CONTINUOUS, WIDTH_KEY
+from virtual_lab.measurement.procedure import Verdict
 from virtual_lab.measurement.procedure.model import AS_FOUND
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress
@@ -260,6 +261,25 @@ class Part:
 
         return parquet().read_table(pa.BufferReader(self.file), columns=columns)
 
+    def unlike_study(self) -> list[str]:
+        """Return the columns that contradict the block of the study, or each other.
+
+        The file of this part must have been read as a whole.
+        """
+        block, case, limits = self.block, self.block.case, ["low", "value", "high"]
+        keys = ["laboratory", "bat", "procedure", "repeat", "verdict"]
+        tests = self.table([*keys, *limits]).to_pandas()
+        rising = (tests.low < tests.value) & (tests.value < tests.high)
+        contradictions = {
+            "laboratory": tests.laboratory != np.arange(block.first, block.first + block.rows),
+            "bat": tests.bat != case.bat,
+            "procedure": tests.procedure != case.procedure,
+            "repeat": tests.repeat != block.repeat,
+            "verdict": ~tests.verdict.isin([each.value for each in Verdict]),
+            "value": tests[limits].notna().any(axis=1) & ~rising,
+        }
+        return [name for name, where in contradictions.items() if where.any()]
+
 
 def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> Part:
     """Read and check the Parquet file of a block; return it as a `Part`.
@@ -288,7 +308,9 @@ def read_part(block: Block, layout: PartColumns, path: Path, *, whole: bool) -> 
     wrong = [name for name in (*layout, *columns) if columns.get(name) != layout.get(name)]
     if wrong or len(fields) > len(layout):
         return Part(block, f"its columns are not those of the study: {', '.join(wrong)}")
-    return Part(block, "", str(words.get("processor", "")), file if whole else b"")
+    part = Part(block, "", str(words.get("processor", "")), file if whole else b"")
+    wrong = part.unlike_study() if whole else []
+    return Part(block, f"these columns contradict the study: {', '.join(wrong)}") if wrong else part
 
 
 @cache

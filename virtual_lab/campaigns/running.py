@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.campaigns.account import Account
-from virtual_lab.campaigns.folder import Campaign, read_study
+from virtual_lab.campaigns.folder import Campaign, read_share, read_study
 from virtual_lab.campaigns.parts import parquet
-from virtual_lab.campaigns.study import Study
-from virtual_lab.campaigns.workers import make_parts
+from virtual_lab.campaigns.study import IN_STUDY, Study
+from virtual_lab.campaigns.workers import make_parts, threads_at
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml, read_text
@@ -83,6 +83,9 @@ def campaign(
     parquet()  # raises an error if the extra is missing
     if workers < 1:
         raise InputError("", "workers", workers, "allowed: at least 1")
+    read_share(blocks)  # before the folder is made
+    if dask is not None:
+        threads_at(dask)
     opened = Campaign.open(folder) if study is None else _begin(study, folder, progress)
     numbers = opened.share(blocks)
     with draft_in(opened.parts):
@@ -113,8 +116,12 @@ def campaign(
 def _begin(study: str | Path | Mapping[str, Any], folder: Path, progress: Progress) -> Campaign:
     if not isinstance(study, Mapping):
         study = Path(study)
-        return Campaign.begin(read_study(study), read_text(study), folder, progress)
+        try:
+            return Campaign.begin(read_study(study), read_text(study), folder, progress)
+        except InputError as fault:
+            where = str(study) if fault.where == IN_STUDY else fault.where
+            raise InputError(where, fault.key, fault.value, fault.allowed) from fault
     change = {f'"{key}"': values for key, values in dict(study.get("change") or {}).items()}
     text = toml_text({**study, "change": change})
-    validated = validate(parse_toml(text, "study"), "study", Study)
+    validated = validate(parse_toml(text, IN_STUDY), IN_STUDY, Study)
     return Campaign.begin(validated, text, folder, progress)

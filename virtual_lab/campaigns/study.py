@@ -23,6 +23,7 @@ from virtual_lab.streams import LABORATORIES, LARGEST_SEED
 from virtual_lab.units import name_with_unit
 
 MOST_CASES, MOST_REPEATS = 10_000, 1_000
+IN_STUDY = "study"  # place of an error in a study that has no file
 # new value of a key: numbers in the unit of the sheet, or a string, which may contain a unit
 Value: TypeAlias = "Real | str | tuple[Real, ...]"
 Values: TypeAlias = "tuple[Real, ...] | tuple[str, ...] | tuple[tuple[Real, ...], ...]"
@@ -69,8 +70,15 @@ class Study(Spec):
         for number, case in enumerate(self.cases):
             progress("cases", number, len(self.cases))
             with catalog.sheets_in_place({}) as sheets_read:
-                with catalog.sheets_in_place(case.apply_changes()[0]):
-                    case.round_robin(self.seed)
+                changed = case.apply_changes()[0]
+                try:
+                    with catalog.sheets_in_place(changed):
+                        case.round_robin(self.seed)
+                except InputError as fault:
+                    if fault.where not in {name for _, name in changed}:
+                        raise
+                    key = f"change.{', '.join(case.change)}"
+                    raise InputError(IN_STUDY, key, None, str(fault)) from fault
                 texts |= {"/".join(key): catalog.source(*key)[0] for key in sheets_read}
         return texts
 
@@ -102,7 +110,7 @@ class StudyCase:
                     changed = sheet.with_({sheet_key: value})
                     number = _number_of(sheet, sheet_key, changed)
                 except ValueError as fault:
-                    raise InputError("study", f"change.{key}", value, str(fault)) from fault
+                    raise InputError(IN_STUDY, f"change.{key}", value, str(fault)) from fault
             texts[sheet.kind, sheet.name] = changed.text
             if number is None:
                 columns[key] = (value, "")

@@ -86,7 +86,7 @@ def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
     where = str(folder.absolute())
     getLogger("distributed.client").setLevel(CRITICAL)  # errors are reported in one line instead
     options = {"timeout": PATIENCE, "set_as_default": False}
-    threads = _threads_at(address)
+    threads = threads_at(address)
     try:
         with dask.Client(address, **options) as client:
             pool, most = client.get_executor(pure=False), 2 * threads  # so that no thread is idle
@@ -94,13 +94,13 @@ def _by_dask(folder: Path, numbers: Iterable[int], address: str) -> Outcomes:
                 lambda number: pool.submit(make_part, where, number),
                 numbers,
                 most,
-                lambda: _threads_at(address),
+                lambda: threads_at(address),
             )
     except (CancelledError, OSError) as fault:
         raise InputError("", "dask", address, NO_ANSWER) from fault
 
 
-def _threads_at(address: str) -> int:
+def threads_at(address: str) -> int:
     """Return the number of threads of the workers of a Dask scheduler, at least 1.
 
     Raises `InputError` if the scheduler does not answer or has no worker within `PATIENCE`.
