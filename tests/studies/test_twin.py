@@ -3,7 +3,7 @@
 import csv
 import json
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -330,8 +330,17 @@ def test_an_interrupted_study_of_faults_resumes(days, tmp_path: Path, monkeypatc
     assert shown["gate-moved"].noticed_at["0.0001"] == 0.0
     file = tmp_path / "faults.json"
     kept = json.loads(file.read_text())
-    del kept["rows"]["sabot-trip"]
+    for damage in ({"rows": []}, {"about": 1}, {"rows": {"gate-moved": {}}}, {"digest": "0"}):
+        file.write_text(json.dumps(kept | damage))
+        with pytest.raises(InputError, match="faults"):
+            noticing.noticed_faults(days, 0.006, tmp_path, days=1)
+    kept["rows"]["gate-moved"]["noticed_at"]["1.0"] = 0.5
     file.write_text(json.dumps(kept))
+    with pytest.raises(InputError, match="was changed after it was made"):
+        noticing.noticed_faults(days, 0.006, tmp_path, days=1)
+    del kept["rows"]["sabot-trip"], kept["digest"]
+    kept["rows"]["gate-moved"] = asdict(shown["gate-moved"])
+    file.write_text(json.dumps(asdict(noticing.StoredFaults(**kept).sealed())))
     played = []
     monkeypatch.setattr(noticing, "_fault_row", lambda *each: played.append(each) or rows[-1])
     assert noticing.noticed_faults(days, 0.006, tmp_path, days=1) == rows

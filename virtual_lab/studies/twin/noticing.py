@@ -7,6 +7,7 @@ continue.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -14,8 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from virtual_lab.errors import InputError
-from virtual_lab.files import read_json, whole_file
+from virtual_lab.catalog.specs import Spec
+from virtual_lab.catalog.validation import validate
+from virtual_lab.errors import VERSION, InputError
+from virtual_lab.files import check_writable, read_json, whole_file
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.tables import column
 from virtual_lab.records.session import pack
@@ -55,6 +58,20 @@ class NoticedFault:
     metric_shift: float | None = column("shift of the metric at 1", "stated u", "+.2f")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredFaults(Spec):
+    """Form of ``faults.json``: the faults simulated so far."""
+
+    about: Mapping[str, str | int]  # program, records, seed and number of days
+    rows: Mapping[str, NoticedFault]
+    digest: str = ""  # SHA-256 of the rest
+
+    def sealed(self) -> StoredFaults:
+        """Return the same faults with their digest."""
+        content = json.dumps(asdict(replace(self, digest="")), sort_keys=True)
+        return replace(self, digest=hashlib.sha256(content.encode()).hexdigest())
+
+
 def noticed_faults(
     playing: TwinDays, u: float, folder: Path, progress: Progress = quiet, days: int = DAYS
 ) -> list[NoticedFault]:
@@ -82,28 +99,33 @@ def noticed_faults(
     ------
     InputError
         The faults in the folder were simulated from the records of another test, or with another
-        seed or number of days.
+        seed, number of days or version, or their file was changed.
     """
+    check_writable(folder, "faults")
     session, path = playing.statement.session, folder / "faults.json"
     names = [name for name in faults_at(session.rigs["impact"]) if name not in NOT_PLAYED]
-    about = {"session": pack(session).digest, "seed": playing.seed, "days": days}
-    played = read_json(path) if path.exists() else {}
-    stored_rows = played.setdefault("rows", {})
-    if played.setdefault("about", about) != about:
-        allowed = "has days of other records, another seed or number; allowed: a new folder"
-        raise InputError("", "faults", str(folder), allowed)
-    rows, sound = [], np.zeros(0)
+    about: dict[str, str | int] = {"program": VERSION, "session": pack(session).digest}
+    stored = StoredFaults(about={**about, "seed": playing.seed, "days": days}, rows={})
+    if path.exists():
+        earlier = validate(read_json(path), str(path), StoredFaults)
+        if earlier.about != stored.about:
+            allowed = "has days of other records, another seed, number or version"
+            raise InputError("", "faults", str(folder), f"{allowed}; allowed: a new folder")
+        if earlier != earlier.sealed():
+            allowed = "the file was changed after it was made; allowed: a new folder"
+            raise InputError(str(path), "digest", None, allowed)
+        stored = earlier
+    sound = np.zeros(0)
     for number, name in enumerate(names, 1):
-        if name not in stored_rows:
+        if name not in stored.rows:
             if not sound.size:
                 sound = np.array([_error(playing, FIRST + day)[1] for day in range(days)])
-            stored_rows[name] = asdict(_fault_row(CATALOGUE[name], playing, u, sound))
-            folder.mkdir(parents=True, exist_ok=True)
+            row = _fault_row(CATALOGUE[name], playing, u, sound)
+            stored = replace(stored, rows={**stored.rows, name: row}).sealed()
             with whole_file(path) as file:
-                file.write(json.dumps(played, indent=1).encode())
-        rows.append(NoticedFault(**stored_rows[name]))
+                file.write(json.dumps(asdict(stored), indent=1).encode())
         progress("faults", number, len(names))
-    return rows
+    return [stored.rows[name] for name in names]
 
 
 def _error(playing: TwinDays, day: int) -> tuple[bool, float]:
