@@ -78,7 +78,7 @@ def test_the_log_of_a_day_contains_no_hidden_truth(tmp_path: Path) -> None:
     secret = tmp_path / "day" / SECRET
     assert secret.stat().st_mode & 0o777 == 0o600
     sealed = json.loads(secret.read_text("utf-8"))
-    assert sealed["faults"] == ["gate-moved"]
+    assert "faults" not in sealed  # they are drawn from the seed
     log = (tmp_path / "day" / LOG).read_bytes()
     for word in (str(seed), sealed["salt"], "gate-moved", "restitution_loss"):
         assert word.encode() not in log

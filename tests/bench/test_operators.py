@@ -40,6 +40,7 @@ from virtual_lab.bench.scoring.debrief import Debrief, TimeLine, debrief
 from virtual_lab.bench.scoring.debrief_page import debrief_page
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
+from virtual_lab.records.origin import DAY_FILES
 
 END = (("reduce", {}), ("give-verdict", {"verdict": "PASS"}), ("hand-in", {}))
 
@@ -286,17 +287,9 @@ def test_the_command_writes_a_day_and_its_debrief(tmp_path: Path) -> None:
     done = CliRunner().invoke(cli, given, catch_exceptions=False)
     document = json.loads(done.stdout)
     assert document["value"] == debrief_by("book").value
-    assert {path.name for path in out.iterdir()} == {
-        "actions.json",
-        "day.sqlite",
-        "sealed.json",
-        "debrief.json",
-        "debrief.html",
-        "certificate.json",
-        "certificate.html",
-        "records",
-        "settings.toml",
-    }
+    of_result = {"certificate.json", "certificate.html", "records", "settings.toml", "truth"}
+    of_result |= {"readings.csv", "datapackage.json", "ro-crate-metadata.json", "SHA256SUMS"}
+    assert {path.name for path in out.iterdir()} == of_result | set(DAY_FILES)
     settings = (out / "settings.toml").read_text()
     assert settings.startswith("# virtual-lab rehearse --config settings.toml\n")
     assert tomllib.loads(settings) == {"operator": "book"}

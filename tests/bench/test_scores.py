@@ -58,6 +58,7 @@ class HandDesk:
     reasons: tuple[str, ...] = ("", "")
     entered: tuple[EnteredResult, ...] = ()
     reduction_error: str = ""
+    reasons_to_refuse: tuple[str, ...] = ()
     hits: tuple[Any, ...] = ()
     rules: Any = field(
         default_factory=lambda: SimpleNamespace(
@@ -178,6 +179,18 @@ def test_refusing_a_sound_day_scores_no_result(debrief_of: Any) -> None:
     assert scores(found)["result"] == scores(found)["economy"] == 0
     assert scores(found)["detection"] == pytest.approx(1 - 0.09)
     assert (found.right_verdict, found.false_alarms) == ("PASS", ("gate-moved",))
+
+
+@pytest.mark.parametrize(
+    "shown", [{"visible": ("gate-moved",)}, {"reasons_to_refuse": ("flag scatter",)}]
+)
+def test_a_refusal_is_right_if_the_records_show_a_reason(
+    shown: dict[str, Any], debrief_of: Any
+) -> None:
+    """Whether or not the trainee named it."""
+    found = debrief_of([*BOOK, *verdict("INVALID", 80)], **shown)
+    assert scores(found)["result"] == 1
+    assert found.brier == pytest.approx(0.04)
 
 
 def test_a_verdict_without_a_measurement_scores_nothing(debrief_of: Any) -> None:

@@ -55,10 +55,11 @@ class Browser:
         headers: dict[str, str] | None = None,
         patient: bool = True,
         message: dict[str, Any] | None = None,
+        method: str = "",
     ) -> Answer:
         path, _, query = path.partition("?")
         body = urlencode(form).encode() if form is not None else body or b""
-        method = "GET" if form is None and not body else "POST"
+        method = method or ("GET" if form is None and not body else "POST")
         sent = {"host": host, "content-length": str(len(body))}
         sent |= ORIGIN if headers is None else headers
         if self.cookie:
@@ -163,6 +164,9 @@ def test_the_address_works_once_and_then_only_the_cookie(tmp_path: Path) -> None
     first = Browser(served(tmp_path / "day"))
     assert first.ask("/").status == 403
     assert first.ask("/?token=guessed").status == 403
+    address = f"/?token={TOKEN.replace(' ', '%20')}"
+    for look in ({"method": "HEAD"}, {"headers": {"sec-purpose": "prefetch;prerender"}}):
+        assert first.ask(address, **look).status == 403  # no one has opened it yet
     opened = first.open()
     assert opened.status == 303
     assert "HttpOnly" in opened.headers["set-cookie"]

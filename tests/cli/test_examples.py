@@ -37,6 +37,11 @@ def make_pictures() -> None:
     Path("board/pictures").rename("pictures")
 
 
+def make_class() -> None:
+    Path("days").mkdir()
+    run("rehearse --operator expert --seed 3 --out days/one")
+
+
 # files and folders that examples name, and the functions that make them
 FILES: dict[str, Callable[[], object]] = {
     "out/r161-bbcor-seed-7": lambda: run(EXAMPLES["certify"]),
@@ -47,7 +52,7 @@ FILES: dict[str, Callable[[], object]] = {
     "study.toml": lambda: Path("study.toml").write_text(STUDY),
     "campaign": run_campaign,
     "clip.mp4": lambda: write_video(Path("clip.mp4"), list(Film().frames()), 240),
-    "days": lambda: run("rehearse --operator expert --seed 3 --out days/one"),
+    "days": make_class,
     "day": lambda: run(EXAMPLES["rehearse"]),
     "pictures": make_pictures,
 }

@@ -239,17 +239,15 @@ class Certificate:
             Page, PDF, film or signature could not be made; everything else is saved.
         """
         from virtual_lab.certificate.html import certificate_page
-        from virtual_lab.certificate.packages import descriptors, text_of_descriptor
         from virtual_lab.certificate.pdf import (
             certificate_pdf,
             pdf_name,
             require_paper,
             require_pdf,
         )
-        from virtual_lab.certificate.seal import TRUTH, write_seal
+        from virtual_lab.certificate.result_folder import close_result, write_result
         from virtual_lab.certificate.signing import require_key, write_sums
         from virtual_lab.files import new_folder
-        from virtual_lab.files.tables import write_csv
 
         if pdf is not None and pdf != self.pdf:  # the certificate then states the version of Typst
             return replace(self, pdf=pdf).save(folder, paper=paper, sign=sign, overwrite=overwrite)
@@ -261,13 +259,8 @@ class Certificate:
             require_key(Path(sign), private=True)
         missing: list[str] = []
         with new_folder(target, self.settings, overwrite=overwrite) as draft:
-            (draft / "certificate.json").write_text(self.printed.text, encoding="utf-8")
-            write_csv(self._shot_columns, draft / "readings.csv")
-            (draft / "records").mkdir()
-            self._records.write(draft / "records")
-            if self.sealed:
-                (draft / TRUTH).parent.mkdir()
-                (draft / TRUTH).write_bytes(self._truth)
+            truth = self._truth if self.sealed else b""
+            write_result(draft, self.printed, self.certification, self._records, truth)
             with without_if_it_fails("certificate.html", missing):
                 page = certificate_page(self.printed, paper)
                 (draft / "certificate.html").write_text(page, encoding="utf-8")
@@ -281,13 +274,7 @@ class Certificate:
             if self.film:
                 with without_if_it_fails("film", missing), new_folder(draft / "film") as film:
                     self.film(film)
-            session = self.certification.session
-            fields = descriptors(self.printed, session, self._shot_columns, draft)
-            for name, each in fields.items():
-                (draft / name).write_text(text_of_descriptor(each), encoding="utf-8")
-            if self.sealed:
-                write_seal(draft)
-            write_sums(draft)
+            close_result(draft, self.printed, self.certification)
             if signing := sign or self.sign:
                 with without_if_it_fails("signature", missing):
                     write_sums(draft, Path(signing))
@@ -309,10 +296,8 @@ class Certificate:
 
     @cached_property
     def _truth(self) -> bytes:
-        import json
-
         assert self.sealed is not None
-        return (json.dumps(self.sealed.document(), indent=1, allow_nan=False) + "\n").encode()
+        return self.sealed.content
 
     def __repr__(self) -> str:
         from virtual_lab.output.metrics import METRICS
@@ -687,6 +672,7 @@ def sweep(
         truth. Needs ``certificates``.
     truth
         Store the sealed truth with each certificate, for ``score``. It takes 90 kB per folder.
+        Without certificates: state the true values and errors in the table.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 
@@ -715,12 +701,15 @@ def sweep(
         is not at least one laboratory and one worker, or `traces` is requested without
         `certificates`.
     """
+    from virtual_lab.files import check_writable
     from virtual_lab.studies.sweep import sweep_tests
 
     if traces and certificates is None:
         raise InputError("", "traces", traces, "allowed only with certificates=FOLDER")
+    if certificates is not None:
+        check_writable(Path(certificates), "certificates")
     keep = None if certificates is None else partial(_keep, Path(certificates), seed, truth)
-    return sweep_tests(
+    table = sweep_tests(
         entry_names(bats) + entry_names(more),
         entry_names(procedures),
         laboratories,
@@ -731,6 +720,8 @@ def sweep(
         keep=keep,
         progress=progress,
     )
+    hidden = "" if truth or keep else r"^(true|error|.*_true)$"
+    return table.drop(columns=table.filter(regex=hidden).columns) if hidden else table
 
 
 def _keep(folder: Path, seed: int, truth: bool, test: BatTest) -> Path:
@@ -738,6 +729,7 @@ def _keep(folder: Path, seed: int, truth: bool, test: BatTest) -> Path:
     session, number = test.certification.session, test.sealed.number
     name = f"{session.bat}-{test.certification.procedure.name}-{number:05d}"
     sealed = test.sealed if truth else None
+    folder.mkdir(exist_ok=True)
     return Certificate(certification=test.certification, sealed=sealed, seed=seed).save(
         folder / name
     )

@@ -590,6 +590,8 @@ class CertificateDocument(Spec):
     """Contradictions in the records."""
     not_checked: tuple[str, ...] = ()
     """Checks that the records do not allow, because a recorder keeps only summary values."""
+    deviations: tuple[str, ...] = ()
+    """Decisions on hits against the rules, by a person at the rehearsal bench."""
     incomplete: str
     """Reason why the test gave no result; empty: it gave one."""
     reasons: tuple[str, ...]

@@ -177,6 +177,7 @@ def certificate(
         findings=tuple(RuleFinding(**asdict(each)) for each in certification.findings),
         flags=tuple(FlagRaised(**asdict(each)) for each in certification.flags),
         not_checked=certification.not_checked,
+        deviations=certification.deviations,
         incomplete=weights.reasons[0],
         reasons=certification.reasons,
         valid_hits=int(judgement.valid.sum()),

@@ -57,7 +57,7 @@ from virtual_lab.measurement.procedure.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import table_text
 from virtual_lab.parameters import SETTINGS, File, Folder
-from virtual_lab.records.origin import Simulated
+from virtual_lab.records.origin import DAY_FILES, REHEARSAL, Simulated
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
 from virtual_lab.streams import commitment
@@ -249,10 +249,11 @@ def _findings(folder: Path) -> Iterator[FolderFinding]:
     """Yield the findings about a folder, except for its signature."""
     stated = read_json(folder / CERTIFICATE)
     require_schema(stated, str(folder / CERTIFICATE))
-    yield from _strays(folder)
+    of_day = DAY_FILES if at(stated, "simulation", "sealing") == REHEARSAL else ()
+    yield from _strays(folder, of_day)
     if ignored := litter(folder):
         yield Remark(f"ignored: {', '.join(ignored)}")
-    yield from compared_sums(folder, OPTIONAL)
+    yield from compared_sums(folder, OPTIONAL + of_day)
     yield from _truth(folder, stated)
     elsewhere = made_elsewhere(stated)
     document, certification = None, (yield from _certify_records(folder, bool(elsewhere)))
@@ -593,9 +594,12 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
         yield Unchecked(f"../{name}: {fault}")
 
 
-def _strays(folder: Path) -> Iterator[Mismatch]:
-    """Yield the files that do not belong to a result, except in the folder of the records."""
-    of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SETTINGS, SUMS, SIGNATURE}
+def _strays(folder: Path, of_day: Iterable[str]) -> Iterator[Mismatch]:
+    """Yield the files that do not belong to a result, except in the folder of the records.
+
+    `of_day` are the names of the files of a rehearsed day.
+    """
+    of_result = {CERTIFICATE, PAGE, READINGS, PACKAGE, CRATE, SETTINGS, SUMS, SIGNATURE, *of_day}
     of_result |= {TRUTH_FILE, SEAL}
     for name, kind in contents(folder).items():
         top = name.split("/")[0]

@@ -10,7 +10,16 @@ import click
 
 from virtual_lab.cli.commands import FunctionCommand
 from virtual_lab.cli.plumbing import STUDY, Answer, Output, usage
-from virtual_lab.parameters import File, Folder, OperatorName, OperatorSeed, Port, Seed, Trainees
+from virtual_lab.parameters import (
+    OUT,
+    File,
+    Folder,
+    OperatorName,
+    OperatorSeed,
+    Port,
+    Seed,
+    Trainees,
+)
 from virtual_lab.sheets import AnyName
 
 if TYPE_CHECKING:
@@ -124,14 +133,15 @@ def _serve_page(
     from importlib.util import find_spec
 
     from virtual_lab.errors import InputError, with_extra
-    from virtual_lab.files import first_free
+    from virtual_lab.files import check_writable, first_free
 
     if not (find_spec("starlette") and find_spec("uvicorn")):
         raise InputError("", "the page needs the extra 'bench'", None, with_extra("bench"))
     from virtual_lab.bench.day.scenario import load_scenario
     from virtual_lab.bench.entrance.serve import serve
 
-    target = folder or first_free(Path("out") / Path(scenario or "").stem)
+    target = folder or first_free(Path(OUT) / Path(scenario or "").stem)
+    check_writable(target, "day")
     each = {f"trainee {name}": target / name for name in trainees}
     serve(
         each or {"": target},
@@ -145,13 +155,6 @@ def _serve_page(
 def summary(folder: Folder) -> StudyResult:
     """Print a table of all days in the folders below FOLDER, one row per day."""
     from virtual_lab.bench.entrance.review import summary as run
-
-    return run(Path(folder))
-
-
-def trends(folder: Folder) -> StudyResult:
-    """Show the learning curves of the trainees below FOLDER, by score and by fault."""
-    from virtual_lab.bench.entrance.review import trends as run
 
     return run(Path(folder))
 
@@ -211,7 +214,6 @@ rehearse = click.Group(
     callback=_day_or_more,
     commands=[
         _command("summary", "summary days"),
-        _command("trends", "trends days"),
         _command("branch", "branch day 4 again", Output()),
         _command("check", "check mine.toml"),
     ],

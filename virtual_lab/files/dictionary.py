@@ -251,6 +251,8 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "action": _M("action of the operator", WORDS),
     "entered": _M("what the operator entered", WORDS),
     "shown": _M("what the page showed", WORDS),
+    "seal": _M("whether the sealed file and the start of the log are intact", WORDS),
+    "replay_agrees": _M("whether the replay gives the entries of the log", WORDS),
     "same": _M("whether the replay shows the same", WORDS),
     # the catalog
     "kind": _M("kind of the entry", WORDS),

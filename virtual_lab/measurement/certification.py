@@ -27,6 +27,7 @@ from virtual_lab.measurement.diagnostics import (
     Evidence,
     Flag,
     check,
+    decisions_elsewhere,
     overdue,
 )
 from virtual_lab.measurement.procedure import (
@@ -41,6 +42,8 @@ from virtual_lab.measurement.procedure import (
     add_shortfall,
     exemption,
     findings,
+    judge,
+    judge_by,
     metric_of,
     sentences_of,
     set_aside,
@@ -110,6 +113,7 @@ class Certification:
     flags: tuple[Flag, ...]  # contradictions in the records
     pairs: tuple[Discrepancy, ...]  # differences between two measurements of one quantity
     not_checked: tuple[str, ...]  # checks for which the records lack the readings
+    deviations: tuple[str, ...]  # decisions of a person against the rules, in a rehearsed test
     reasons: tuple[str, ...]  # reasons of a verdict other than PASS
     verdict: Verdict
 
@@ -137,7 +141,10 @@ def certify_session(session: Session) -> Certification:
     Raises `InputError` for a record, calibration or procedure that is missing or cannot be used.
     """
     block = SessionBlock.of(session)
-    return certify_reduction(block, *reduce_block(block)).row(0, lambda _: session)
+    reduced, readings = reduce_block(block)
+    if session.is_rehearsed:
+        reduced = reduced.judge_hits(judge_by(session.decisions), readings)
+    return certify_reduction(block, reduced, readings).row(0, lambda _: session)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,9 +244,11 @@ class Certifications:
             flags=(
                 *self.checked.flags(laboratory),
                 *overdue(session.particulars, session.date),
+                *decisions_elsewhere(session),
             ),
             pairs=tuple(self.checked.pairs(laboratory)),
             not_checked=self.checked.left_out,
+            deviations=tuple(_deviations(session, reduced, readings)),
             reasons=self.reasons(laboratory),
             verdict=self.verdicts[laboratory],
         )
@@ -349,6 +358,18 @@ def _nearby_variances(reduced: Reduction, hit_weights: HitWeights) -> dict[str, 
         variance = np.where(dof > 0, variance, 0.0)
         nearby[name] = HitVariance(unexplained=variance, total=variance, dof=dof)
     return nearby
+
+
+def _deviations(session: Session, reduced: Reduction, readings: ImpactReadings) -> Iterator[str]:
+    """Yield a sentence on each decision of a person that the rules contradict."""
+    if not session.is_rehearsed:
+        return
+    by_rules = replace(reduced, acceptance=judge).judgement(readings).reasons
+    for each in session.decisions:
+        if each.accepted == bool(by_rules[each.shot]):
+            rule = by_rules[each.shot] or "all rules are met"
+            because = f"; stated reason: {each.because}" if each.because else ""
+            yield f"{each.by} {each.word} shot {each.shot + 1} ({rule}){because}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,11 @@ from typing import Any
 
 from virtual_lab.catalog.specs import Real, Spec, Title
 
+# statement of a test that was carried out at the rehearsal bench
+REHEARSAL = "rehearsal: the truth is opened at the debrief"
+# files of a rehearsed day beside its result
+DAY_FILES = ("day.sqlite", "sealed.json", "actions.json", "debrief.json", "debrief.html")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelUsed(Spec):

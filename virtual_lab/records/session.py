@@ -15,7 +15,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -23,7 +23,18 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Ge
 
-from virtual_lab.catalog.specs import BatSport, Construction, Name, Real, Spec, Sport, Title, Whole
+from virtual_lab.catalog.specs import (
+    BatSport,
+    Construction,
+    Name,
+    Real,
+    Spec,
+    Sport,
+    Title,
+    Whole,
+    Words,
+    YesNo,
+)
 from virtual_lab.catalog.validation import validate
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import contents, parse_numbers, read_bytes, read_json, read_text
@@ -31,7 +42,7 @@ from virtual_lab.files.tables import csv_text
 from virtual_lab.parameters import Propagation
 from virtual_lab.records import Record, record_name, record_type, record_types
 from virtual_lab.records.constants import require_plausible
-from virtual_lab.records.origin import Origin, Simulated, Supplied
+from virtual_lab.records.origin import REHEARSAL, Origin, Simulated, Supplied
 from virtual_lab.records.particulars import NOTHING_STATED, Particulars, particulars_of
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
@@ -43,6 +54,25 @@ SESSION, RULES = "session.json", "procedure.toml"
 OPTIONAL = ("bat_sport", "ball_sport", "bat_construction")
 CHANGED = "the file was changed after session.json was written"
 RECORD_CHANGED = "the file or the origin of the records was changed after session.json was written"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HitDecision(Spec):
+    """Decision of a person to accept or reject a hit of a rehearsed test."""
+
+    shot: Annotated[Whole, Ge(0)]
+    """Number of the shot."""
+    accepted: YesNo
+    """Whether the hit was accepted; false: it was rejected."""
+    because: Annotated[str, Words(300)] = ""
+    """Reason of the person."""
+    by: Name
+    """Person who decided."""
+
+    @property
+    def word(self) -> str:
+        """The decision as a participle."""
+        return "accepted" if self.accepted else "rejected"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +97,12 @@ class Session:
     # SHA-256 of session.json of the control bat's test; "": none
     control_sha256: str = ""
     boxes: int = 1  # number of boxes of balls that were opened; the balls are those of the last
+    decisions: tuple[HitDecision, ...] = ()  # decisions of a person on the hits of a rehearsed day
+
+    @property
+    def is_rehearsed(self) -> bool:
+        """Whether a person decided about the hits at the rehearsal bench."""
+        return isinstance(self.origin, Simulated) and self.origin.sealing == REHEARSAL
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,6 +170,7 @@ def pack(session: Session) -> PackedSession:
         "calibration": _entries(session.calibration),
         **({"history": _entries(session.history)} if session.history else {}),
         "uncertainty": session.uncertainty,
+        **({"decisions": [asdict(one) for one in session.decisions]} if session.decisions else {}),
     }
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     return PackedSession(texts={**texts, RULES: rules, SESSION: text.encode()}, arrays=arrays)
@@ -260,6 +297,8 @@ class SessionForm(Spec):
     """SHA-256 of session.json of the control bat's test; empty: none."""
     boxes: Annotated[int, Ge(1)] = 1
     """Number of boxes of balls that were opened; the balls are those of the last."""
+    decisions: tuple[HitDecision, ...] = ()
+    """Decisions of a person on the hits; only a rehearsed day may have any."""
 
 
 def load_session(folder: Path) -> Session:
@@ -274,27 +313,39 @@ def load_session(folder: Path) -> Session:
     rules = read_bytes(folder / RULES)
     if form.procedure_sha256 != digest_of_text(rules):
         raise InputError(str(folder / RULES), "sha256", None, CHANGED)
-    origin = _origin(form, where)
-    start = _start_of_digests(origin, form.schema)
+    session = session_of_form(form, read_text(folder / RULES), where)
+    start = _start_of_digests(session.origin, form.schema)
+    records = {
+        stage: {
+            channel: _record(folder, (stage, channel), entry, where, start)
+            for channel, entry in channels.items()
+        }
+        for stage, channels in form.channels.items()
+    }
+    return replace(session, records=records)
+
+
+def session_of_form(form: SessionForm, procedure_text: str, where: Path) -> Session:
+    """Return the session of a form, without records.
+
+    Raises `InputError`, which names the file `where`, for a value that is not allowed.
+    """
     return Session(
         bat=form.bat,
         ball=form.ball,
         rigs=form.rigs,
-        procedure_text=read_text(folder / RULES),
-        calibration={key: _constant(entry, key, where) for key, entry in form.calibration.items()},
-        records={
-            stage: {
-                channel: _record(folder, (stage, channel), entry, where, start)
-                for channel, entry in channels.items()
-            }
-            for stage, channels in form.channels.items()
+        procedure_text=procedure_text,
+        calibration={
+            key: read_constant(entry, key, str(where)) for key, entry in form.calibration.items()
         },
-        origin=origin,
+        records={},
+        origin=_origin(form, where),
         date=form.date,
         particulars=particulars_of(form.particulars, f"{where} [particulars]"),
-        history={name: _variance(entry, name, where) for name, entry in form.history.items()},
+        history={name: _variance(entry, name, str(where)) for name, entry in form.history.items()},
         uncertainty=form.uncertainty,
         control_sha256=form.control_sha256,
+        decisions=form.decisions,
         **{key: getattr(form, key) for key in OPTIONAL},
         boxes=form.boxes,
     )
@@ -367,25 +418,29 @@ def entry_of_constant(constant: Estimate) -> dict[str, Any]:
     return entry
 
 
-def _constant(entry: ConstantEntry, key: str, where: Path) -> Estimate:
+def read_constant(entry: ConstantEntry, key: str, where: str) -> Estimate:
+    """Return a calibration constant from its entry in the file `where`.
+
+    Raises `InputError` if the constant `key` cannot have this value or this uncertainty.
+    """
     constant = _estimate(entry, f"calibration.{key}", where)
-    require_plausible(key, constant, str(where))
+    require_plausible(key, constant, where)
     return constant
 
 
-def _variance(entry: ConstantEntry, name: str, where: Path) -> Estimate:
+def _variance(entry: ConstantEntry, name: str, where: str) -> Estimate:
     variance = _estimate(entry, f"history.{name}", where)
     if variance.dof == inf:
         allowed = "allowed: finite degrees of freedom"
-        raise InputError(str(where), f"history.{name}.dof", None, allowed)
+        raise InputError(where, f"history.{name}.dof", None, allowed)
     return variance
 
 
-def _estimate(entry: ConstantEntry, key: str, where: Path) -> Estimate:
+def _estimate(entry: ConstantEntry, key: str, where: str) -> Estimate:
     try:
         return Estimate(value=entry.value, u=entry.u, dof=entry.dof, source=entry.source)
     except ValueError as fault:
-        raise InputError(str(where), key, None, str(fault)) from fault
+        raise InputError(where, key, None, str(fault)) from fault
 
 
 def _record(

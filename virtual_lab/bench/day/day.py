@@ -7,47 +7,41 @@ readings of the instruments, so the log alone defines the day.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import reduce
-from typing import Any
+from itertools import takewhile
+from typing import Annotated, Any
+
+from annotated_types import Ge
 
 from virtual_lab.bench.day.actions import Action
 from virtual_lab.bench.day.table import MAKE_READY, action_table, repairs
+from virtual_lab.catalog.specs import Spec
 from virtual_lab.errors import InputError
-from virtual_lab.records.session import Session
+from virtual_lab.records.session import HitDecision, Session
 
 AFTER_REDUCTION = frozenset(
     {"end-checklist", "note-doubt", "note-deviation", "give-verdict", "hand-in"}
 )
 DISPUTE = "dispute-score"  # the only action after the day is handed in
 CHECKLISTS = frozenset({"start-checklist", "end-checklist"})
-Display = tuple[tuple[str, float | str, str], ...]  # quantity, value, unit
+Display = tuple[tuple[str, int | float | str, str], ...]  # quantity, value, unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DayEvent:
+class DayEvent(Spec):
     """An action that was carried out, with price and readings, in a form that JSON can store."""
 
     number: int  # from 1
     action: str
     arguments: Mapping[str, Any]
-    seconds: float
-    records: Mapping[str, Any] = field(default_factory=dict)  # instrument records by channel
+    seconds: Annotated[float, Ge(0)]
+    # instrument records by channel
+    records: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     shown: Display = ()  # values on the display
-    constants: Mapping[str, Any] = field(default_factory=dict)  # changed calibration constants
+    # changed calibration constants
+    constants: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     sketch: Mapping[str, Any] = field(default_factory=dict)  # blurred top view of a shot
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Decision:
-    """The trainee's decision to accept or reject a hit, with the reason."""
-
-    accepted: bool
-    because: str
-
-    @property
-    def word(self) -> str:
-        return "accepted" if self.accepted else "rejected"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +58,7 @@ class Day:
     checklists: bool = False
     remarks: bool = False  # whether the page names an omitted step at once
     exam: bool = False  # whether the day gives no feedback
+    operator: str = "trainee"
     events: tuple[DayEvent, ...] = ()
     seconds: float = 0.0
     done: Mapping[str, int] = field(default_factory=dict)  # number of times of each action
@@ -79,7 +74,7 @@ class Day:
     retired: frozenset[int] = frozenset()
     place: float | None = None  # set impact position [m]
     fired: tuple[tuple[int, float], ...] = ()  # ball and time [s] of each shot
-    decisions: Mapping[int, Decision] = field(default_factory=dict)  # decisions by shot, from 0
+    decisions: Mapping[int, HitDecision] = field(default_factory=dict)  # keyed by shot, from 0
     reduced: bool = False
     verdict: str = ""
     handed_in: bool = False
@@ -90,16 +85,7 @@ class Day:
 
     def until(self, entry: int) -> Day:
         """Return the day after entry number `entry`; 0 is the day before its first entry."""
-        names = (
-            "morning",
-            "balls",
-            "supplied_events",
-            "listed",
-            "practice",
-            "checklists",
-            "remarks",
-            "exam",
-        )
+        names = takewhile(lambda name: name != "events", (each.name for each in fields(self)))
         first = Day(**{name: getattr(self, name) for name in names})
         return replay_events(first, self.events[:entry])
 
@@ -253,8 +239,10 @@ def _set_position(day: Day, arguments: Changes) -> Changes:
 
 def _record_decision(accepted: bool) -> Callable[[Day, Changes], Changes]:
     def record(day: Day, arguments: Changes) -> Changes:
-        decision = Decision(accepted=accepted, because=arguments["because"])
-        return {"decisions": {**day.decisions, arguments["shot"] - 1: decision}}
+        shot, is_supplied = arguments["shot"] - 1, len(day.events) <= day.supplied_events
+        by = "the other laboratory" if is_supplied else day.operator
+        decision = HitDecision(shot=shot, accepted=accepted, because=arguments["because"], by=by)
+        return {"decisions": {**day.decisions, shot: decision}}
 
     return record
 

@@ -13,24 +13,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.bench.day.actions import RESULT_QUANTITIES
-from virtual_lab.bench.day.day import Day, DayEvent, Decision, evolve
+from virtual_lab.bench.day.day import Day, DayEvent, evolve
 from virtual_lab.bench.day.entries import record_of
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.catalog import Entry, read
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.procedure import Judgement, Procedure, round_to_setting
+from virtual_lab.measurement.procedure import UNDECIDED, Procedure, judge_by, round_to_setting
 from virtual_lab.records import Record, join
-from virtual_lab.records.session import Session
+from virtual_lab.records.session import HitDecision, Session
 from virtual_lab.uncertainty.estimate import Estimate
 
 if TYPE_CHECKING:  # the reduction takes a second to load, too long for the first page
     from virtual_lab.measurement.certification import Certification
     from virtual_lab.measurement.reduction.observations import ImpactReadings
-    from virtual_lab.measurement.reduction.shot_algebra import ShotResults
     from virtual_lab.measurement.session_reduction import Preparation, Reduction
     from virtual_lab.records.block import SessionBlock
 
-UNDECIDED = "undecided"
 UNTOUCHED_BY_DECISIONS = frozenset(
     {
         *("session", "block", "rules", "preparation", "readings", "reduction_by_rules"),
@@ -160,15 +158,35 @@ class Desk:
 
         Raises `InputError` with the name of a missing record.
         """
-        judgement = self._judgement(self.reduction_by_rules.shots)
-        return self.reduction_by_rules.judge_hits(lambda *_: judgement, self.readings)
+        return self.reduction_by_rules.judge_hits(
+            judge_by(self.day.decisions.values()), self.readings
+        )
 
     @cached_property
     def certification(self) -> Certification:
         from virtual_lab.measurement.certification import certify_reduction
 
         certifications = certify_reduction(self.block, self.reduced, self.readings)
-        return certifications.row(0, lambda _: self.session)
+        decisions = tuple(self.day.decisions.values())
+        return certifications.row(0, lambda _: replace(self.session, decisions=decisions))
+
+    @cached_property
+    def reasons_to_refuse(self) -> tuple[str, ...]:
+        """Reasons why the records make the test INVALID if the rules decide about each hit.
+
+        These are flags, too large an uncertainty and, after the last attempt, missing hits. There
+        is none without records that can be reduced.
+        """
+        from virtual_lab.measurement.certification import certify_reduction
+        from virtual_lab.measurement.procedure import Verdict
+
+        if not self.day.fired or self.reduction_error:
+            return ()
+        certified = certify_reduction(self.block, self.reduction_by_rules, self.readings)
+        reasons = certified.reasons(0) if certified.verdicts[0] is Verdict.INVALID else ()
+        is_over = len(self.day.fired) >= self.rules.spec.attempts
+        missing = "" if is_over else certified.hit_weights.reasons[0]
+        return tuple(reason for reason in reasons if reason != missing)
 
     @property
     def result(self) -> tuple[float, float] | None:
@@ -276,8 +294,13 @@ class Desk:
     @cached_property
     def with_undecided_accepted(self) -> Desk:
         """The desk as it would be if every hit in `undecided_hits` were accepted."""
-        accepted = Decision(accepted=True, because="within the windows")
-        decisions = {**dict.fromkeys(self.undecided_hits, accepted), **self.day.decisions}
+        accepted = {
+            shot: HitDecision(
+                shot=shot, accepted=True, because="within the windows", by=self.day.operator
+            )
+            for shot in self.undecided_hits
+        }
+        decisions = {**accepted, **self.day.decisions}
         following = Desk(replace(self.day, decisions=decisions))
         names = UNTOUCHED_BY_DECISIONS & self.__dict__.keys()
         following.__dict__.update({name: self.__dict__[name] for name in names})
@@ -316,12 +339,3 @@ class Desk:
             unchanged = UNTOUCHED_BY_DECISIONS
         following.__dict__.update({name: cache[name] for name in unchanged if name in cache})
         return following
-
-    def _judgement(self, results: ShotResults) -> Judgement:
-        decisions = self.day.decisions
-        reasons = [UNDECIDED] * len(results.speed)
-        for shot, decision in decisions.items():
-            reasons[shot] = "" if decision.accepted else decision.because
-            if decision.accepted and not np.isfinite(results.collision_efficiency[shot]):
-                reasons[shot] = "accepted, but its records give no e_A"
-        return Judgement(reasons=tuple(reasons))

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Lt
@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Lt
 from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.faults import FaultSheet
-from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, YesNo
+from virtual_lab.catalog.specs import Dimension, Name, Real, Spec, Title, Whole, YesNo
 from virtual_lab.streams import Streams
 from virtual_lab.units import INCH, MPH
 
@@ -25,22 +25,13 @@ SCORES = ("result", "detection", "protocol", "record", "economy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenario(Spec):
-    """Description of a day to rehearse, from a .toml file."""
+class Briefing(Spec):
+    """The part of a scenario that a trainee may know, except for time and shots."""
 
-    name: Name
     title: Title
     task: Title  # task of the trainee
-    bat: str
-    procedure: str
-    rig: str = ""  # rig that fires at the bat; empty: the rig of the procedure
-    limit: Annotated[float | None, Gt(0), Dimension("number")] = (
-        None  # limit that replaces the limit of the procedure
-    )
     # possible faults with their probabilities, which trainees see; each day draws from them
     may_go_wrong: Mapping[str, Annotated[Real, Gt(0), Lt(1)]] = field(default_factory=dict)
-    faults: tuple[str, ...] | None = None  # hidden faults of the day; None: draw them
-    records_of: Literal["", "book", "careless", "cheating"] = ""  # operator who took the records
     guidance: Literal["guided", "checklist", "none"] = "guided"
     checklists: YesNo = False
     feedback: Literal["during", "after", "never"] = "after"
@@ -48,15 +39,41 @@ class Scenario(Spec):
     laboratory: Mapping[str, Title] = field(
         default_factory=dict
     )  # facts about the laboratory to print with the rules
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DayBriefing(Briefing):
+    """Form of the briefing in the log of a day."""
+
+    minutes: Real
+    shots: Whole
+    commitment: str  # SHA-256 of the sealed file
+    camera: YesNo
+    operator: Name  # person who decides about the hits
+    practice: Annotated[Whole, Ge(0)] = 0  # entry from which an earlier day is repeated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario(Briefing):
+    """Description of a day to rehearse, from a .toml file."""
+
+    name: Name
+    bat: str
+    procedure: str
+    rig: str = ""  # rig that fires at the bat; empty: the rig of the procedure
+    limit: Annotated[float | None, Gt(0), Dimension("number")] = (
+        None  # limit that replaces the limit of the procedure
+    )
+    faults: tuple[str, ...] | None = None  # hidden faults of the day; None: draw them
+    records_of: Literal["", "book", "careless", "cheating"] = ""  # operator who took the records
     minutes: Annotated[float, Gt(0), Dimension("time")]  # time budget that the page shows
     shots: Annotated[int, Gt(0), Dimension("number")]  # budget of shots that the page shows
     weights: Mapping[str, Annotated[Real, Ge(0)]] = field(default_factory=dict)  # weights of SCORES
 
-    def briefing(self) -> dict[str, object]:
+    def briefing(self) -> dict[str, Any]:
         """Return the part of the scenario that a trainee may know, as a JSON object."""
-        keys = ("title", "task", "guidance", "feedback", "checklists", "units", "minutes", "shots")
-        lists = {key: dict(getattr(self, key)) for key in ("may_go_wrong", "laboratory")}
-        return {key: getattr(self, key) for key in keys} | lists
+        names = (*(each.name for each in fields(Briefing)), "minutes", "shots")
+        return {name: getattr(self, name) for name in names}
 
     def draw_faults(self, seed: int) -> Scenario:
         """Return the scenario of one day: if its `faults` are None, draw them from the seed."""

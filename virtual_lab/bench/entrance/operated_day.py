@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from virtual_lab.bench.scoring.debrief import Debrief, debrief_of
 from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.result_folder import close_result, write_result
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_json
 from virtual_lab.output.metrics import METRICS
@@ -26,6 +28,7 @@ from virtual_lab.output.result import preformatted_html
 from virtual_lab.parameters import File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
 from virtual_lab.sheets import AnyName, Instruments
+from virtual_lab.simulation.physics.truth import SealedTruth
 
 SCRIPT = "actions.json"
 
@@ -37,6 +40,7 @@ class RehearsedDay:
     debrief: Debrief
     files: Mapping[str, bytes]  # contents by file name
     desk: Desk
+    sealed: SealedTruth | None = None  # None: its hits cannot be reduced
     settings: str = ""  # arguments of the call that made it, as ``settings.toml``
 
     @property
@@ -67,12 +71,13 @@ class RehearsedDay:
         return "\n".join(lines)
 
     def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
-        """Write log, actions, sealed file, debrief, records and certificate into a new folder.
+        """Write the day and, if its hits can be reduced, its result into a new folder.
 
-        ``actions.json`` is a script of all actions of the day, which can be changed and carried out
-        again.
-        The records contain all shots, which `virtual-lab reduce` judges by the rules. The
-        certificate uses only the hits that the operator accepted.
+        The day consists of log, sealed file and debrief. ``actions.json`` is a script of all
+        actions, which can be changed and carried out again. The result has the files of any test,
+        so `verify`, `score`, `load`, `reduce` and `report` read it. Its records contain all shots
+        and the operator's decisions about them; the certificate lists each decision against the
+        rules.
 
         Parameters
         ----------
@@ -98,13 +103,17 @@ class RehearsedDay:
             (draft / SECRET).chmod(0o600)
             (draft / SCRIPT).write_text(self._script, encoding="utf-8")
             save_debrief(self.debrief, draft)
-            if self.desk.day.reduced:
-                (draft / "records").mkdir()
-                records = pack(self.desk.session)
-                records.write(draft / "records")
-                printed = certificate(self.desk.certification, session_digest=records.digest)
-                (draft / "certificate.json").write_text(printed.text, encoding="utf-8")
+            if self.sealed is not None:
+                certification, truth = self.desk.certification, self.sealed.content
+                records = pack(certification.session)
+                printed = certificate(
+                    certification,
+                    truth_digest=hashlib.sha256(truth).hexdigest(),
+                    session_digest=records.digest,
+                )
+                write_result(draft, printed, certification, records, truth)
                 (draft / "certificate.html").write_text(certificate_page(printed), "utf-8")
+                close_result(draft, printed, certification)
         return target
 
     @property
@@ -162,9 +171,10 @@ def rehearse(
     else:
         taker = operator_of(operator, operator_seed) if isinstance(operator, str) else operator
     entry = load_scenario(str(scenario))
+    person = "the script" if script else getattr(operator, "__name__", str(operator))
     with TemporaryDirectory(prefix="virtual-lab-day-") as parent:
         folder = Path(parent) / "day"
-        day = StoredDay.begin(folder, entry, seed)
+        day = StoredDay.begin(folder, entry, seed, person)
         try:
             day.run_operator(taker)
             debrief = debrief_of(day)
@@ -174,4 +184,10 @@ def rehearse(
             number = len(day.day.events) - day.day.supplied_events + 1
             raise InputError(str(script), f"actions[{number}]", None, str(fault)) from fault
         files = {name: (folder / name).read_bytes() for name in (LOG, SECRET)}
-    return RehearsedDay(debrief=debrief, files=files, desk=day.desk)
+    can_be_reduced = day.day.fired and not day.desk.reduction_error
+    return RehearsedDay(
+        debrief=debrief,
+        files=files,
+        desk=day.desk,
+        sealed=day.apparatus.finish(day.desk).sealed if can_be_reduced else None,
+    )

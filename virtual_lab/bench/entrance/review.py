@@ -1,25 +1,26 @@
-"""Tools for a trainer: table and learning curves of a class, replay of a day, scenario check."""
+"""Tools for a trainer: table of a class, replay of a day, scenario check."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import fill
 from typing import Any
 
 from virtual_lab.bench.day.actions import Action
-from virtual_lab.bench.day.day import evolve
+from virtual_lab.bench.day.day import Day, DayEvent, evolve
 from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import SCORES, Scenario, load_scenario
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.machines.stored_day import StoredDay, do_action
-from virtual_lab.bench.scoring.debrief import debrief_of
+from virtual_lab.bench.scoring.debrief import debrief
 from virtual_lab.bench.scoring.debrief_page import save_debrief
+from virtual_lab.certificate.comparing import differences
 from virtual_lab.errors import InputError
-from virtual_lab.files import read_json
 from virtual_lab.files.tables import quote
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
@@ -32,6 +33,11 @@ class ClassDay:
     """One day of a trainee with its scores. The scores are None until the day is handed in."""
 
     trainee: str = column("trainee")  # name of the folder
+    seal: str = column("seal")  # intact or BROKEN
+    # whether playing the log again gives its entries
+    replay_agrees: bool = column(
+        "replay agrees", form=lambda row: "yes" if row.replay_agrees else "NO"
+    )
     day_title: str = column("day")
     verdict: str = column("verdict")
     right_verdict: str | None = column("right")
@@ -46,17 +52,6 @@ class ClassDay:
     false_alarms: str = column("false alarms")
     time_min: float = column("time", "min", ".0f")
     shots: int = column("shots")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CurvePoint:
-    """A point of a learning curve: a score, or for a fault 1 if it was named and 0 if missed."""
-
-    trainee: str = column("trainee")
-    day: int = column("day")
-    curve: str = column("of")
-    value: float = column("value", form=".2f")
-    mean_so_far: float = column("mean so far", form=".2f")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +108,8 @@ def summary(folder: str | Path) -> Rows[ClassDay]:
     """Return a table of all days in the folders below `folder`, one row per day.
 
     `folder` is, for example, the folder of a class. The rows are sorted by folder. Practice days
-    are left out. The scores of a day are None until it is handed in. If a handed-in day has no
+    are left out. All columns are computed from the log and the sealed file of a day, never read
+    from its debrief. The scores of a day are None until it is handed in. If a handed-in day has no
     debrief yet, this function writes the debrief into the folder of the day. Raises `InputError` if
     there is no day, or if the files of a day cannot be used.
     """
@@ -125,83 +121,46 @@ def summary(folder: str | Path) -> Rows[ClassDay]:
     return Rows(name="class", title=f"days: {len(rows)}", rows=rows)
 
 
-def trends(folder: str | Path) -> Rows[CurvePoint]:
-    """Return the learning curves of the trainees below `folder`, one row per point of a curve.
-
-    Each trainee has one curve per score and one curve per fault. A point is the value of one day.
-    In the curve of a fault, the value is 1 if the trainee named the fault and 0 if not. Days on
-    which the fault was not present have no point in this curve. All days of a trainee must be in
-    one folder. The names of the days determine their order. Practice days are left out. Raises
-    `InputError` if there is no day, or if the files of a day cannot be used.
-    """
-    root, points = Path(folder), list[CurvePoint]()
-    before: dict[tuple[str, str], list[float]] = {}
-    for number, row in _number_days(summary(root).rows):
-        trainee = row.trainee.rpartition("/")[0] or "."
-        values = {name: getattr(row, f"{name}_score") for name in SCORES}
-        values |= dict.fromkeys(row.faults_named.split(), 1.0) | dict.fromkeys(
-            row.faults_missed.split(), 0.0
-        )
-        for curve, value in values.items():
-            if value is not None:
-                so_far = before.setdefault((trainee, curve), [])
-                so_far.append(value)
-                mean = sum(so_far) / len(so_far)
-                points.append(
-                    CurvePoint(
-                        trainee=quote(trainee),
-                        day=number,
-                        curve=curve,
-                        value=value,
-                        mean_so_far=mean,
-                    )
-                )
-    return Rows(name="trends", title="learning curves", rows=points)
-
-
-def _number_days(rows: Iterable[ClassDay]) -> Iterator[tuple[int, ClassDay]]:
-    """Yield each day with its number, counted from 1 for each trainee."""
-    count: dict[str, int] = {}
-    for row in rows:
-        trainee = row.trainee.rpartition("/")[0]
-        count[trainee] = count.get(trainee, 0) + 1
-        yield count[trainee], row
-
-
 def _outcome(folder: Path, trainee: str) -> ClassDay:
-    path = folder / "debrief.json"
-    if not path.exists():
-        day = StoredDay(folder)
-        if not day.day.handed_in:
-            unknown: dict[str, Any] = dict.fromkeys(f"{name}_score" for name in SCORES)
-            return ClassDay(
-                trainee=quote(trainee),
-                day_title=quote(day.scenario.title),
-                verdict="not handed in",
-                **unknown,
-                right_verdict=None,
-                brier=None,
-                faults_named="",
-                faults_missed="",
-                false_alarms="",
-                time_min=day.day.seconds / 60,
-                shots=len(day.day.fired),
-            )
-        save_debrief(debrief_of(day), folder)
-    debrief = read_json(path)
+    """Return the row of a day: all of it is computed from the log and the sealed file."""
+    stored = StoredDay(folder)
+    day, numbers, names = stored.day, dict[str, Any](), dict[str, str]()
+    if day.handed_in:
+        whole = not (folder / "debrief.html").exists()
+        judged = debrief(
+            stored.apparatus, stored.desk, stored.scenario, stored.seal, scores_only=not whole
+        )
+        if whole:
+            save_debrief(judged, folder)
+        numbers = {f"{each.name}_score": each.value for each in judged.scores}
+        numbers |= {"brier": judged.brier, "right_verdict": judged.right_verdict}
+        names = {key: " ".join(getattr(judged, key)) for key in ("found", "missed", "false_alarms")}
     return ClassDay(
         trainee=quote(trainee),
-        day_title=quote(debrief["title"]),
-        verdict=debrief["verdict"],
-        right_verdict=debrief["right_verdict"],
-        brier=debrief["brier"],
-        **{f"{each['name']}_score": each["value"] for each in debrief["scores"]},
-        faults_named=" ".join(debrief["found"]),
-        faults_missed=" ".join(debrief["missed"]),
-        false_alarms=" ".join(debrief["false_alarms"]),
-        time_min=debrief["minutes"],
-        shots=debrief["shots"],
+        seal=stored.seal.partition(":")[0],
+        replay_agrees=all(same for *_, same in _play_again(stored)),
+        day_title=quote(stored.scenario.title),
+        verdict=day.verdict if day.handed_in else "not handed in",
+        time_min=day.seconds / 60,
+        shots=len(day.fired),
+        faults_named=names.get("found", ""),
+        faults_missed=names.get("missed", ""),
+        false_alarms=names.get("false_alarms", ""),
+        **dict.fromkeys((*(f"{name}_score" for name in SCORES), "brier", "right_verdict"))
+        | numbers,
     )
+
+
+def _play_again(stored: StoredDay) -> Iterator[tuple[Day, DayEvent, bool]]:
+    """Yield the day after each entry, the entry, and whether playing it again gives the same."""
+    day = stored.morning
+    for event in stored.day.events:
+        again = do_action(
+            stored.apparatus, day, Action(name=event.action, arguments=event.arguments)
+        )
+        day = evolve(day, event)
+        stated, played = (json.loads(json.dumps(asdict(each))) for each in (event, again))
+        yield day, event, not any(differences(stated, played, LOG))
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
@@ -273,13 +232,8 @@ def replay(path: str | Path) -> Replay:
         The log or the sealed file does not exist or cannot be used, or the day was not handed in.
     """
     day = StoredDay(played_folder(path))
-    sheets = action_table().actions
-    state, rows = day.morning, []
-    for event in day.day.events:
-        again = do_action(
-            day.apparatus, state, Action(name=event.action, arguments=event.arguments)
-        )
-        state = evolve(state, event)
+    sheets, rows = action_table().actions, []
+    for state, event, same in _play_again(day):
         display = (f"{quantity} {value} {unit}".strip() for quantity, value, unit in event.shown)
         rows.append(
             PlayedEntry(
@@ -288,7 +242,7 @@ def replay(path: str | Path) -> Replay:
                 action=sheets[event.action].title,
                 entered=", ".join(f"{key} {value}" for key, value in event.arguments.items()),
                 shown=", ".join(display),
-                same=again == event,
+                same=same,
             )
         )
     differ = [str(row.entry) for row in rows if not row.same]

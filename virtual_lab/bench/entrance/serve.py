@@ -75,7 +75,7 @@ def serve(
     url_host = f"[{host}]" if ":" in host else host  # notation of IPv6 in an address, RFC 3986
     is_fixed = scenario is None or len(folders) > 1 or bool(exam)
     days = {
-        name: ServedDay(folder, scenario, seed, is_fixed=is_fixed)
+        name: ServedDay(folder, scenario, seed, is_fixed=is_fixed, operator=name or "trainee")
         for name, folder in folders.items()
     }
     doors = {secrets.token_urlsafe(24): day for day in days.values()}
@@ -122,6 +122,8 @@ def serve(
         webbrowser.open(addresses[0])
     sys.setswitchinterval(5e-4)  # longest delay of an answer by imports in another thread [s]
     try:
+        if len(folders) > 1 or exam:
+            next(iter(folders.values())).parent.mkdir(exist_ok=True)  # folder of the class
         for day in days.values():
             day.first_view.wait(0.5)  # let the first page come before slow imports [s]
             day.open()

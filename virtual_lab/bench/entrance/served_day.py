@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import Action
-from virtual_lab.bench.day.day import Day, DayEvent, replay_events
+from virtual_lab.bench.day.day import Day, DayEvent
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.scenario import Scenario, load_scenario, scenarios_to_choose
@@ -68,8 +68,10 @@ class ServedDay:
         seed: int | None = None,
         *,
         is_fixed: bool = True,
+        operator: str = "trainee",
     ) -> None:
         self.folder, self.scenario, self.seed = folder, scenario, seed
+        self.operator = operator  # person who decides about the hits
         self.is_fixed = is_fixed  # whether the trainee can no longer choose the scenario
         self._opened: Future[StoredDay] = Future()
         self._begun = (folder / LOG).exists()
@@ -94,7 +96,7 @@ class ServedDay:
         if self._begun or self.scenario is None:
             day = StoredDay(self.folder)
         else:
-            day = StoredDay.begin(self.folder, self.scenario, self.seed)
+            day = StoredDay.begin(self.folder, self.scenario, self.seed, self.operator)
         self._opened.set_result(day)
         return day
 
@@ -116,7 +118,7 @@ class ServedDay:
     def _first(self) -> Desk:
         """The desk before the setup: from the log, or for a new day from the rules alone."""
         if self._begun or self.scenario is None:
-            return Desk(replay_events(self._log.first, self._log.events()))
+            return Desk(self._log.last)
         rules = catalog.load("procedures", self.scenario.spec.procedure, Procedure)
         session = Session(
             bat=self.scenario.spec.bat,
@@ -266,7 +268,7 @@ class ServedDay:
         for each in (LOG, SECRET):
             (self.folder / each).unlink()
         self.folder.rmdir()
-        day = ServedDay(self.folder, load_scenario(name), is_fixed=False)
+        day = ServedDay(self.folder, load_scenario(name), is_fixed=False, operator=self.operator)
         day.open()
         return day
 

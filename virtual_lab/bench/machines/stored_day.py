@@ -1,6 +1,6 @@
 """A day in a folder on disk, with its apparatus.
 
-One file holds the log, which any page may read. Another file holds seed, salt and faults; only this
+One file holds the log, which any page may read. Another file holds seed and salt; only this
 module opens it, and only the owner of the file may read it.
 """
 
@@ -13,32 +13,37 @@ import re
 import secrets
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-import numpy as np
+from annotated_types import Ge, Le
 
 from virtual_lab import catalog
 from virtual_lab.bench.day.actions import Action
-from virtual_lab.bench.day.day import Day, DayEvent, decide, evolve, replay_events
+from virtual_lab.bench.day.day import Day, DayEvent, decide, evolve
 from virtual_lab.bench.day.desk import Desk
-from virtual_lab.bench.day.entries import entry_of_session
-from virtual_lab.bench.day.log import LOG, DayLog, SequenceError
+from virtual_lab.bench.day.log import LOG, LOG_SCHEMA, DayLog, SequenceError
 from virtual_lab.bench.day.operators import Operator, operator_of
 from virtual_lab.bench.day.protocol import remarks
 from virtual_lab.bench.day.scenario import Scenario
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.sketching import has_camera
 from virtual_lab.catalog import Entry, read
+from virtual_lab.catalog.specs import Spec, Whole
+from virtual_lab.catalog.validation import validate
+from virtual_lab.certificate.comparing import differences
 from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_bytes, read_json
 from virtual_lab.lab import Laboratory, TestSetup
 from virtual_lab.measurement.procedure import Procedure
-from virtual_lab.streams import SEED_BITS
+from virtual_lab.records.origin import REHEARSAL
+from virtual_lab.records.session import SESSION, pack
+from virtual_lab.streams import LARGEST_SEED, SEED_BITS
 
 SECRET = "sealed.json"
+PADDED = 4096  # size of the sealed file without its scenario [B]
 
 
 def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
@@ -56,8 +61,7 @@ def laboratory_of(scenario: Scenario, seed: int, salt: bytes) -> Laboratory:
         seed=seed,
         faults=scenario.faults or (),
     )
-    sealing = "rehearsal: the truth is opened at the debrief"
-    return replace(Laboratory.open(setup), salt=salt, sealing=sealing)
+    return replace(Laboratory.open(setup), salt=salt, sealing=REHEARSAL)
 
 
 def _rules(scenario: Scenario) -> Entry[Procedure]:
@@ -78,6 +82,24 @@ def _rules(scenario: Scenario) -> Entry[Procedure]:
     return catalog.read(text, f"procedures/{rules.spec.name}", Procedure)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SealedDay(Spec):
+    """Form of the sealed file: scenario, seed and salt of a day, from which all truth follows."""
+
+    scenario: str  # text of its file; its faults are drawn from the seed if it names none
+    seed: Annotated[Whole, Ge(0), Le(LARGEST_SEED)]
+    salt: str  # hexadecimal
+
+    def __post_init__(self) -> None:
+        bytes.fromhex(self.salt)
+
+    def content(self) -> bytes:
+        """Return the content of the file, padded so that its size tells nothing of the secrets."""
+        content = json.dumps(asdict(self)).encode()
+        secrets_size = len(content) - len(json.dumps(self.scenario))
+        return content + b" " * (PADDED - secrets_size)
+
+
 class StoredDay:
     """A day in a folder: its log, desk, scenario and apparatus."""
 
@@ -88,35 +110,34 @@ class StoredDay:
         """
         self.folder = folder
         self.log = DayLog(folder / LOG)
-        sealed = read_json(folder / SECRET)
-        scenario = read(str(sealed["scenario"]), "scenario.toml", Scenario).spec
-        self.scenario = replace(scenario, faults=tuple(sealed["faults"]))
-        laboratory = laboratory_of(
-            self.scenario, int(sealed["seed"]), bytes.fromhex(sealed["salt"])
-        )
+        path = folder / SECRET
+        self.sealed = validate(read_json(path), str(path), SealedDay)
+        scenario = read(self.sealed.scenario, f"{path} [scenario]", Scenario).spec
+        self.scenario = scenario.draw_faults(self.sealed.seed)
+        laboratory = laboratory_of(self.scenario, self.sealed.seed, bytes.fromhex(self.sealed.salt))
         self.morning = self.log.first
         self.apparatus = Apparatus(replace(laboratory, date=self.morning.morning.date))
-        self.desk = Desk(replay_events(self.morning, self.log.events()))
+        self.desk = Desk(self.log.last)
 
     @classmethod
-    def begin(cls, folder: Path, scenario: Entry[Scenario], seed: int | None = None) -> Self:
+    def begin(
+        cls,
+        folder: Path,
+        scenario: Entry[Scenario],
+        seed: int | None = None,
+        operator: str = "trainee",
+    ) -> Self:
         """Begin a day in a new folder and return it. Without a `seed` a random one is used.
 
-        The files are written together or not at all, so the folder is usable after a crash. Raises
-        `InputError` if the folder exists or the scenario does not fit.
+        `operator` is the person who decides about the hits. The files are written together or not
+        at all, so the folder is usable after a crash. Raises `InputError` if the folder exists or
+        the scenario does not fit.
         """
         used_seed = secrets.randbits(SEED_BITS) if seed is None else seed
         salt = secrets.token_bytes(16)
         today = scenario.spec.draw_faults(used_seed)
         laboratory = laboratory_of(today, used_seed, salt)
-        sealed = {
-            "scenario": scenario.text,
-            "seed": str(used_seed),
-            "salt": salt.hex(),
-            "faults": list(today.faults or ()),
-            "truth": _individuals(laboratory),
-        }
-        content = json.dumps(sealed).encode()
+        content = SealedDay(scenario=scenario.text, seed=used_seed, salt=salt.hex()).content()
         supplied = _records_of(today, laboratory, used_seed)
         with new_folder(folder) as draft:
             handle = os.open(draft / SECRET, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
@@ -125,13 +146,7 @@ class StoredDay:
                 file.flush()
                 os.fsync(file.fileno())
             log = DayLog.create(
-                draft / LOG,
-                {
-                    "briefing": scenario.spec.briefing()
-                    | {"commitment": _digest(content), "camera": has_camera(laboratory)},
-                    "session": entry_of_session(laboratory.session),
-                    "came_with": len(supplied),
-                },
+                draft / LOG, _start(today, laboratory, content, len(supplied), operator)
             )
             for event in supplied:
                 log.append(event)
@@ -150,7 +165,7 @@ class StoredDay:
         events = log.events()
         if not any(event.action == "hand-in" for event in events):
             raise InputError(str(source), "day", None, "has not been handed in yet")
-        first = int(log.morning["came_with"])
+        first = log.start.came_with
         last = next(event.number for event in events if event.action == "hand-in") - 1
         if not first <= entry <= last:
             raise InputError(str(source), "entry", entry, f"allowed: {first} to {last}")
@@ -166,14 +181,18 @@ class StoredDay:
     @property
     def seal(self) -> str:
         """A sentence on the seal that begins with "intact" or "BROKEN"."""
-        commitment = self.log.morning["briefing"]["commitment"]
-        content = read_bytes(self.folder / SECRET)
-        if _digest(content) != commitment:
+        content, stated = read_bytes(self.folder / SECRET), self.log.start
+        commitment = hashlib.sha256(content).hexdigest()
+        if commitment != stated.briefing.commitment:
             return "BROKEN: the sealed file was changed after the day began"
-        truth, computed = json.loads(content)["truth"], _individuals(self.apparatus.laboratory)
-        same = all(np.allclose(truth[key], computed[key], rtol=1e-9, atol=0) for key in truth)
-        if not same:
-            return "BROKEN: this program computes another bat and other balls from the sealed seed"
+        laboratory = self.apparatus.laboratory
+        supplied = _records_of(self.scenario, laboratory, self.sealed.seed)
+        parts = (self.scenario, laboratory, content, len(supplied), stated.briefing.operator)
+        start = {"schema": LOG_SCHEMA, **_start(*parts)}
+        if stated.briefing.practice:
+            start["briefing"] |= {"practice": stated.briefing.practice, "feedback": "after"}
+        if rows := list(differences(self.log.morning, start, LOG)):
+            return f"BROKEN: the start of the log was changed ({rows[0].key})"
         return f"intact: the SHA-256 of the sealed file is {commitment}, as at the start of the day"
 
     @property
@@ -264,6 +283,23 @@ def run_operator(
     return desks[-1].day
 
 
+def _start(
+    scenario: Scenario, laboratory: Laboratory, content: bytes, supplied: int, operator: str
+) -> dict[str, Any]:
+    """Return the start of the log of a day; `content` is that of the sealed file."""
+    return {
+        "briefing": {
+            **scenario.briefing(),
+            "commitment": hashlib.sha256(content).hexdigest(),
+            "camera": has_camera(laboratory),
+            "operator": operator,
+        },
+        "session": json.loads(pack(laboratory.session).texts[SESSION]),
+        "procedure": laboratory.session.procedure_text,
+        "came_with": supplied,
+    }
+
+
 def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[DayEvent, ...]:
     """Return the events of another laboratory, without its verdict, if the scenario has one."""
     if not scenario.records_of:
@@ -271,18 +307,3 @@ def _records_of(scenario: Scenario, laboratory: Laboratory, seed: int) -> tuple[
     events = run_operator(Apparatus(laboratory), operator_of(scenario.records_of, seed)).events
     verdict = {"note-doubt", "reduce", "give-verdict", "hand-in"}
     return tuple(event for event in events if event.action not in verdict)
-
-
-def _individuals(laboratory: Laboratory) -> dict[str, Any]:
-    """Return the true properties of this bat and these balls [SI], as a JSON object."""
-    bat, balls = laboratory.specimen.bat.body.material, laboratory.specimen.balls
-    return {
-        "bat_youngs_modulus": bat.youngs_modulus,
-        "bat_density": bat.density,
-        "ball_mass": balls.mass.tolist(),
-        "ball_restitution": balls.restitution.tolist(),
-    }
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from virtual_lab.bench.day.actions import ARGUMENTS, RESULT_QUANTITIES, Action
-from virtual_lab.bench.day.day import CHECKLISTS, DISPUTE, Decision
+from virtual_lab.bench.day.day import CHECKLISTS, DISPUTE
 from virtual_lab.bench.day.desk import Desk, EnteredResult
 from virtual_lab.bench.day.protocol import omitted_steps
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.machines.apparatus import Apparatus
 from virtual_lab.bench.machines.stored_day import play_actions
 from virtual_lab.errors import InputError
+from virtual_lab.records.session import HitDecision
 
 SLIPS = {  # correct choice of each argument, in words
     "entered_as": "in the unit of the display",
@@ -144,7 +145,10 @@ def replay_day(apparatus: Apparatus, actions: list[Action], by_windows: set[int]
     day = play_actions(apparatus, [each for each in actions if each.name not in left_out])
     reasons = Desk(day).reasons
     decided = {
-        shot: Decision(accepted=not reasons[shot], because=reasons[shot]) for shot in by_windows
+        shot: HitDecision(
+            shot=shot, accepted=not reasons[shot], because=reasons[shot], by="the windows"
+        )
+        for shot in by_windows
     }
     return Desk(replace(day, decisions={**day.decisions, **decided}))
 

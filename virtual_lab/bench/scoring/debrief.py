@@ -220,13 +220,12 @@ def debrief(
     faults_left = tuple(name for name in faults if name not in day.repaired_faults)
     right = right_verdict(apparatus, desk, value, u, spoilt=bool(faults_left))
     likely = {name for name in named if is_named(name, named, rates)}
-    exhausted = len(day.fired) >= desk.rules.spec.attempts and value is None
     outcome = ScoredResult(
         value=value,
         u=u,
         right=right,
         verdict=day.verdict,
-        reason=bool(likely & visible.keys()) or exhausted,
+        reason=bool(visible or desk.reasons_to_refuse),
         mendable=bool(faults) and all(remedy_of(name) for name in faults),
     )
     refused = day.verdict == "INVALID" and outcome.reason

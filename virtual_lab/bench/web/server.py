@@ -458,10 +458,12 @@ class Door:
     def _enter(self, request: Request) -> Response | None:
         """Return the answer to a request with a token, or None without one.
 
-        A token is valid once. In an exam the token of a trainee stays valid.
+        A token is valid once. In an exam the token of a trainee stays valid. A request that only
+        looks at the address, or fetches the page in advance, does not use the token.
         """
         token = _find_key(self.codes, request.query_params.get("token", ""))
-        if token is None:
+        early = "prefetch" in request.headers.get("sec-purpose", "")
+        if token is None or early or request.method != "GET":
             return None
         seat = self.codes[token]
         if self.hall is None or seat.day is None:

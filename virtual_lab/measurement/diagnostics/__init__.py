@@ -8,6 +8,7 @@ from virtual_lab.measurement.diagnostics.flags import (
     SCALE_DRIFT,
     Checked,
     check,
+    decisions_elsewhere,
     overdue,
 )
 
@@ -20,5 +21,6 @@ __all__ = [
     "Evidence",
     "Flag",
     "check",
+    "decisions_elsewhere",
     "overdue",
 ]

@@ -34,9 +34,10 @@ from virtual_lab.measurement.diagnostics.impact import (
 from virtual_lab.measurement.diagnostics.repeats import records_repeated
 from virtual_lab.records import REFERENCE_MASS, PassageRecord, RateRecord, Record
 from virtual_lab.records.particulars import Particulars
+from virtual_lab.records.session import Session
 from virtual_lab.units import Mask
 
-CALIBRATION_DUE = "calibration-due"
+CALIBRATION_DUE, DECISIONS = "calibration-due", "decisions"
 SCALE_DRIFT = "scale-drift"
 CHECKS: Mapping[str, Callable[[Evidence], Iterator[Answer]]] = {
     "sports": sports,
@@ -143,3 +144,11 @@ def overdue(particulars: Particulars, date: str) -> Iterator[Flag]:
         if each.due and day and each.due < day:
             sentence = f"the calibration of {name} ({each.identity}) was due on {each.due}"
             yield Flag(name=CALIBRATION_DUE, sentence=f"{sentence}, but the test was on {day}")
+
+
+def decisions_elsewhere(session: Session) -> Iterator[Flag]:
+    """Yield a flag if the records hold decisions on hits, but are not those of a rehearsed day."""
+    if session.decisions and not session.is_rehearsed:
+        count = len(session.decisions)
+        sentence = f"the records hold {count} decisions of a person on hits, which were not obeyed"
+        yield Flag(name=DECISIONS, sentence=f"{sentence}: only a rehearsed day may hold any")

@@ -9,10 +9,12 @@ from virtual_lab.measurement.procedure.choice import (
 )
 from virtual_lab.measurement.procedure.eligibility import Finding, exemption, findings
 from virtual_lab.measurement.procedure.judge import (
+    UNDECIDED,
     Acceptance,
     Judgement,
     accept_hits,
     judge,
+    judge_by,
     worst_misfit,
 )
 from virtual_lab.measurement.procedure.lot import (
@@ -42,6 +44,7 @@ from virtual_lab.measurement.procedure.schedule import (
 
 __all__ = [
     "CHOICE",
+    "UNDECIDED",
     "Acceptance",
     "Curve",
     "Finding",
@@ -64,6 +67,7 @@ __all__ = [
     "has_too_few",
     "hit_weights_of",
     "judge",
+    "judge_by",
     "metric_of",
     "next_shots",
     "objective_of",

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import inf
 from typing import Protocol
 
 import numpy as np
 
+from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure.rules import SETTING_STEP, Procedure
 from virtual_lab.measurement.reduction.observations import ImpactReadings
 from virtual_lab.measurement.reduction.rate import MOST_MISFIT, RateFit
 from virtual_lab.measurement.reduction.shot_algebra import ShotResults
 from virtual_lab.output.rounding import beyond
+from virtual_lab.records.session import HitDecision
 from virtual_lab.units import DEGREE, INCH, MPH, OUNCE, Array, Mask
 
+UNDECIDED = "undecided"  # reason of a hit about which a person has not decided
 # whether the criterion is met, function that writes the reason for a value, and the values;
 # arrays (..., shot)
 Criterion = tuple[Mask, Callable[[float], str], Array]
@@ -45,6 +48,27 @@ class Acceptance(Protocol):
         turn_rate: float,
         /,
     ) -> Judgement: ...
+
+
+def judge_by(decisions: Iterable[HitDecision]) -> Acceptance:
+    """Return the function by which a person's decisions count instead of the rules.
+
+    A hit without a decision is not valid, nor an accepted hit without a measured e_A. The function
+    raises `InputError` for a decision on a shot that was not fired.
+    """
+
+    def judge_shots(_: Procedure, results: ShotResults, *_others: object) -> Judgement:
+        reasons = [UNDECIDED] * len(results.speed)
+        for each in decisions:
+            if each.shot >= len(reasons):
+                allowed = f"allowed: 0 to {len(reasons) - 1}"
+                raise InputError("session.json", "decisions.shot", each.shot, allowed)
+            reasons[each.shot] = "" if each.accepted else each.because or "rejected"
+            if each.accepted and not np.isfinite(results.collision_efficiency[each.shot]):
+                reasons[each.shot] = "accepted, but its records give no e_A"
+        return Judgement(reasons=tuple(reasons))
+
+    return judge_shots
 
 
 def judge(

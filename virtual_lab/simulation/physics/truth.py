@@ -5,6 +5,7 @@ Only physics, rigs, the laboratory that simulates the test, and the studies may 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from types import EllipsisType
@@ -213,6 +214,11 @@ class SealedTruth:
     wall_hits: Mapping[str, Array]
     faults: tuple[str, ...] = ()  # faults of the test day
     recipe: Mapping[str, Any]  # choices from which the test can be played again
+
+    @property
+    def content(self) -> bytes:
+        """The content of ``truth.json``."""
+        return (json.dumps(self.document(), indent=1, allow_nan=False) + "\n").encode()
 
     def document(self) -> dict[str, Any]:
         """Return the truth as the content of its JSON file."""

@@ -1,0 +1,96 @@
+"""A result folder that one command writes, every sister command reads."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from contextlib import chdir
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import virtual_lab as vl
+from virtual_lab.cli import cli
+from virtual_lab.errors import InputError
+from virtual_lab.records.session import HitDecision, save_session
+
+WRITTEN = {  # folder: command that writes it
+    "certify": "certify r161 --seed 7 --out certify",
+    "reduce": "reduce certify/records --out reduce",
+    "sweep/r161-bbcor-00000": "sweep r161 --procedure bbcor --laboratories 1 --certificates sweep",
+    "book": "rehearse --operator book --seed 3 --out book",
+    "cheating": "rehearse --operator cheating --seed 3 --out cheating",
+    "careless": "rehearse --operator careless --scenario tuesday --seed 6 --out careless",
+    "bad-hits": "rehearse --script bad-hits.json --seed 3 --out bad-hits",
+}
+
+
+def run(words: str) -> int:
+    return int(cli.main(shlex.split(words), standalone_mode=False))
+
+
+def write_script(folder: Path) -> None:
+    """Write a day that rejects every sound hit but two, and accepts the others."""
+    actions = json.loads((folder / "cheating" / "actions.json").read_text("utf-8"))["actions"]
+    swapped = {"accept": "reject", "reject": "accept"}
+    for action in actions:
+        if action["do"] in swapped:
+            action["do"], action["because"] = swapped[action["do"]], "the other way"
+    (folder / "bad-hits.json").write_text(json.dumps({"actions": actions}), "utf-8")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("written")
+    with chdir(folder):
+        for name, command in WRITTEN.items():
+            if name == "bad-hits":
+                write_script(folder)
+            assert run(command) == 0, command
+    return folder
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_every_sister_command_reads_the_folder(name: str, written: Path) -> None:
+    folder = written / name
+    assert vl.verify(folder).state == "whole"
+    stated = json.loads((folder / "certificate.json").read_text("utf-8"))
+    assert vl.load(folder).document == stated
+    again = vl.reduce(folder / "records").document
+    assert {key: again[key] for key in ("verdict", "shots", "deviations")} == {
+        key: stated[key] for key in ("verdict", "shots", "deviations")
+    }
+    assert run(f"show {folder}") == 0
+    other = "certify" if name == "book" else "book"
+    assert len(vl.report([folder, written / other]).rows) >= 1
+    if (folder / "truth").exists():
+        assert vl.score(folder).code == 0
+    else:
+        with pytest.raises(InputError, match=r"truth\.json: file; cannot be read"):
+            vl.score(folder)
+
+
+def test_a_decision_against_the_rules_is_a_deviation(written: Path) -> None:
+    """Each accepted bad hit and each rejected sound one, with the person and the reason."""
+    deviations = vl.load(written / "bad-hits").document["deviations"]
+    assert all(each.startswith("the script ") for each in deviations)
+    assert any("accepted shot" in each for each in deviations)
+    assert all(each.endswith("stated reason: the other way") for each in deviations)
+    page = (written / "bad-hits" / "certificate.html").read_text("utf-8")
+    assert page.count("Deviation from the procedure") == len(deviations)
+    assert vl.load(written / "book").document["deviations"] == []
+
+
+def test_decisions_in_records_of_a_laboratory_are_reported_and_not_obeyed(
+    written: Path, tmp_path: Path
+) -> None:
+    session = vl.load(written / "certify").certification.session
+    decision = HitDecision(shot=0, accepted=False, because="no", by="me")
+    (tmp_path / "records").mkdir()
+    save_session(replace(session, decisions=(decision,)), tmp_path / "records")
+    reduced = vl.reduce(tmp_path / "records")
+    assert reduced.value == vl.load(written / "certify").value
+    (flag,) = reduced.document["flags"]
+    assert "1 decisions of a person" in flag["sentence"]
+    assert reduced.document["deviations"] == []
