@@ -225,7 +225,7 @@ def debrief(
         u=u,
         right=right,
         verdict=day.verdict,
-        reason=bool(visible or desk.reasons_to_refuse),
+        reason=day.verdict == "INVALID" and bool(visible or desk.reasons_to_refuse),
         mendable=bool(faults) and all(remedy_of(name) for name in faults),
     )
     refused = day.verdict == "INVALID" and outcome.reason
