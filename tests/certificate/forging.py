@@ -19,11 +19,11 @@ from unittest import mock
 import numpy as np
 
 import virtual_lab as vl
+from virtual_lab import score as score_folder
 from virtual_lab.api import Certificate
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.session import Session, load_session
-from virtual_lab.studies.score import score_folder
 from virtual_lab.uncertainty.estimate import Estimate
 
 Truth = dict[str, Any]

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from tests.certificate.forging import RECORDS, SIGNED, TRUTHS, forge, sealed_test
+from virtual_lab import score as score_folder
 from virtual_lab.certificate.verify import verify
-from virtual_lab.studies.score import score_folder
 
 pytestmark = pytest.mark.usefixtures("each_form_is_made_once")
 

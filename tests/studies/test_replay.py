@@ -14,8 +14,8 @@ import pytest
 
 import virtual_lab as vl
 from virtual_lab import lab
+from virtual_lab import score as score_folder
 from virtual_lab.lab.recipe import Recipe
-from virtual_lab.studies.score import score_folder
 
 
 def quiet(*_: object) -> None:

@@ -9,11 +9,11 @@ import pytest
 
 import virtual_lab as vl
 from tests.certificate.altering import in_all_forms
+from virtual_lab import score as score_folder
 from virtual_lab.certificate.seal import write_seal
 from virtual_lab.certificate.signing import digest_of_file as sha256
 from virtual_lab.certificate.signing import write_sums
 from virtual_lab.errors import InputError
-from virtual_lab.studies.score import score_folder
 
 ROWS = {"metric", "collision_efficiency", "restitution", "recoil_factor", "ball_restitution"}
 FIELDS = {"seal", "state", "altered", "differs", "unchecked", "sealing"}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from virtual_lab.api.camera import track as track
     from virtual_lab.api.certificates import Certificate as Certificate
     from virtual_lab.api.certificates import certify as certify
-    from virtual_lab.api.certificates import load_folder
+    from virtual_lab.api.certificates import compare_with_truth, load_folder
     from virtual_lab.api.certificates import reduce as reduce
     from virtual_lab.api.certificates import sweep as sweep
     from virtual_lab.api.charts import chart as chart
@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     from virtual_lab.studies.plan.planning import plan as plan
     from virtual_lab.studies.reference.findings import reference as reference
     from virtual_lab.studies.report import report as report
-    from virtual_lab.studies.score import score_folder
     from virtual_lab.studies.template import template as template
     from virtual_lab.studies.twin.twin import twin as twin
     from virtual_lab.uncertainty.decision import conformity as conformity
@@ -69,7 +68,7 @@ if TYPE_CHECKING:
     from virtual_lab.uncertainty.interlaboratory import nested_study as nested_study
     from virtual_lab.uncertainty.propagating import propagate_inputs
 
-    load, propagate, risk, score = load_folder, propagate_inputs, global_risk, score_folder
+    load, propagate, risk, score = load_folder, propagate_inputs, global_risk, compare_with_truth
 
 
 def _places() -> dict[str, tuple[str, str]]:

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from virtual_lab.output.metrics import MetricFormat
     from virtual_lab.records.session import PackedSession, Session
     from virtual_lab.simulation.physics.truth import SealedTruth
-    from virtual_lab.studies.score import QuantityScore
+    from virtual_lab.studies.score import CertificateScore, QuantityScore
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -618,6 +618,32 @@ def reduce(
         )
 
     return Certificate(certification=certify_folder(Path(records), with_options))
+
+
+def compare_with_truth(folder: Folder, *, progress: Progress = quiet) -> CertificateScore:
+    """Play a test again from its truth, and compare its certificate with the true values.
+
+    The exit code of the command is 3 if files were changed since the test, if the folder
+    contradicts itself, or if truth or records differ from the replay. It is 4 if the test could not
+    be played again: another version made it, or a rig is missing.
+
+    Parameters
+    ----------
+    folder
+        Result folder with ``certificate.json`` and ``truth/``.
+    progress
+        Function that is called with a message that names the current task. If it is not given, the
+        functions of `virtual_lab` and the commands show the progress on stderr.
+
+    Raises
+    ------
+    InputError
+        Certificate, truth or seal is missing or cannot be compared.
+    """
+    from virtual_lab.bench.entrance.review import play_day
+    from virtual_lab.studies.score import score_folder
+
+    return score_folder(Path(folder), play_day, progress)
 
 
 def sweep(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,14 +19,15 @@ from virtual_lab.certificate.verify import (
 )
 from virtual_lab.errors import InputError
 from virtual_lab.files import litter, read_bytes, read_json
+from virtual_lab.lab import BatTest
 from virtual_lab.lab.measurand import CONTINUOUS, STANDARD_BALL, WIDTH_KEY
 from virtual_lab.lab.recipe import Recipe
 from virtual_lab.measurement.procedure.model import AS_FOUND, QUANTITIES
 from virtual_lab.output.intervals import Interval, draw_intervals
-from virtual_lab.output.progress import Progress, quiet
+from virtual_lab.output.progress import Progress
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
-from virtual_lab.parameters import Folder
+from virtual_lab.records.origin import REHEARSAL
 from virtual_lab.studies.replay import compared_replay, play_again
 
 if TYPE_CHECKING:
@@ -206,27 +207,14 @@ class CertificateScore(StudyResult):
         return "\n".join([*lines, self.sealing] if self.sealing else lines)
 
 
-def score_folder(folder: Folder, *, progress: Progress = quiet) -> CertificateScore:
-    """Play a test again from its truth, and compare its certificate with the true values.
+def score_folder(
+    folder: Path, play_day: Callable[[Path], BatTest], progress: Progress
+) -> CertificateScore:
+    """Return the comparison of a result folder with its truth, as `virtual_lab.score` does.
 
-    The exit code of the command is 3 if files were changed since the test, if the folder
-    contradicts itself, or if truth or records differ from the replay. It is 4 if the test could not
-    be played again: another version made it, or a rig is missing.
-
-    Parameters
-    ----------
-    folder
-        Result folder with ``certificate.json`` and ``truth/``.
-    progress
-        Function that is called with a message that names the current task. If it is not given, the
-        functions of `virtual_lab` and the commands show the progress on stderr.
-
-    Raises
-    ------
-    InputError
-        Certificate, truth or seal is missing or cannot be compared.
+    `play_day` plays the day in a folder again, if it was carried out at the rehearsal bench. Raises
+    `InputError` if certificate, truth or seal is missing or cannot be compared.
     """
-    folder = Path(folder)
     for name in (CERTIFICATE, TRUTH):
         read_bytes(folder / name)
     changed = tuple(row for row in compared_seal(folder) if isinstance(row, Mismatch))
@@ -246,7 +234,9 @@ def score_folder(folder: Folder, *, progress: Progress = quiet) -> CertificateSc
         result = replace(
             result, different=named_rows((*changed, *rows)), sheets=tuple(recipe.sheets)
         )
-        again = compared_replay(folder, play_again(recipe, progress))
+        is_rehearsed = result.sealing == REHEARSAL
+        test = play_day(folder) if is_rehearsed else play_again(recipe, progress)
+        again = compared_replay(folder, test)
     except InputError as fault:
         if not (result.rows or changed):
             raise

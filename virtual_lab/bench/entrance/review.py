@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from itertools import starmap
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import fill
 from typing import Any
 
 from virtual_lab.bench.day.actions import Action
-from virtual_lab.bench.day.day import Day, DayEvent, evolve
+from virtual_lab.bench.day.day import DayEvent, evolve, replay_events
+from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.operators import operator_of
 from virtual_lab.bench.day.scenario import SCORES, Scenario, load_scenario
@@ -22,6 +24,7 @@ from virtual_lab.bench.scoring.debrief_page import save_debrief
 from virtual_lab.certificate.comparing import differences
 from virtual_lab.errors import InputError
 from virtual_lab.files.tables import quote
+from virtual_lab.lab import BatTest
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
 
@@ -138,7 +141,7 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
     return ClassDay(
         trainee=quote(trainee),
         seal=stored.seal.partition(":")[0],
-        replay_agrees=all(same for *_, same in _play_again(stored)),
+        replay_agrees=all(starmap(_is_same, _play_again(stored))),
         day_title=quote(stored.scenario.title),
         verdict=day.verdict if day.handed_in else "not handed in",
         time_min=day.seconds / 60,
@@ -151,16 +154,31 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
     )
 
 
-def _play_again(stored: StoredDay) -> Iterator[tuple[Day, DayEvent, bool]]:
-    """Yield the day after each entry, the entry, and whether playing it again gives the same."""
-    day = stored.morning
+def _play_again(stored: StoredDay) -> Iterator[tuple[DayEvent, DayEvent]]:
+    """Yield each entry of a day, and the same entry played again from the sealed file."""
+    day = replace(stored.morning, morning=stored.apparatus.laboratory.session)
     for event in stored.day.events:
-        again = do_action(
-            stored.apparatus, day, Action(name=event.action, arguments=event.arguments)
-        )
-        day = evolve(day, event)
-        stated, played = (json.loads(json.dumps(asdict(each))) for each in (event, again))
-        yield day, event, not any(differences(stated, played, LOG))
+        action = Action(name=event.action, arguments=event.arguments)
+        again = do_action(stored.apparatus, day, action)
+        day = evolve(day, again)
+        yield event, again
+
+
+def _is_same(event: DayEvent, again: DayEvent) -> bool:
+    """Return whether two entries differ at most by rounding."""
+    stated, played = (json.loads(json.dumps(asdict(each))) for each in (event, again))
+    return not any(differences(stated, played, LOG))
+
+
+def play_day(folder: Path) -> BatTest:
+    """Return the test of a stored day, played again from its log and its sealed file.
+
+    Raises `InputError` if the files of the day cannot be used.
+    """
+    stored = StoredDay(folder)
+    morning = replace(stored.morning, morning=stored.apparatus.laboratory.session)
+    desk = Desk(replay_events(morning, (again for _, again in _play_again(stored))))
+    return replace(stored.apparatus.finish(desk), certification=desk.certification)
 
 
 def check_scenario(name: str | Path) -> Rows[TriedDay]:
@@ -232,17 +250,18 @@ def replay(path: str | Path) -> Replay:
         The log or the sealed file does not exist or cannot be used, or the day was not handed in.
     """
     day = StoredDay(played_folder(path))
-    sheets, rows = action_table().actions, []
-    for state, event, same in _play_again(day):
+    sheets, seconds, rows = action_table().actions, 0.0, []
+    for event, again in _play_again(day):
+        seconds += event.seconds
         display = (f"{quantity} {value} {unit}".strip() for quantity, value, unit in event.shown)
         rows.append(
             PlayedEntry(
                 entry=event.number,
-                time_min=state.seconds / 60,
+                time_min=seconds / 60,
                 action=sheets[event.action].title,
                 entered=", ".join(f"{key} {value}" for key, value in event.arguments.items()),
                 shown=", ".join(display),
-                same=same,
+                same=_is_same(event, again),
             )
         )
     differ = [str(row.entry) for row in rows if not row.same]
