@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shlex
+import shutil
 from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +13,14 @@ from pathlib import Path
 import pytest
 
 import virtual_lab as vl
+from virtual_lab.certificate.filling import certificate
+from virtual_lab.certificate.html import certificate_page
+from virtual_lab.certificate.result_folder import close_result, write_result
 from virtual_lab.cli import cli
 from virtual_lab.errors import InputError
-from virtual_lab.records.session import HitDecision, save_session
+from virtual_lab.measurement.certification import certify_session
+from virtual_lab.records.origin import DAY_FILES
+from virtual_lab.records.session import HitDecision, load_session, pack, save_session
 
 WRITTEN = {  # folder: command that writes it
     "certify": "certify r161 --seed 7 --out certify",
@@ -94,3 +101,33 @@ def test_decisions_in_records_of_a_laboratory_are_reported_and_not_obeyed(
     (flag,) = reduced.document["flags"]
     assert "1 decisions of a person" in flag["sentence"]
     assert reduced.document["deviations"] == []
+
+
+@pytest.mark.parametrize("change", ["decisions", "constant"])
+def test_a_rehearsed_folder_made_again_by_our_own_functions_is_altered(
+    change: str, written: Path, tmp_path: Path
+) -> None:
+    """`verify` finds nothing, but the day played again has other decisions and constants."""
+    source, forged = written / "cheating", tmp_path / "forged"
+    session = load_session(source / "records")
+    if change == "decisions":
+        accepted = tuple(replace(each, accepted=True) for each in session.decisions)
+        session = replace(session, decisions=accepted)
+    else:
+        key = "impact.encoder.scale"
+        larger = replace(session.calibration[key], value=1.002 * session.calibration[key].value)
+        session = replace(session, calibration={**session.calibration, key: larger})
+    truth = (source / "truth" / "truth.json").read_bytes()
+    certification, records = certify_session(session), pack(session)
+    digest = hashlib.sha256(truth).hexdigest()
+    document = certificate(certification, truth_digest=digest, session_digest=records.digest)
+    forged.mkdir()
+    write_result(forged, document, certification, records, truth)
+    (forged / "certificate.html").write_text(certificate_page(document), "utf-8")
+    for name in ("settings.toml", *DAY_FILES):
+        shutil.copy(source / name, forged / name)
+    close_result(forged, document, certification)
+    assert vl.verify(forged).state == "whole"
+    scored = vl.score(forged)
+    assert scored.code == 3
+    assert {row.file for row in scored.different} >= {"records/session.json"}

@@ -405,8 +405,9 @@ def _settings(path: Path, certification: Certification) -> Iterator[Mismatch]:
         "motion": (motion and motion.rung, "closed-form"),
         "uncertainty": (session.uncertainty, "first-order"),
     }
+    is_certified = not (session.is_rehearsed or "records" in stated)
     for key, (value, default) in recorded.items():
-        absent = None if "records" in stated or f"# {key}: " in text else default
+        absent = default if is_certified and f"# {key}: " not in text else None
         given = stated.get(key, absent)
         if given not in (None, value) and not str(given).endswith(".toml"):
             yield Mismatch(file=SETTINGS, key=key, stated=str(given), expected=str(value))
