@@ -387,6 +387,16 @@ ALTERED: dict[
         "certificate.json",
         "particulars.customer.name",
     ),
+    "another version's bat": (
+        in_all_forms(**OTHER, bat__name="ea70"),
+        "certificate.json",
+        "bat.name",
+    ),
+    "another version's ball": (
+        in_all_forms(**OTHER, ball__name="softball-12"),
+        "certificate.json",
+        "ball.name",
+    ),
     "another version's words": (
         in_all_forms(**OTHER, decision_rule="The bat is good."),
         "certificate.json",

@@ -41,7 +41,9 @@ def test_an_unaltered_folder_is_whole(folder: Path) -> None:
 
 
 def test_one_byte_of_any_file_and_its_absence_are_named(folder: Path) -> None:
-    """The truth is protected by the seal, too."""
+    """The truth and the settings of the command are protected by the seal, too."""
+    (folder / "settings.toml").write_text('bat = "r161"\n')
+    write_seal(folder)
     apart = ("seal.json", "SHA256SUMS")
     files = [path for path in folder.rglob("*") if path.is_file() and path.name not in apart]
     assert len(files) > 20
