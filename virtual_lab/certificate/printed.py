@@ -191,7 +191,7 @@ def _identification(document: CertificateDocument) -> list[list[str]]:
         ["Computed by", f"Virtual laboratory{'' if simulated else ', from the records supplied'}"],
         *([] if particulars.test.begun else [["Tested", day]]),
         *map(list, particulars.list_statements(simulated=simulated)),
-        *(["Deviation from the procedure", each] for each in document.deviations),
+        *(["Deviation", each] for each in document.deviations),
     ]
 
 

@@ -34,7 +34,7 @@ def certificate_text(document: CertificateDocument) -> str:
         f"  ball {each.ball + 1} set aside: {each.reason}" for each in document.ball.set_aside
     ]
     lines += _particulars_lines(document.particulars, simulated=document.simulation is not None)
-    lines += [f"  Deviation from the procedure: {each}" for each in document.deviations]
+    lines += [f"  Deviation: {each}" for each in document.deviations]
     if document.states_result and document.evaluation:
         lines.append(f"  {document.evaluation}")
     lines += [f"  {document.conditional_on}", f"  {document.statement}"]
