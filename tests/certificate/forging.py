@@ -8,19 +8,27 @@ hand of `tests.certificate.test_alterations`, what `verify` and `score` find (so
 
 from __future__ import annotations
 
+import csv
+import hashlib
 import json
-from collections.abc import Callable
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from unittest import mock
 
+import cv2
 import numpy as np
 
 import virtual_lab as vl
 from virtual_lab import score as score_folder
 from virtual_lab.api import Certificate
+from virtual_lab.certificate.seal import write_seal
+from virtual_lab.certificate.verify import verify
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.session import Session, load_session
@@ -31,20 +39,15 @@ Forge = Callable[[Session, Truth], tuple[Session, Truth]]
 SEED = 0x5EED_0000_0000_0000_0000_0000_0000_0007  # in place of a random seed, which is sealed
 
 
-class Forgery(NamedTuple):
-    """A change of records and truth, and what it changes."""
-
-    change: Forge
-    kind: str  # "record", "truth", "both" or "text"
-
-
-def sealed_test(folder: Path, bat: str = "r161", seed: int = SEED, **choices: Any) -> Path:
+def sealed_test(
+    folder: Path, bat: str = "r161", seed: int = SEED, pdf: bool = False, **choices: Any
+) -> Path:
     """Save the test of a sealed seed, which is always the same."""
     with (
         mock.patch("secrets.randbits", return_value=seed),
         mock.patch("secrets.token_bytes", return_value=bytes(range(16))),
     ):
-        return vl.certify(bat, **choices).save(folder)
+        return vl.certify(bat, **choices).save(folder, pdf=pdf)
 
 
 def forge(folder: Path, target: Path, change: Forge) -> Path:
@@ -264,13 +267,12 @@ RECORDS: dict[str, Forge] = {  # records, constants and rules
     "shots exchanged": record("impact/gates", "times", swap),
     "count of the encoder": record("impact/encoder", "counts", step(1.0)),
     "counts exchanged": record("impact/encoder", "counts", swap),
-    "time of the encoder": record("impact/encoder", "times", step(1e-5)),
+    "times of the encoder": record("impact/encoder", "times", lambda times: times + 1e-5),
     "mark of the aim": record("impact/aim", "along", step(5e-4)),
     "mark across": record("impact/aim", "across", step(5e-4)),
     "ball in the log": record("impact/log", "ball", step(-1.0)),
     "position in the log": record("impact/log", "place", step(1e-3)),
     "speed in the log": record("impact/log", "nominal_speed", step(0.1)),
-    "aim marks gone": without("impact/aim"),
     "store gone": without("bench/store"),
     "climate gone": without("bench/climate"),
     "encoder gone": without("impact/encoder"),
@@ -343,6 +345,11 @@ SIGNED: dict[str, Forge] = {  # what only a signature protects, as README.md lis
     "serial number": particular("bat", serial="S-2"),
     "operator": particular("test", operator="Nobody"),
     "deviations": particular("test", deviations="none"),
+    "sentence on the seed": origin(sealing="reproducible: seed chosen, not sealed"),
+    "commitment, with its salt": both(
+        in_truth("salt", "00" * 16),
+        origin(seed_commitment=hashlib.sha256(bytes(16) + str(SEED).encode()).hexdigest()),
+    ),
     "error of a model": model("collision", error=1e-9),
     "reason for a model": model("collision", reason="the best one"),
     "scatter of earlier tests, also in the recipe": both(
@@ -353,9 +360,46 @@ SIGNED: dict[str, Forge] = {  # what only a signature protects, as README.md lis
 }
 
 
-def found_by_score(folder: Path) -> int:
-    """Return the exit code of `score`; 2 for bad input."""
-    try:
-        return score_folder(folder).code
-    except InputError:
-        return 2
+def find(folder: Path) -> tuple[str, int]:
+    """Return the state that `verify` finds and the exit code of `score`; 2 is bad input."""
+    results = []
+    for check in (lambda: verify(folder).state, lambda: score_folder(folder).code):
+        try:
+            results.append(check())
+        except InputError:
+            results.append(2)
+    return results[0], results[1]
+
+
+def table(work: Path) -> Iterator[tuple[str, str, str, int]]:
+    """Yield kind and name of every forgery and alteration, and what is found in it.
+
+    An alteration by hand also has new lists of digests: ``SHA256SUMS`` and the seal.
+    """
+    from tests.certificate.altering import sums_again
+    from tests.certificate.test_alterations import ALTERED
+
+    cv2.imwrite(str(work / "logo.png"), np.zeros((9, 9), np.uint8))
+    lab = work / "lab.toml"
+    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.png"\n')
+    made = sealed_test(work / "made")
+    altered = sealed_test(work / "altered", pdf=True, laboratory=lab, customer="Ashwood & Sons")
+    yield "none", "", *find(made)
+    for kind, forgeries in (("truth", TRUTHS), ("signed", SIGNED), ("records", RECORDS)):
+        for name, change in forgeries.items():
+            yield kind, name, *find(forge(made, work / f"{kind} {name}".replace("/", "-"), change))
+    for number, (name, (edit, _, _)) in enumerate(ALTERED.items()):
+        folder = Path(shutil.copytree(altered, work / str(number)))
+        edit(folder)
+        write_seal(folder)
+        sums_again(folder)
+        yield "by hand", name, *find(folder)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as name, open(sys.argv[1], "w", newline="") as out:
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(("kind", "change", "verify", "score"))
+        for row in table(Path(name)):
+            writer.writerow(row)
+            out.flush()

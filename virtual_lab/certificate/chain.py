@@ -24,21 +24,22 @@ RESULT = ("verdict", "metric", "shots", "budget")
 
 
 def replaced_report(
-    folder: Path | None, reason: str, bat: str, procedure: str
+    replaced: str | Path | None, reason: str, bat: str, procedure: str
 ) -> ReplacedReport | None:
     """Return a reference to the report that a new report replaces.
 
     The reference holds the number, the digest and the folder name of the old report, and the
-    reason. `folder` is the result folder of the old report. The result is None if `folder` is None
+    reason. `replaced` is the result folder of the old report. The result is None if it is None
     and `reason` is empty. Raises `InputError` if only one of them is stated, if the folder has no
     certificate that this version can read, or if the old report is about another bat than `bat` or
     another procedure than `procedure`, both names.
     """
-    if folder is None and not reason:
+    if replaced is None and not reason:
         return None
-    if folder is None or not reason:
-        key, value = ("reason", reason) if folder is None else ("replaces", folder)
+    if replaced is None or not reason:
+        key, value = ("reason", reason) if replaced is None else ("replaces", str(replaced))
         raise InputError("", key, value, "needs both the folder that is replaced and the reason")
+    folder = Path(replaced)
     document = read_document(folder / CERTIFICATE)
     for key, new in (("bat", bat), ("procedure", procedure)):
         if (old := getattr(document, key).name) != new:

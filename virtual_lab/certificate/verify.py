@@ -427,21 +427,17 @@ def _truth(folder: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
             )
         yield Remark("truth: only `score` can check it")
         committed = at(stated, "simulation", "seed_commitment")  # compared with the records
-        if committed and committed != (found := _commitment(path)):
+        try:
+            truth = read_json(path)
+            found = commitment(bytes.fromhex(truth["salt"]), truth["seed"])
+        except (KeyError, TypeError, ValueError) as fault:
+            found = f"cannot be used ({fault})"
+        if committed and committed != found:
             yield Mismatch(file=TRUTH_FILE, key="seed", stated=found, expected=str(committed))
     elif (folder / TRUTH).exists():
         yield Mismatch(file=TRUTH_FILE, key="", stated=MISSING, expected="")
     elif stated_digest:
         yield Unchecked(f"{TRUTH}: {NO_FOLDER}")
-
-
-def _commitment(truth: Path) -> str:
-    """Return the commitment to salt and seed of a truth, or what is wrong with them."""
-    try:
-        document = read_json(truth)
-        return commitment(bytes.fromhex(document["salt"]), document["seed"])
-    except (KeyError, TypeError, ValueError) as fault:
-        return f"no salt and seed ({fault})"
 
 
 def _control(
@@ -494,7 +490,10 @@ def _forms(
         if here != there:
             yield Unchecked(f"{name}: made by Typst {there}, here it is {here}")
         if elsewhere or here != there:
-            yield from _pdf_words(folder / name, stated)
+            try:
+                yield from _words(name, text_of_pdf(folder / name), stated)
+            except InputError as fault:  # no extra ``pdf``
+                yield Unchecked(f"{name}: {fault}")
     if document is None:
         if elsewhere:  # otherwise the reason is an alteration
             for name in (PAGE, *pdfs):
@@ -529,13 +528,6 @@ def _pdf(path: Path, document: CertificateDocument) -> Iterator[FolderFinding]:
             wrong = "differs from the file made from the records"
             yield Mismatch(file=path.name, key="", stated=wrong, expected="")
     except InputError as fault:  # no extra ``pdf``, or Typst fails
-        yield Unchecked(f"{path.name}: {fault}")
-
-
-def _pdf_words(path: Path, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:
-    try:
-        yield from _words(path.name, text_of_pdf(path), stated)
-    except InputError as fault:  # no extra ``pdf``
         yield Unchecked(f"{path.name}: {fault}")
 
 
@@ -583,13 +575,11 @@ def _check_replaced_reports(folder: Path, stated: Mapping[str, Any]) -> Iterator
     yield Remark(f"it replaces {number} in {name}")
     try:
         there = read_json(old / CERTIFICATE)
-        facts = {"number": (number_of(there), number)}
-        for key in ("bat", "procedure"):
-            facts[f"{key}.name"] = at(there, key, "name"), at(stated, key, "name")
-        for key, (found, expected) in facts.items():
-            if found != expected:
-                file = f"../{name}/{CERTIFICATE}"
-                yield Mismatch(file=file, key=key, stated=str(found), expected=str(expected))
+        facts, expected = (
+            {"number": of, **{key: {"name": at(each, key, "name")} for key in ("bat", "procedure")}}
+            for each, of in ((there, number_of(there)), (stated, number))
+        )
+        yield from differences(facts, expected, f"../{name}/{CERTIFICATE}")
         yield from within(f"../{name}", _findings(old))
     except InputError as fault:
         yield Unchecked(f"../{name}: {fault}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from operator import attrgetter
 from typing import Any, Self
 
@@ -19,19 +19,6 @@ from virtual_lab.records.session import ConstantEntry, entry_of_constant
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import MotionModel, Reality
 from virtual_lab.uncertainty.estimate import Estimate, Estimates
-
-# fields that a recipe and a setup share
-COPIED = [
-    "rig",
-    "reality",
-    "collision_model",
-    "motion",
-    "detail",
-    "test",
-    "lot",
-    "random_bat",
-    "uncertainty",
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +66,7 @@ class Recipe(Spec):
                 for name, each in setup.history.items()
             },
             sheets=dict(_changed_sheets(setup)),
-            **{name: getattr(setup, name) for name in COPIED},
+            **{name: getattr(setup, name) for name in _copied_fields()},
         )
 
     @classmethod
@@ -110,7 +97,15 @@ class Recipe(Spec):
         history = {
             name: Estimates.stack([Estimate(**asdict(each))]) for name, each in self.history.items()
         }
-        return replace(setup, history=history, **{name: getattr(self, name) for name in COPIED})
+        return replace(
+            setup, history=history, **{name: getattr(self, name) for name in _copied_fields()}
+        )
+
+
+def _copied_fields() -> set[str]:
+    """Return the names of the fields that a recipe and a setup hold in the same form."""
+    recipe, setup = ({each.name for each in fields(kind)} for kind in (Recipe, TestSetup))
+    return recipe & setup - {"seed", "number", "faults", "bat", "control_bat", "history"}
 
 
 def _changed_sheets(setup: TestSetup) -> Iterator[tuple[str, str]]:
