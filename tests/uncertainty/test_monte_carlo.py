@@ -94,7 +94,7 @@ def test_draws_of_too_few_degrees_of_freedom_are_not_made(monkeypatch: pytest.Mo
     document = by_draws(monkeypatch, 21)
     u = sqrt(sum(line.contribution**2 for line in document.budget))
     assert document.metric.u == pytest.approx(u, rel=1e-12)
-    assert "requested but not used: hits has only 0.0 degrees" in document.evaluation
+    assert "requested but not used: hits has only 2.2 degrees" in document.evaluation
     page = certificate_page(document)
     assert "Combined, first order" not in page
     assert ", of first order" not in certificate_text(document)
