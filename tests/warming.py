@@ -80,14 +80,6 @@ def _camera() -> None:
         ESTIMATORS[EDGE](pictures(case).inputs)
 
 
-def _flights() -> None:
-    import numpy as np
-
-    from virtual_lab.video.follow.drag_kernel import fly_with_drag
-
-    fly_with_drag(np.zeros((1, 1, 4)), np.zeros((1, 1, 2)), np.zeros(1), np.zeros(1), 1)
-
-
 def _motion() -> None:
     from tests.simulation.motion.scenes import play, scene
 
@@ -105,7 +97,6 @@ def _alone() -> None:
 def _others() -> None:
     _scans()  # scans first: the other process plays a test at one position before its scans
     _camera()
-    _flights()
     _motion()
     _alone()
 

@@ -42,8 +42,6 @@ class FlightFit:
 
     drag: float = 0.0005  # prior value of k r
     drag_u: float = 1.1  # relative u: a factor of 3
-    # number of steps from the middle of a flight to a position; the error is 1e-6 of the distance
-    runge_kutta_steps: int = 2
     rounds: int = 12
     settled_u: float = 0.02  # largest step of a converged parameter [standard uncertainties]
     # distance up to which a position has full weight [ball radii], unless FAR_U allows more
@@ -437,19 +435,16 @@ def _alike(left: Array, of: Ints) -> float:
 
 
 def _fly(states: Array, pull: Array, drag: Array | float, dt: Array) -> Array:
-    """Return the states (…, position, 4) after times (position,), by the Runge-Kutta method."""
-    if not np.any(drag):
-        later = dt[:, None]
-        place = states[..., :2] + states[..., 2:] * later + pull * later**2 / 2
-        return np.concatenate([place, states[..., 2:] + pull * later], axis=-1)
-    from virtual_lab.video.follow.drag_kernel import fly_with_drag
-
-    flown, pulls = np.empty(states.shape), np.empty((*states.shape[:-1], 2))
-    flown[...], pulls[...] = states, pull
-    slowing = np.atleast_1d(np.asarray(drag, float))
-    rows, pulls = flown.reshape(-1, *flown.shape[-2:]), pulls.reshape(-1, *pulls.shape[-2:])
-    fly_with_drag(rows, pulls, slowing, dt, FLIGHT_FIT.runge_kutta_steps)
-    return flown
+    """Return the states (…, position, 4) after times (position,), by one Runge-Kutta step."""
+    slowing, step = np.asarray(drag)[..., None, None], dt[..., None]
+    place, velocity = states[..., :2], states[..., 2:]
+    rates: list[Array] = []
+    for share in (0.0, 0.5, 0.5, 1.0):
+        now = velocity + share * step * (rates[-1] if rates else 0.0)
+        rates.append(pull - slowing * np.hypot(now[..., :1], now[..., 1:]) * now)
+    one, two, three, four = rates
+    later = place + step * (velocity + step / 6 * (one + two + three))
+    return np.concatenate([later, velocity + step / 6 * (one + 2 * (two + three) + four)], axis=-1)
 
 
 def _project(places: Array, tilt: Array, centre: Array) -> Array:
