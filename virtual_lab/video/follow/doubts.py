@@ -26,7 +26,7 @@ DRIFT_MATTERS = 0.002  # largest tolerated hidden drift [share of a flight's spe
 # largest allowed difference from g, or between two scales: in standard uncertainties, and as a
 # share, whichever is larger
 APART = (3.0, 0.04)
-EXPLAINED = 0.9  # smallest share of a moving ball's frames that flights must span
+EXPLAINED = 0.85  # smallest share of a moving ball's frames that flights must span
 # acceleration beyond which the frame rate must be wrong [g], because no ball's size is that wrong
 ABSURD = 3.0
 DIAMETERS = (5e-3, 1.0)  # possible diameters of a ball [m]
@@ -151,7 +151,7 @@ def against_flights(
         first = min(int(each.frames[0]) for each in more)
         words = f"from frame {first} on, a second ball flies beside the one that is followed"
         notes.append(("SECOND_BALL", f"{words}, and may be mistaken for it; select with --ball-at"))
-    share = explained_share(scene, ways, pieces)
+    share = explained_share(scene, ways)
     if share < 1 and not ways[0].sharp:  # sharp positions near a bat are left out
         words = f"the flights explain {100 * share:.0f} % of the frames in which the ball moves"
         why = "in the others it is carried, rolls or is struck, or a flight was missed"

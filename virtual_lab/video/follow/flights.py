@@ -51,6 +51,7 @@ class FlightSearch:
 
 
 FLIGHTS = FlightSearch()
+REST = 0.05  # smallest motion per frame of a ball that does not rest [ball radii]
 
 
 def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece], Fit | None]:
@@ -398,28 +399,38 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     return rivals
 
 
-def explained_share(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]) -> float:
+def explained_share(scene: FlightScene, flights: Sequence[Piece]) -> float:
     """Return the share of the frames with a moving ball that belong to `flights`, 0 to 1.
 
-    A frame has a moving ball in two cases:
-
-    * It is between the first and the last frame of a flight.
-    * It belongs to one of `pieces`, the pieces of smooth motion in the clip. The piece must have
-      the size and color of the ball and move by more than a diameter.
+    A frame has a moving ball if it is between the first and the last frame of a flight, or if a
+    walk from an end of a flight reaches it. The walk goes to the nearest free blob of the ball's
+    size in the next frames, and ends where no blob is near or where the ball rests. It does not
+    depend on the pieces of smooth motion, so it also shows the frames of a flight that was missed.
     """
-    blobs = np.concatenate([each.blobs for each in flights])
-    radius, colour = (np.median(scene.blobs[key][blobs], axis=0) for key in ("radius", "colour"))
+    moving = scene.blobs
+    ratio = moving["radius"] / float(np.median([each.radius for each in flights]))
+    sized = free(moving) & np.isfinite(scene.time)[moving["frame"]]
+    sized &= (ratio < GROWTH.size_ratio) & (ratio > 1 / GROWTH.size_ratio)
+    blobs = moving[sized]
+    t, xy = scene.time[blobs["frame"]], np.stack([blobs["x"], blobs["y"]], axis=1)
     spans = [np.arange(each.frames[0], each.frames[-1] + 1) for each in flights]
     flown = np.unique(np.concatenate(spans))
-    frames = [
-        each.frames
-        for each in pieces
-        if 1 / GROWTH.size_ratio < each.radius / radius < GROWTH.size_ratio
-        and np.abs(np.median(scene.blobs["colour"][each.blobs], axis=0) - colour).max()
-        < GROWTH.colour
-        and np.ptp(each.xy, axis=0).max() > 2 * each.radius
-    ]
-    return len(flown) / len(np.union1d(flown, np.concatenate([*frames, flown])))
+    walked = [flown]
+    for each in flights:
+        times = scene.time[each.frames]
+        for sense, (here, before) in ((-1, (0, 1)), (1, (-1, -2))):
+            now, at, radius = times[here], each.xy[here], each.radius
+            step = float(np.hypot(*(at - each.xy[before]))) / abs(now - times[before])
+            while step > REST * radius:
+                later, away = sense * (t - now), np.hypot(*(xy - at).T)
+                near = (later > 0) & (later <= GROWTH.gap_frames + 1)
+                near &= away < 2 * step * later + radius
+                if not near.any():
+                    break
+                k = np.flatnonzero(near)[np.lexsort((away[near], later[near]))[0]]
+                now, at, step = t[k], xy[k], away[k] / later[k]
+                walked.append(blobs["frame"][[k]])
+    return len(flown) / len(np.unique(np.concatenate(walked)))
 
 
 def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
