@@ -275,7 +275,6 @@ RECORDS: dict[str, Forge] = {  # records, constants and rules
     "speed in the log": record("impact/log", "nominal_speed", step(0.1)),
     "store gone": without("bench/store"),
     "climate gone": without("bench/climate"),
-    "encoder gone": without("impact/encoder"),
     "last shot gone": last_shot_gone,
     **{
         f"{what} of {key}": constant(key, **{what: factor})

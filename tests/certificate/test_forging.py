@@ -5,6 +5,7 @@ These are some of `tests.certificate.forging`, whose command tries all.
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from pathlib import Path
@@ -110,3 +111,17 @@ def test_a_seal_kept_elsewhere_shows_also_a_text(sealed: Path, tmp_path: Path) -
     scored = score_folder(folder)
     assert (scored.seal, scored.code) == ("broken", 3)
     assert {"certificate.json", "records/session.json"} <= {row.file for row in scored.different}
+
+
+def test_the_stored_table_says_the_same_of_every_forgery() -> None:
+    """`score` passes only what README.md and limits.md list; exit code 4 is *not checked*."""
+    (path,) = Path(__file__).parent.glob("forging-*.csv")
+    rows = list(csv.DictReader(path.read_text("utf-8").splitlines()))
+    assert len(rows) > 200
+    for kind, forgeries in (("records", RECORDS), ("truth", TRUTHS), ("signed", SIGNED)):
+        found = {row["change"]: int(row["score"]) for row in rows if row["kind"] == kind}
+        assert found.keys() == forgeries.keys()
+        assert {*found.values()} <= ({0} if kind == "signed" else {3, 4})
+    by_hand = [int(row["score"]) for row in rows if row["kind"] == "by hand"]
+    assert len(by_hand) > 80
+    assert 0 not in by_hand

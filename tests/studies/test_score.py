@@ -114,3 +114,13 @@ def test_a_truth_of_another_version_is_not_checked(folder: Path) -> None:
     scored = score_folder(folder)
     assert (scored.state, scored.code) == ("not checked", 4)
     assert "not checked: made by version 0.0.1" in scored.text
+
+
+def test_records_that_are_gone_are_altered(folder: Path) -> None:
+    """`verify` names them, although there is nothing to compare with the replay."""
+    shutil.rmtree(folder / "records")
+    write_seal(folder)
+    write_sums(folder)
+    scored = score_folder(folder)
+    assert scored.code == 3
+    assert "records/session.json" in {row.file for row in scored.different}

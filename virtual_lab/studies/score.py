@@ -236,7 +236,7 @@ def score_folder(
         )
         is_rehearsed = result.sealing == REHEARSAL
         test = play_day(folder) if is_rehearsed else play_again(recipe, progress)
-        again = compared_replay(folder, test)
+        again = [*compared_replay(folder, test)]
     except InputError as fault:
         if not (result.rows or changed):
             raise
