@@ -145,7 +145,10 @@ def test_the_normal_quantile_is_right_in_the_farthest_tails() -> None:
 
     from virtual_lab.streams.philox import _normal
 
-    convert = njit(lambda *arrays: _normal(*arrays))  # only kernels can call it
+    @njit  # only kernels can call the function, which has no wrapper
+    def convert(numbers, values, tails, at):
+        _normal(numbers, values, tails, at)
+
     tail = 2.0 ** -np.arange(4.0, 54.0)
     numbers = np.concatenate([0.5 - tail, tail - 0.5])
     exact = np.concatenate([-ndtri(tail), ndtri(tail)])

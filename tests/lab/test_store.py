@@ -116,5 +116,5 @@ def test_the_store_is_recorded_flagged_and_no_line_of_the_budget() -> None:
     assert found.value < before.value - 0.005
     true, dry = (each.sealed.measurand[AS_FOUND] for each in (damp, plain))
     assert true < dry - 0.008
-    assert found.u < 0.0025  # .0043 if the spread of the store were counted again
+    assert found.u < 1.1 * before.u  # 1.7 times if the spread of the store were counted again
     assert not [each for each in found.components if "store" in each.name]

@@ -96,10 +96,12 @@ def test_minutes_follow_the_counts(scanned):
         shots = forecast.shots(changed) - forecast.shots(present)
         return scanned.minutes(changed) - scanned.minutes(present), shots
 
+    boxes = forecast.sample.boxes.mean()  # all balls of a box are weighed and fired at the wall
+    assert 1 < boxes < 1.1
     twice, _ = more(wall_hits=2 * present.wall_hits)
-    assert twice == pytest.approx(minutes["hit-wall"])
+    assert twice == pytest.approx(boxes * minutes["hit-wall"])
     twice, _ = more(balls=2 * present.balls)
-    assert twice == pytest.approx(minutes["hit-wall"] + minutes["weigh-balls"])
+    assert twice == pytest.approx(boxes * (minutes["hit-wall"] + minutes["weigh-balls"]))
     twice, shots = more(hits=2 * present.hits)
     shot = ["load-ball", "clear-scrap", "wait-pressure", "wait-rest", "fire", "accept"]
     assert twice == pytest.approx(shots * sum(minutes[name] for name in shot))

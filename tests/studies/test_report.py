@@ -33,6 +33,8 @@ LABS = {"one": "Riverside", "two": "Hilltop"}
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Save tests of two bats, two procedures, laboratories with and without names, and repeats."""
     folder = tmp_path_factory.mktemp("results")
+    for kind in ("repeats", "unnamed", "bats", "procedures", "laboratories"):
+        (folder / kind).mkdir()
     named = {"laboratory": {"name": "Riverside"}}
     for number in range(3):
         test = vl.certify("r161", seed=7, test=number, laboratory=named)

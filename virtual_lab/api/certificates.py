@@ -603,7 +603,7 @@ def reduce(
 
     def with_options(session: Session) -> Session:
         particulars = session.particulars
-        rules = catalog.read(session.procedure_text, f"{records}/procedure.toml", Procedure)
+        rules = catalog.read(session.procedure_text, "procedure.toml", Procedure)
         replaced = replaced_report(replaces, reason, session.bat, rules.spec.name)
         return replace(
             session,

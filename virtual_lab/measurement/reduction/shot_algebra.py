@@ -24,6 +24,7 @@ from virtual_lab.measurement.reduction.kinematics import (
     ShotConstants,
     compiled_reduction,
     parallel_axis,
+    restitution_at_speed,
 )
 from virtual_lab.measurement.reduction.observations import (
     SLOPE_REPEATABILITY,
@@ -398,9 +399,9 @@ def shot_results(
     columns["speed"], columns["rebound_speed"] = flights.speed_in, flights.speed_out
     columns["rebound_slope"] = flights.slope_out
     # the rules judge a ball by its measured e0
-    columns["window_ball_restitution"] = of_ball(
-        balls.restitution + balls.slope * (settings.window_speed - balls.speed), readings.ball
-    )
+    faster = settings.window_speed - balls.speed
+    at_window = restitution_at_speed(balls.restitution, balls.slope, faster)
+    columns["window_ball_restitution"] = of_ball(at_window, readings.ball)
     columns["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))
     return kind(**{name: columns[name] for name in names})
 
