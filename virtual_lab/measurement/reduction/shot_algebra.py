@@ -401,7 +401,7 @@ def shot_results(
     # the rules judge a ball by its measured e0
     faster = settings.window_speed - balls.speed
     at_window = restitution_at_speed(balls.restitution, balls.slope, faster)
-    columns["window_ball_restitution"] = of_ball(at_window, readings.ball)
+    columns["window_ball_restitution"] = of_ball(np.asarray(at_window), readings.ball)
     columns["swing_rate"] = np.broadcast_to(swing_rate, (*shape, number))
     return kind(**{name: columns[name] for name in names})
 
