@@ -270,7 +270,7 @@ def renew(names: Sequence[str]) -> None:
 
 
 def faults(rows: Sequence[Row]) -> list[str]:
-    """Return what is wrong with the second and third runs that were made."""
+    """Return the faults of the second and third runs that were made."""
     wrong, squares = [], []
     for row in rows:
         second, third = row.z(1), row.z(2)

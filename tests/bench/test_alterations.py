@@ -43,7 +43,7 @@ def row_of(folder: Path) -> ClassDay:
 
 
 def outcome(folder: Path) -> str:
-    """Return what finds an alteration: the reading of the files, the seal or the replay."""
+    """Return the check that finds an alteration: reading of the files, seal or replay."""
     try:
         if not StoredDay(folder).seal.startswith("intact"):
             return "seal"

@@ -117,7 +117,7 @@ def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
 def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift.
 
-    Six seeds (1700 to 2200) have errors of .002 to .034 and u of .017 to .038; the largest is 1.05 u.
+    Six seeds (1700 to 2200) have errors of .002 to .034 and u of .017 to .038, at most 1.05 u.
     """
     scene = SCENES["against-wall"]
     made, result = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1800), tmp_path)
