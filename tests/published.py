@@ -4,7 +4,7 @@
     python -m tests.published renew [STUDY ...] # run the first seeds again, renew table and pages
 
 A row has the figure with its standard error, the command that repeats it, and up to three runs,
-each with seed and number of laboratories. The second and the third seed stand in the table before
+each with seed and number of laboratories. The second and the third seed are in the table before
 they are run; the third is run only where the first two differ by more than three standard errors.
 If a study is renewed, its later runs are removed and get new seeds. The pages named in a row state
 the figure as `printed`: ± is half of its 95 % interval. `tests/test_published.py` compares them.

@@ -1,4 +1,4 @@
-"""What is altered on a stored day shows in the table of a class: by files alone, and made again."""
+"""Alterations of a stored day, by files alone or made again, show in the table of a class."""
 
 from __future__ import annotations
 

@@ -337,7 +337,7 @@ TRUTHS: dict[str, Forge] = {  # the truth alone
     "no recipe": in_truth("recipe", {}),
     "an unknown rig in the recipe": in_truth("recipe/rig", "mine"),
 }
-SIGNED: dict[str, Forge] = {  # what only a signature protects, as README.md lists it
+SIGNED: dict[str, Forge] = {  # changes that only a signature shows, as README.md lists them
     "date": in_session(date="2020-01-01"),
     "customer": particular("customer", name="Nobody"),
     "laboratory": particular("laboratory", name="Crosstown"),

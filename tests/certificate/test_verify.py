@@ -113,7 +113,7 @@ def test_a_file_that_cannot_be_made_here_is_not_checked(
 def test_the_pdf_of_another_typst_is_compared_by_its_words(
     result: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nothing that the PDF says of its maker counts: only the version in the certificate."""
+    """The version in the certificate counts, not the producer that the PDF names."""
     (pdf,) = result.glob("*.pdf")
     assert json.loads((result / "certificate.json").read_text("utf-8"))["versions"]["typst"]
     monkeypatch.setattr(verifying.program, "typst", lambda: "9.9")

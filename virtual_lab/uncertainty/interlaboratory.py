@@ -32,7 +32,7 @@ class NestedStudy:
     counts: NDArray[
         np.int_
     ]  # number of repeats, (laboratory, lot); 0 for a lot that a laboratory lacks
-    mean: Array  # of all results
+    mean: Array  # mean of all results
     repeat_variance: Array
     lot_variance: Array  # NaN with one lot per laboratory; laboratory_variance then includes it
     laboratory_variance: Array

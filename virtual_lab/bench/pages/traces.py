@@ -82,7 +82,7 @@ def traces_of(shot: int, records: Mapping[str, Any]) -> Traces:
         "counts": [int(c) for c in counts],
     }
     rows = np.unique(np.linspace(0, times.size - 1, min(26, times.size)).astype(int))
-    missing = int((~np.isfinite(edges).all(axis=-1)).sum())  # of one edge or both
+    missing = int((~np.isfinite(edges).all(axis=-1)).sum())  # gates without one edge or both
     return Traces(
         shot=shot,
         drawn="".join(panel.svg() for panel in panels),

@@ -233,7 +233,7 @@ def drifting(record: Any, context: FaultContext) -> Arrays:
     times, slot = record.times.copy(), context.plan.slot
     rebounds = times[:, Edge.OUT]
     start = rebounds[:, Edge.LAST_GATE, Edge.BROKEN][:, None, None]
-    progress = (slot - slot.min()) / max(np.ptp(slot), 1)  # of the wall check of this box
+    progress = (slot - slot.min()) / max(np.ptp(slot), 1)  # share of the wall check of this box
     faster = (1 + 0.06 * progress)[:, None, None]
     times[:, Edge.OUT] = start + (rebounds - start) / faster
     return {"times": times}

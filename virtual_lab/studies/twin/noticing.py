@@ -67,7 +67,7 @@ class StoredFaults(Spec):
     digest: str = ""  # SHA-256 of the rest
 
     def sealed(self) -> StoredFaults:
-        """Return the same faults with their digest."""
+        """Return these faults with the SHA-256 digest of their content."""
         content = json.dumps(asdict(replace(self, digest="")), sort_keys=True)
         return replace(self, digest=hashlib.sha256(content.encode()).hexdigest())
 

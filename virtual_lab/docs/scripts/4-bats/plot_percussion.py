@@ -16,7 +16,7 @@ beam, ball, inch = beam_of(vl.bat("r161").spec.body), vl.ball("baseball-2003").s
 arm = beam.length - 6 * inch - profile["impact_position_in"] * inch  # from the axis
 percussion = beam.inertia(beam.length - 6 * inch)
 percussion /= beam.mass * (beam.length - 6 * inch - beam.z_cm)
-blow = ball.mass * 60 * 0.44704 * (1 + profile["collision_efficiency"])  # of ball and bat
+blow = ball.mass * 60 * 0.44704 * (1 + profile["collision_efficiency"])  # impulse on the bat
 figure, axes = plt.subplots()
 axes.plot(profile["impact_position_in"], blow * (1 - arm / percussion))
 axes.axhline(0, color="black", linewidth=0.8)
