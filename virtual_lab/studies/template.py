@@ -34,7 +34,6 @@ from virtual_lab.studies.foreign import LOGGER_TABLES, optional_constants, our_s
 from virtual_lab.studies.plan.prices import prices_form
 from virtual_lab.units import DIMENSIONS
 
-PARTICULARS = "laboratory"  # name of the form for laboratory, customer and bat
 OWN_RULES = "procedure.toml"
 # forms of one file, by the word in place of a procedure
 FORMS: Mapping[str, Callable[[], Iterable[str]]] = {"laboratory": form, "prices": prices_form}
