@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 import virtual_lab as vl
+from tests.cli.test_cli import MEASURED
+from tests.cli.test_examples import STUDY
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
 from virtual_lab.certificate.result_folder import close_result, write_result
@@ -22,6 +24,7 @@ from virtual_lab.measurement.certification import certify_session
 from virtual_lab.records.origin import DAY_FILES
 from virtual_lab.records.session import HitDecision, load_session, pack, save_session
 
+PROCEDURE = (Path(__file__).parents[2] / "data/procedures/bbcor.toml").read_text("utf-8")
 WRITTEN = {  # folder: command that writes it
     "certify": "certify r161 --seed 7 --out certify",
     "reduce": "reduce certify/records --out reduce",
@@ -30,7 +33,18 @@ WRITTEN = {  # folder: command that writes it
     "cheating": "rehearse --operator cheating --seed 3 --out cheating",
     "careless": "rehearse --operator careless --scenario tuesday --seed 6 --out careless",
     "bad-hits": "rehearse --script bad-hits.json --seed 3 --out bad-hits",
+    "control": "certify r161 --procedure rules.toml --control-bat check-cylinder --seed 7 "
+    "--out control",
 }
+# folders and files without a certificate: one of each way to save
+OTHERS = {
+    "campaign": "campaign run study.toml --out campaign",
+    "daily": "daily --days 9 --baseline 6 --out daily",
+    "fitted.toml": "fit-bat measured.toml --out fitted.toml",
+    "profile": "profile r161 --out profile",
+    "report": "report certify book --out report",
+}
+SISTERS = ("verify", "score", "report", "show", "twin")
 
 
 def run(words: str) -> int:
@@ -54,11 +68,24 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name, command in WRITTEN.items():
             if name == "bad-hits":
                 write_script(folder)
+            if name == "control":
+                rules = PROCEDURE.replace('"trampoline"', '"control-bat"')
+                Path("rules.toml").write_text(rules, "utf-8")
             assert run(command) == 0, command
     return folder
 
 
-@pytest.mark.parametrize("name", WRITTEN)
+@pytest.fixture(scope="module")
+def others(written: Path) -> Path:
+    (written / "study.toml").write_text(STUDY)
+    (written / "measured.toml").write_text(MEASURED)
+    with chdir(written):
+        for command in OTHERS.values():
+            assert run(command) == 0, command
+    return written
+
+
+@pytest.mark.parametrize("name", [*WRITTEN, "control/control"])
 def test_every_sister_command_reads_the_folder(name: str, written: Path) -> None:
     folder = written / name
     assert vl.verify(folder).state == "whole"
@@ -69,13 +96,30 @@ def test_every_sister_command_reads_the_folder(name: str, written: Path) -> None
         key: stated[key] for key in ("verdict", "shots", "deviations")
     }
     assert run(f"show {folder}") == 0
-    other = "certify" if name == "book" else "book"
-    assert len(vl.report([folder, written / other]).rows) >= 1
+    # one of the same bat or procedure, so that the two differ in one respect
+    other = written / ("book" if "control" not in name and name != "book" else "certify")
+    other = written / "sweep/r161-bbcor-00000" if "control" in name else other
+    assert len(vl.report([folder, other]).rows) == 2
     if (folder / "truth").exists():
         assert vl.score(folder).code == 0
     else:
         with pytest.raises(InputError, match=r"truth\.json: file; cannot be read"):
             vl.score(folder)
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_folder_without_a_certificate_is_refused_in_one_line(
+    name: str, others: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The line names the path; `show` also prints the sheet of a file."""
+    monkeypatch.chdir(others)
+    for command in SISTERS:
+        if (command, name) == ("show", "fitted.toml"):
+            assert run(f"show {name}") == 0
+            continue
+        with pytest.raises(InputError, match=name) as fault:
+            run(f"{command} {name}")
+        assert "\n" not in str(fault.value)
 
 
 def test_a_decision_against_the_rules_is_a_deviation(written: Path) -> None:
