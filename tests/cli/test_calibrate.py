@@ -46,7 +46,9 @@ def test_calibrate_finds_the_true_camera_of_rendered_pictures(folder: Path) -> N
     drawing = cv2.imread(str(folder / "cal.png"))
     assert drawing.shape[1] > 1000
     assert drawing.std() > 10
+    (folder / "board/pictures/Thumbs.db").write_bytes(b"litter")
     found = vl.calibrate(folder / "board/pictures", board=BOARD[1])
+    assert found.camera.warnings[-1] == "ignored: Thumbs.db"
     figure = found.plot()
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert len(figure.axes[0].collections[0].get_offsets()) == len(found.camera.solved.places)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -403,6 +403,7 @@ def calibrate(
     InputError
         Pictures cannot be read or do not show the board, or a length has no unit.
     """
+    from virtual_lab.files import litter
     from virtual_lab.relations.board import board_of, length_of
     from virtual_lab.video.calibration.calibrating import Plan
     from virtual_lab.video.calibration.calibrating import calibrate_camera as fit
@@ -416,7 +417,12 @@ def calibrate(
         height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
         plane=plane,
     )
-    return Calibration(camera=fit(read_pictures(paths_of(pictures)), plan))
+    paths = paths_of(pictures)
+    camera = fit(read_pictures(paths), plan)
+    if ignored := [name for path in paths for name in litter(path)]:
+        warnings = (*camera.warnings, f"ignored: {', '.join(ignored)}")
+        camera = replace(camera, warnings=warnings)
+    return Calibration(camera=camera)
 
 
 def board(

@@ -374,6 +374,17 @@ def test_a_picture_too_large_is_refused_by_its_header(kind: str, side: int, tmp_
         next(read_pictures([tmp_path / "shots" / f"3{kind}"]))
 
 
+def test_litter_among_pictures_is_ignored_and_named(tmp_path: Path) -> None:
+    """A file ._0.png of macOS has the ending of a picture, and is none."""
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), np.full((9, 11), number, np.uint8))
+    for name in ("._0.png", ".DS_Store"):
+        (tmp_path / name).write_bytes(b"litter")
+    clip = open_clip(tmp_path, ClipCalibration(frames_per_second=100.0))
+    assert clip.count == 3
+    assert clip.warnings == ("ignored: .DS_Store, ._0.png",)
+
+
 def test_a_stack_with_a_page_too_large_is_refused_by_its_header(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="size = '9000 x 9000'"):
         open_source(bomb(tmp_path / "stack.tif", 9_000, 9_000))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.files import is_litter
+from virtual_lab.files import is_litter, litter
 from virtual_lab.video.clips.containers import is_cut_short, video_tracks
 from virtual_lab.video.clips.highspeed import HIGHSPEED
 from virtual_lab.video.clips.source import Frame, Source, Stamped, Wanted, rate_of
@@ -105,7 +105,7 @@ def _images(path: Path, files: list[Path]) -> Source:
             for page in _pages(file, count, count if file.suffix.lower() == ".webp" else 8):
                 yield page, np.nan
 
-    return Source(path=path, declared=sum(pages), read=read)
+    return Source(path=path, declared=sum(pages), ignored=litter(path), read=read)
 
 
 def _pages(file: Path, count: int, at_once: int) -> Iterator[Frame]:

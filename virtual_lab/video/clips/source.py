@@ -35,6 +35,7 @@ class Source:
     # clockwise rotation of the frames that the file requests, already applied [degrees]
     rotation: float | None = None
     tracks: Sequence[VideoTrack] = ()  # video tracks of an MP4 or MOV file
+    ignored: Sequence[str] = ()  # litter in a folder, see `virtual_lab.files.is_litter`
     read: Callable[[Wanted], Stamped]
 
     def pictures(self, wanted: Wanted = lambda _: True) -> Stamped:

@@ -43,7 +43,7 @@ def frame_times(
     count, nominal = len(stamps), calibration.frames_per_second
     kind, fastest = source.path.suffix.lower(), max(nominal or 0.0, source.rate or 0.0)
     rounding = MILLISECOND if _are_rounded(stamps) else 0.0
-    warnings = []
+    warnings = [f"ignored: {', '.join(source.ignored)}"] if source.ignored else []
     if len(source.tracks) > 1:
         warnings.append(f"the file has {len(source.tracks)} video tracks; one of them is used")
     if source.tracks and count < 0.95 * (stated := source.declared * source.tracks[0].shown):
