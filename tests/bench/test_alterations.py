@@ -299,3 +299,18 @@ def test_the_table_of_a_class_shows_seal_and_replay(
     row = row_of(copy)
     assert shown in {row.seal, (row.seal, row.replay_agrees)}
     assert ("NO" in summary(copy.parent).text) is not row.replay_agrees
+
+
+def test_a_day_that_cannot_be_used_is_named_and_the_others_are_shown(
+    copy: Path, saved: Path
+) -> None:
+    shutil.copytree(saved, copy.parent / "other")
+    (copy / SECRET).write_text("{}")
+    table = summary(copy.parent)
+    unusable, whole = table.rows
+    assert (unusable.trainee, whole.trainee, whole.seal) == ("day", "other", "intact")
+    assert table.code == 4
+    assert unusable.seal.startswith("unusable: ")
+    assert str(copy / SECRET) in table.text
+    shutil.rmtree(copy)
+    assert (summary(copy.parent).rows, summary(copy.parent).code) == ([whole], 0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import starmap
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,7 @@ from virtual_lab.bench.day.day import DayEvent, evolve, replay_events
 from virtual_lab.bench.day.desk import Desk
 from virtual_lab.bench.day.log import LOG, DayLog
 from virtual_lab.bench.day.operators import operator_of
-from virtual_lab.bench.day.scenario import SCORES, Scenario, load_scenario
+from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.day.table import action_table
 from virtual_lab.bench.machines.stored_day import StoredDay, do_action
 from virtual_lab.bench.scoring.debrief import debrief
@@ -33,10 +33,14 @@ TRIED = (1, 2, 3)  # seeds of the days with which a scenario is checked
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClassDay:
-    """One day of a trainee with its scores. The scores are None until the day is handed in."""
+    """One day of a trainee with its scores. The scores are None until the day is handed in.
+
+    If the files of a day cannot be used, `seal` is a sentence that begins with "unusable", and
+    `trainee` is the only other value.
+    """
 
     trainee: str = column("trainee")  # name of the folder
-    seal: str = column("seal")  # intact or BROKEN
+    seal: str = column("seal", form=lambda row: row.seal.partition(":")[0])  # intact or BROKEN
     # whether playing the log again gives its entries
     replay_agrees: bool = column(
         "replay agrees", form=lambda row: "yes" if row.replay_agrees else "NO"
@@ -55,6 +59,10 @@ class ClassDay:
     false_alarms: str = column("false alarms")
     time_min: float = column("time", "min", ".0f")
     shots: int = column("shots")
+
+
+# values of a row before they are computed
+UNKNOWN: dict[str, Any] = dict.fromkeys(each.name for each in fields(ClassDay))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,21 +115,38 @@ class Replay(Rows[PlayedEntry]):
         return "\n\n".join((self.title, entries, self.words))
 
 
-def summary(folder: str | Path) -> Rows[ClassDay]:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ClassTable(Rows[ClassDay]):
+    """The days of a class."""
+
+    @property
+    def code(self) -> int:
+        """Exit code of the command: 4 if the files of a day cannot be used."""
+        return 4 if self.words else 0
+
+
+def summary(folder: str | Path) -> ClassTable:
     """Return a table of all days in the folders below `folder`, one row per day.
 
     `folder` is, for example, the folder of a class. The rows are sorted by folder. Practice days
     are left out. All columns are computed from the log and the sealed file of a day, never read
     from its debrief. The scores of a day are None until it is handed in. If a handed-in day has no
-    debrief yet, this function writes the debrief into the folder of the day. Raises `InputError` if
-    there is no day, or if the files of a day cannot be used.
+    debrief yet, this function writes the debrief into the folder of the day. If the files of a day
+    cannot be used, the row and `words` state why. Raises `InputError` if there is no day.
     """
     place = Path(folder)
-    logs = [log for log in sorted(place.rglob(LOG)) if not DayLog(log).first.practice]
-    if not logs:
+    rows = list[ClassDay]()
+    for log in sorted(place.rglob(LOG)):
+        trainee = str(log.parent.relative_to(place))
+        try:
+            rows += [] if DayLog(log).first.practice else [_outcome(log.parent, trainee)]
+        except InputError as fault:
+            stated = {"trainee": quote(trainee), "seal": f"unusable: {fault}"}
+            rows.append(ClassDay(**UNKNOWN | stated))
+    if not rows:
         raise InputError(str(place), "days", None, f"no folder in it holds a {LOG}")
-    rows = [_outcome(log.parent, str(log.parent.relative_to(place))) for log in logs]
-    return Rows(name="class", title=f"days: {len(rows)}", rows=rows)
+    unusable = "\n".join(row.seal for row in rows if row.seal.startswith("unusable"))
+    return ClassTable(name="class", title=f"days: {len(rows)}", rows=rows, words=unusable)
 
 
 def _outcome(folder: Path, trainee: str) -> ClassDay:
@@ -138,20 +163,19 @@ def _outcome(folder: Path, trainee: str) -> ClassDay:
         numbers = {f"{each.name}_score": each.value for each in judged.scores}
         numbers |= {"brier": judged.brier, "right_verdict": judged.right_verdict}
         names = {key: " ".join(getattr(judged, key)) for key in ("found", "missed", "false_alarms")}
-    return ClassDay(
-        trainee=quote(trainee),
-        seal=stored.seal.partition(":")[0],
-        replay_agrees=all(starmap(_is_same, _play_again(stored))),
-        day_title=quote(stored.scenario.title),
-        verdict=day.verdict if day.handed_in else "not handed in",
-        time_min=day.seconds / 60,
-        shots=len(day.fired),
-        faults_named=names.get("found", ""),
-        faults_missed=names.get("missed", ""),
-        false_alarms=names.get("false_alarms", ""),
-        **dict.fromkeys((*(f"{name}_score" for name in SCORES), "brier", "right_verdict"))
-        | numbers,
-    )
+    known = {
+        "trainee": quote(trainee),
+        "seal": stored.seal.partition(":")[0],
+        "replay_agrees": all(starmap(_is_same, _play_again(stored))),
+        "day_title": quote(stored.scenario.title),
+        "verdict": day.verdict if day.handed_in else "not handed in",
+        "time_min": day.seconds / 60,
+        "shots": len(day.fired),
+        "faults_named": names.get("found", ""),
+        "faults_missed": names.get("missed", ""),
+        "false_alarms": names.get("false_alarms", ""),
+    }
+    return ClassDay(**UNKNOWN | known | numbers)
 
 
 def _play_again(stored: StoredDay) -> Iterator[tuple[DayEvent, DayEvent]]:
