@@ -211,17 +211,16 @@ def _rigid_modes(beam: Beam, support: Support) -> Array:
 
 def _sprung(beam: Beam, support: Support) -> Beam:
     """Return the beam with the spring of an elastic pivot in its stiffness matrix."""
-    match support:
-        case Pinned(z=z, stiffness=k) if isfinite(k):
-            least = _least_stiffness(beam, z)
-            if k < least:
-                allowed = f"allowed: at least {least:.3g} N/m here; a free bat needs none"
-                raise InputError("pinned bat", "stiffness", k, allowed)
-            stiffness = beam.stiffness_matrix.copy()
-            node = int(np.flatnonzero(beam.mesh.nodes == z)[0])
-            stiffness[node, node] += k
-            return replace(beam, stiffness_matrix=stiffness)
-    return beam
+    if not (isinstance(support, Pinned) and isfinite(support.stiffness)):
+        return beam
+    least = _least_stiffness(beam, support.z)
+    if support.stiffness < least:
+        allowed = f"allowed: at least {least:.3g} N/m here; a free bat needs none"
+        raise InputError("pinned bat", "stiffness", support.stiffness, allowed)
+    stiffness = beam.stiffness_matrix.copy()
+    node = int(np.flatnonzero(beam.mesh.nodes == support.z)[0])
+    stiffness[node, node] += support.stiffness
+    return replace(beam, stiffness_matrix=stiffness)
 
 
 def _least_stiffness(beam: Beam, z: float) -> float:
