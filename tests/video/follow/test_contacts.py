@@ -9,7 +9,7 @@ from tests.video.follow.test_pieces import RADIUS, blobs_of
 from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.doubts import of_drag
-from virtual_lab.video.follow.flights import flights_of
+from virtual_lab.video.follow.flights import flights_of, meetings
 from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.knowledge import ClipKnowledge
 from virtual_lab.video.follow.models import FittedFlights
@@ -50,6 +50,16 @@ def bounce(across: float, readout: float = 0.0) -> FittedFlights:
 def contact(model: FittedFlights) -> Contact:
     (result,), _ = contacts_of(model, 1.0, Ruler.of(SCALE, ClipKnowledge(rate=1.0)), None)
     return result
+
+
+def test_a_contact_may_be_hidden_for_a_part_of_long_flights() -> None:
+    """At a floor a shadow hides the ball for ten frames; between short flights it is a catch."""
+    model = bounce(5.0)
+    for most, found in ((99, 1), (21, 0)):
+        away = [np.abs(way.t - 41) for way in model.ways]
+        parts = [(each > 5) & (each < most) for each in away]
+        ways = [way.part(part) for way, part in zip(model.ways, parts, strict=True)]
+        assert len(meetings(ways, model.fit)) == found
 
 
 def test_time_and_frame_of_a_contact_are_corrected_for_the_readout() -> None:

@@ -20,8 +20,10 @@ from virtual_lab.video.follow.scene import FlightScene
 class FlightSearch:
     """Criteria for pieces that are flights of one ball."""
 
-    least_places: int = 6  # smallest number of positions of a flight
-    contact_frames: float = 6.0  # largest number of frames between two flights with a contact
+    # largest time between two flights with a contact [frames], and as a share of the longer flight,
+    # whichever is larger; shadows at the floor hide or move the ball longer at a high frame rate
+    contact_frames: float = 6.0
+    contact_share: float = 0.3
     # tolerances of one common gravity:
     # largest relative difference of the accelerations of two flights, before drag and tilt are
     # fitted
@@ -65,10 +67,10 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     if not flights:
         return [], None
     fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights))
-    for least in 2 * [GROWTH.least_places] + 2 * [FLIGHTS.least_places]:
+    for _ in range(4):
         flights = _align(scene, flights, fit_of(flights))
         flights = without_contacts(scene, _refill(scene, flights, fit_of(flights)))
-        flights = [each for each in flights if len(each.t) >= least]
+        flights = [each for each in flights if len(each.t) >= GROWTH.least_places]
         if not flights:
             return [], None
     fit = fit_of(flights)
@@ -155,7 +157,7 @@ class _Bend:
             return self.may_fall
         # If gravity would be detectable, it must be there, although a wrong frame rate may make it
         # look larger or smaller.
-        clear = len(self.t) >= 2 * FLIGHTS.least_places and self.size > 8 * self.u
+        clear = len(self.t) >= 2 * GROWTH.least_places and self.size > 8 * self.u
         return 0.5 < self.size / self.expected < 2.0 or (clear and self.bent)
 
     @cached_property
@@ -190,7 +192,7 @@ def _of_one_gravity(scene: FlightScene, pieces: Sequence[Piece]) -> list[Piece]:
     bends = [each for each in (_Bend.of(scene, piece) for piece in pieces) if each.may_fall]
     best: tuple[float, list[Piece]] = (0.0, [])
     for one in bends:
-        if len(one.t) < FLIGHTS.least_places or not one.falls:
+        if not one.falls:
             continue
         # leaves sail as one that is too short to show what it does
         others = [each for each in bends if one.bent or each.falls]
@@ -291,13 +293,14 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     * They pass each other at a distance.
     * They are closest more than one frame before the first flight ends, or more than one frame
       after the second flight begins.
-    * The positions of the first flight come from blobs (bright regions), and more than
-      `FLIGHTS.contact_frames` frames are between the flights.
+    * The positions of the first flight come from blobs (bright regions), and the time between the
+      flights is longer than `FLIGHTS.contact_frames` and `FLIGHTS.contact_share` allow.
     """
     contacts = []
     for k, (one, other) in enumerate(pairwise(flights)):
         start, end = one.t[-1], other.t[0]
-        if end - start > FLIGHTS.contact_frames and not one.sharp:
+        gap = max(np.ptp(each.t) for each in (one, other)) * FLIGHTS.contact_share
+        if end - start > max(gap, FLIGHTS.contact_frames) and not one.sharp:
             continue
         t, apart, change = _nearest(fit, k, start, end)
         if apart <= FLIGHTS.meeting_radii * one.radius + change / 2 and start - 1 < t < end + 1:
@@ -384,7 +387,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     rest = [
         each
         for each in pieces
-        if len(each.t) >= FLIGHTS.least_places + 2
+        if len(each.t) > GROWTH.least_places + 2
         and np.ptp(each.xy, axis=0).max() > each.radius
         and np.median(scene.blobs["contrast"][each.blobs]) > least
         and not np.isin(each.blobs, blobs).any()
@@ -394,7 +397,7 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
     for piece in _of_one_gravity(scene, rest):
         _, here, there = np.intersect1d(piece.frames, frames, return_indices=True)
         apart = np.hypot(*(piece.xy[here] - xy[there]).T) > 2 * flights[0].radius
-        if apart.sum() >= FLIGHTS.least_places // 2:
+        if apart.sum() > GROWTH.least_places // 2:
             rivals.append(piece)
     return rivals
 
