@@ -104,7 +104,8 @@ def a_fault(copy: Copy) -> None:
         r'\g<0>\n\1Fault(name="gate-far", '
         r'station=change_constant("gates", "distance", plus=2e-3)),',
     )
-    sheet = copy.read("data/faults/gate-moved.toml").split("[found_by]")[0]
+    start, _, end = copy.read("data/faults/gate-moved.toml").partition("[found_by]")
+    sheet = start + 'unfound = "nobody looks there"\n\n' + end[end.index("[[predictions]]") :]
     copy.add("data/faults/gate-far.toml", sheet.replace('"gate-moved"', '"gate-far"'))
 
 
@@ -302,6 +303,159 @@ assert day.day.events == ()
 )
 
 
+def an_operator(copy: Copy) -> None:
+    copy.edit(
+        "virtual_lab/bench/day/operators.py",
+        r"^HABITS = \{$",
+        r'\g<0>\n    "lazy": Habits(forgets=1.0),',
+    )
+    copy.edit("virtual_lab/parameters.py", r"^(OperatorName = Literal\[)", r'\1"lazy", ')
+
+
+AN_OPERATOR = """
+from virtual_lab.cli import cli
+assert cli.main(["rehearse", "--operator", "lazy", "--seed", "3", "--out", "lazy"],
+    standalone_mode=False) == 0
+actions = {each["do"] for each in json.loads(Path("lazy/actions.json").read_text())["actions"]}
+assert "fire" in actions and not actions & {"tare", "wait-rest"}
+from virtual_lab.lab import Laboratory, TestDay, TestSetup
+from virtual_lab.measurement.procedure import Judgement
+def every_other(procedure, results, *others):
+    return Judgement(reasons=tuple("odd" * (at % 2) for at in range(len(results.speed))))
+setup = TestSetup.of("r161", procedure="astm-f1881", seed=3)
+day = TestDay.begin(Laboratory.open(setup)).measure_bat().hit_wall().prepare()
+day = day.fire(day.next_shots()).judge(every_other)
+assert day.reduced.valid.tolist() == [at % 2 == 0 for at in range(len(day.reduced.valid))]
+"""
+
+
+def a_deviation(copy: Copy) -> None:
+    """Justify a skipped step always."""
+    copy.edit(
+        "virtual_lab/bench/scoring/deviations.py",
+        r'^( +)elif step == "tare":$',
+        r'\1elif step == "level-stand":\n\1    reason = (True, "the floor is level")\n\g<0>',
+    )
+
+
+A_DEVIATION = (
+    """
+from virtual_lab.bench.day.actions import action_of
+from virtual_lab.bench.day.operators import by_script
+from virtual_lab.bench.scoring.deviations import JUSTIFIED, deviations
+steps = [{"do": "note-deviation", "step": "level-stand", "because": "new floor"}]
+script = {"actions": [{"do": "weigh-bat"}, {"do": "measure-balance"}, *steps]}
+"""
+    + DAY % ("deviated", "plain-day")
+    + """
+day.run_operator(by_script(script, "script"))
+(judged,) = deviations(day.desk)
+assert (judged.judged, judged.why) == (JUSTIFIED, "the floor is level")
+"""
+)
+
+
+def a_picture(copy: Copy) -> None:
+    """Draw the counts of the encoder once more, below their first panel."""
+    copy.edit(
+        "virtual_lab/bench/pages/traces.py",
+        r"^( +)(panels\.append\(_encoder_panel\(times, counts, .*)bottom \+ 52\.0\)\)$",
+        r"\g<0>\n\1\2bottom + 204.0))",
+    )
+
+
+A_PICTURE = (
+    DAY % ("pictured", "plain-day")
+    + """
+from virtual_lab.bench.day.operators import operator_of
+from virtual_lab.bench.pages.traces import traces_of
+shots = [each for each in day.run_operator(operator_of("book")).events if each.action == "fire"]
+assert traces_of(1, shots[0].records).drawn.count("encoder [counts]") == 2
+"""
+)
+
+
+def a_locating_method(copy: Copy) -> None:
+    """Return the start of the search."""
+    copy.add(
+        "virtual_lab/video/locate/start.py",
+        "def at_the_start(regions, start):\n    return start\n",
+    )
+    copy.edit(
+        "virtual_lab/fidelity/camera_estimators.py",
+        r"^OURS: .*= \{",
+        "from virtual_lab.video.locate.start import at_the_start\n\n"
+        r'\g<0>"start": lambda inputs: at_the_start(inputs.regions, inputs.start), ',
+    )
+
+
+A_LOCATING_METHOD = """
+from virtual_lab.fidelity.camera_chart import SCENES, camera_chart
+from virtual_lab.fidelity.camera_estimators import ESTIMATORS
+chosen = {name: ESTIMATORS[name] for name in ("start", "edge fit")}
+scenes = dict([*SCENES.items()][:1])
+chart = camera_chart(scenes=scenes, estimators=chosen)
+assert {row["estimator"] for row in chart.rows} == {"start", "edge fit"}
+chart.plot("chart.png")
+"""
+
+
+def a_collision_model(copy: Copy) -> None:
+    """Add a rigid bat, and balls with half of their restitution."""
+    copy.add(
+        "virtual_lab/simulation/collision/half.py",
+        "from dataclasses import dataclass, replace\n\n"
+        "from virtual_lab.simulation.collision.rigid import RigidModel\n\n\n"
+        "@dataclass(frozen=True, slots=True, kw_only=True)\n"
+        "class HalfModel(RigidModel):\n"
+        '    name: str = "half"\n\n'
+        "    def collide(self, scenes):\n"
+        "        half = replace(scenes, ball_restitution=scenes.ball_restitution / 2)\n"
+        "        return RigidModel.collide(self, half)\n",
+    )
+    copy.edit(
+        "virtual_lab/simulation/collision/ladder.py",
+        r"^(SIMPLE: .*)\{(.*)\}$",
+        "from virtual_lab.simulation.collision.half import HalfModel\n\n"
+        r'\1{"half": HalfModel.of, \2}',
+    )
+    copy.edit("virtual_lab/parameters.py", r"^(CollisionName = Literal\[)", r'\1"half", ')
+
+
+A_COLLISION_MODEL = """
+e = {}
+for name in ("half", "rigid"):
+    certification = vl.certify("r161", collision=name, **QUIET).certification
+    e[name] = certification.quantities["restitution"].value
+assert certification.session.origin.rungs["collision"].rung == "rigid"
+assert abs(e["half"] / e["rigid"] - 0.5) < 0.01
+assert TEST.certification.session.origin.rungs["collision"].rung == "modal"
+"""
+
+
+def a_motion_model(copy: Copy) -> None:
+    """Play all shots event by event."""
+    copy.edit(
+        "virtual_lab/simulation/stations/rig.py",
+        r'^( +)PYMUNK = "pymunk".*$',
+        r'\g<0>\n\1EVENTS = "events"',
+    )
+    copy.edit("virtual_lab/parameters.py", r"^(MotionName = Literal\[)", r'\1"events", ')
+    copy.edit(
+        "virtual_lab/simulation/stations/flights.py",
+        r"^( +)MotionModel\.PYMUNK: play_pymunk$",
+        r"\g<0>,\n\1MotionModel.EVENTS: play_events",
+    )
+
+
+A_MOTION_MODEL = """
+test = vl.certify("r161", motion="events", **QUIET)
+assert test.certification.session.origin.rungs["motion"].rung == "events"
+e = [each.certification.quantities["restitution"].value for each in (test, TEST)]
+assert abs(e[0] - e[1]) < 1e-4
+"""
+
+
 def a_parameter(copy: Copy) -> None:
     copy.edit(
         "virtual_lab/studies/place_slope.py",
@@ -336,6 +490,15 @@ RECIPES: dict[str, tuple[Callable[[Copy], None], str]] = {
     "an action at the rehearsal bench": (an_action, AN_ACTION),
     "a repair at the rehearsal bench": (a_repair, A_REPAIR),
     "a scenario": (a_scenario, A_SCENARIO),
+    "an operator": (an_operator, AN_OPERATOR),
+    "what justifies a deviation from the procedure": (a_deviation, A_DEVIATION),
+    "a picture on the rehearsal page": (a_picture, A_PICTURE),
+    "a method to locate a ball": (a_locating_method, A_LOCATING_METHOD),
+    "a model of the collision (a *rung* of the ladder from cheap to expensive)": (
+        a_collision_model,
+        A_COLLISION_MODEL,
+    ),
+    "a model of the motion": (a_motion_model, A_MOTION_MODEL),
     "a parameter of a public function": (a_parameter, A_PARAMETER),
 }
 START = '''
@@ -391,6 +554,6 @@ def test_a_recipe_is_complete(name: str, found: dict[str, str]) -> None:
 
 def test_each_recipe_is_a_row_of_the_page() -> None:
     rows = re.findall(
-        r"^\| (an? .+?) \|", (ROOT / "virtual_lab/README.md").read_text("utf-8"), re.M
+        r"^\| (an? .+?|what .+?) \|", (ROOT / "virtual_lab/README.md").read_text("utf-8"), re.M
     )
     assert set(RECIPES) < set(rows)

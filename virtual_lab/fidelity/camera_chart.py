@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -117,7 +118,7 @@ def draw_camera(rows: list[Row], title: str) -> PageFigure:
     wheel = (
         "#7f7f7f #009e73 #8c564b #bcbd22 #e69f00 #17becf #cc79a7 #d55e00 #aec7e8 #0072b2 #000000"
     )
-    colour_of = dict(zip(ESTIMATORS, wheel.split(), strict=True))
+    colour_of = dict(zip(ESTIMATORS, cycle(wheel.split()), strict=False))
     colours = {name: colour_of[name] for name in dict.fromkeys(row["estimator"] for row in rows)}
     balls = list(dict.fromkeys(row["ball"] for row in rows))
     figure = PageFigure(figsize=(11.5, 5.4), dpi=150, layout="constrained")

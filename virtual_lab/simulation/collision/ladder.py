@@ -7,7 +7,7 @@ bat, or the printed error of such a model, would reveal the true stiffness of th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Protocol
@@ -30,7 +30,9 @@ from virtual_lab.units import INCH, Array
 
 Shots = NDArray[np.intp] | slice
 StruckBat = tuple[BatBody, Shots]  # a bat, and the scenes in which it is struck
-COLLISION_MODELS = ("rigid", "modal", "reference")
+# models without bending modes, from fast to accurate
+SIMPLE: Mapping[str, Callable[[BatBody, Support], CollisionModel]] = {"rigid": RigidModel.of}
+COLLISION_MODELS = (*SIMPLE, "modal", "reference")
 MODE_COUNTS = (14, 20, 30)  # bending modes of the modal models, from fast to accurate
 FASTEST = "the fastest model that is accurate enough"
 SHARE = 0.1  # largest error of a model [share of the standard uncertainty of e_A]
@@ -125,7 +127,7 @@ def choose(
         return _because(_reference(body, support, probe), "as requested", probe)
     candidates = _candidates(body, support, probe)
     if model_name is not None or standard_uncertainty is None:
-        label = "rigid" if model_name == "rigid" else _modal(BENDING_MODES)
+        label = model_name if model_name in SIMPLE else _modal(BENDING_MODES)
         choice = next(one for one in candidates if one.label == label)
         return _because(choice, "as requested" if model_name else "the default model", probe)
     allowed = SHARE * standard_uncertainty
@@ -137,16 +139,16 @@ def choose(
 
 
 def _candidates(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
-    """Return the rigid and the modal models, fastest first, with their errors on the probe."""
+    """Return the simple and the modal models, fastest first, with their errors on the probe."""
     modes, support_text = modes_of(body, support), support_words(support)
     stepped = [
         ModalModel.within(modes, n, held=support_text) for n in (*MODE_COUNTS, PROBING.modes)
     ]
     *by_model, true = _collide_probe(modes, stepped, probe)
-    rigid = RigidModel.of(body, support)
-    by_model.insert(0, rigid.collide(probe))
-    models: list[CollisionModel] = [rigid, *stepped[:-1]]
-    labels = ("rigid", *(_modal(count) for count in MODE_COUNTS))
+    simple = [model_of(body, support) for model_of in SIMPLE.values()]
+    by_model = [*(each.collide(probe) for each in simple), *by_model]
+    models: list[CollisionModel] = [*simple, *stepped[:-1]]
+    labels = (*SIMPLE, *(_modal(count) for count in MODE_COUNTS))
     return [
         _measure_error(label, model, collisions, true)
         for label, model, collisions in zip(labels, models, by_model, strict=True)
@@ -155,8 +157,8 @@ def _candidates(body: BatBody, support: Support, probe: Scenes) -> list[Choice]:
 
 @lru_cache(maxsize=64)  # a block needs the models of its bats in each round
 def _model(name: str, bending_modes: int, body: BatBody, support: Support) -> CollisionModel:
-    if name == "rigid":
-        return RigidModel.of(body, support)
+    if name in SIMPLE:
+        return SIMPLE[name](body, support)
     if name == "reference":
         return ReferenceModel.of(body, support)
     return ModalModel.of(body, support, bending_modes)

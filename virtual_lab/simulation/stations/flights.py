@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -29,6 +30,10 @@ from virtual_lab.simulation.stations.rig import MotionModel, ShotPlan
 from virtual_lab.units import Array
 
 AHEAD = 1.0  # distance before the contact at which a scene begins [m]
+# models of the motion that simulate every shot of a plan
+PLAYERS: Mapping[MotionModel, Callable[[ShotScene], PlayedShots]] = {
+    MotionModel.PYMUNK: play_pymunk
+}
 RECORD = 0.5  # time after the contact that is simulated if a ball can hit other objects [s]
 
 
@@ -82,8 +87,8 @@ def simulate_flights(
 ) -> TrueFlights:
     """Return the flights of the balls at a pivoted bat at rest, one flight per shot.
 
-    If the plan requests pymunk, all shots are simulated by pymunk. Otherwise the flights are
-    computed in closed form, with these exceptions:
+    If the plan requests a model of `PLAYERS`, all shots are simulated by it. Otherwise the flights
+    are computed in closed form, with these exceptions:
 
     * If a ball may hit a frame on its way in, or if the bat may return from its stop and hit the
       ball again, the shot is simulated event by event. The simulated flight is used only if the
@@ -94,13 +99,13 @@ def simulate_flights(
     Raises
     ------
     InputError
-        pymunk cannot simulate a shot, or a ball hits nothing in pymunk.
+        The requested model cannot simulate a shot, or a ball hits nothing in it.
     """
     beyond, framed = _beyond_closed_form(passage, bat, around)
-    pymunk, count = plan.motion is MotionModel.PYMUNK, len(beyond)
-    if not pymunk:
+    play, count = PLAYERS.get(plan.motion), len(beyond)
+    if not play:
         passage = _stop_at_frames(passage, around, framed & ~beyond)
-    shots = np.arange(count) if pymunk else np.flatnonzero(beyond)
+    shots = np.arange(count) if play else np.flatnonzero(beyond)
     if not shots.size:
         return TrueFlights(passage)
     subset = replace(
@@ -111,8 +116,8 @@ def simulate_flights(
     after = np.where((beyond | framed)[shots], RECORD, 1e-3)
     bats = RestingBat(bat.profile, *(each[shots] for each in bat[1:]))
     scene = scene_of(subset, bats, around.at(shots), after)
-    played = play_pymunk(scene) if pymunk else play_events(scene)
-    chosen = _require_contacts(played) if pymunk else _with_further_contacts(played)
+    played = (play or play_events)(scene)
+    chosen = _require_contacts(played, plan) if play else _with_further_contacts(played)
     pieces, turns = played.pieces, _piece_rows(played.pieces, len(shots)).part(chosen)
     delay, hit_bat = np.zeros(count), np.ones(count, dtype=bool)
     delay[shots[chosen]] = pieces.time[turns.back] - pieces.time[turns.first]
@@ -289,12 +294,12 @@ def _common_constants(passage: Passage, shots: NDArray[np.int_]) -> dict[str, An
     return {name: values[shots] if values.ndim else values for name, values in constants.items()}
 
 
-def _require_contacts(played: PlayedShots) -> NDArray[np.int_]:
+def _require_contacts(played: PlayedShots, plan: ShotPlan) -> NDArray[np.int_]:
     """Return the indices of all shots. Raises `InputError` if one was rejected or hit nothing."""
     contacts = np.bincount(played.pieces.shot, minlength=len(played.refused)) - 1
     for shot in np.flatnonzero(contacts < 1)[:1]:
         why = str(played.refused[shot]) or "the ball misses"
-        raise InputError("", "motion", MotionModel.PYMUNK.value, f"allowed: closed-form; {why}")
+        raise InputError("", "motion", plan.motion.value, f"allowed: closed-form; {why}")
     return np.arange(len(contacts))
 
 
