@@ -27,7 +27,6 @@ from virtual_lab.certificate.comparing import (
     compared_json,
     compared_table,
     compared_text,
-    cut_short,
     differences,
     same_text,
     within,
@@ -337,32 +336,10 @@ def _document(
     if not elsewhere:
         yield from rows
         return expected
-    copied = [row for row in rows if row.stated and COPIED.match(row.key)]
-    yield from copied
-    yield from _differing(row for row in rows if row not in copied)
-    return None
-
-
-def _differing(rows: Iterable[Mismatch]) -> Iterator[Mismatch]:
-    """Yield the differences from this program: one row per result, one row per file for the rest.
-
-    The wording of another program's page and tables may differ in many lines, so these differences
-    are not listed singly.
-    """
-    others_of_file: dict[str, list[Mismatch]] = {}
     for row in rows:
-        if RESULTS.match(row.key):
-            yield replace(row, state="differs")
-        else:
-            others_of_file.setdefault(row.file, []).append(row)
-    for file, others in others_of_file.items():
-        if len(others) == 1:
-            yield replace(others[0], state="differs")
-        else:
-            keys = cut_short(", ".join(row.key for row in others))
-            yield Mismatch(
-                file=file, key=keys, stated=f"{len(others)} others", expected="", state="differs"
-            )
+        is_copied = row.stated and COPIED.match(row.key)
+        yield row if is_copied else replace(row, state="differs")
+    return None
 
 
 def _tables(
@@ -378,7 +355,7 @@ def _tables(
         packages = descriptors(document, certification.session, shots, folder)
         for name, each in packages.items():
             rows += compared_json(folder / name, each, text_of_descriptor(each))
-    yield from _differing(rows) if elsewhere else rows
+    yield from (replace(row, state="differs") for row in rows) if elsewhere else rows
 
 
 def _settings(path: Path, certification: Certification) -> Iterator[Mismatch]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from operator import attrgetter
 from typing import Any, Self
@@ -65,7 +65,7 @@ class Recipe(Spec):
                 name: ConstantEntry(**entry_of_constant(each.row(index)))
                 for name, each in setup.history.items()
             },
-            sheets=dict(_changed_sheets(setup)),
+            sheets=_changed_sheets(setup),
             **{name: getattr(setup, name) for name in _copied_fields()},
         )
 
@@ -108,18 +108,10 @@ def _copied_fields() -> set[str]:
     return recipe & setup - {"seed", "number", "faults", "bat", "control_bat", "history"}
 
 
-def _changed_sheets(setup: TestSetup) -> Iterator[tuple[str, str]]:
-    """Yield kind and name, and text, of each sheet of a test that the catalog does not have."""
-    entries = [
-        ("bats", setup.bat.spec.name, setup.bat.text),
-        ("balls", setup.rules.spec.ball, setup.ball.text),
-        ("procedures", setup.rules.spec.name, setup.rules.text),
-    ]
-    if control := setup.control_bat:
-        entries.append(("bats", control.spec.name, control.text))
-    for kind, name, text in entries:
-        if not catalog.is_shipped(kind, name, text):
-            yield f"{kind}/{name}", text
-    for (kind, name), text in catalog.texts_in_place().items():
-        if kind in ("rigs", "instruments"):
-            yield f"{kind}/{name}", text
+def _changed_sheets(setup: TestSetup) -> dict[str, str]:
+    """Return the text of each sheet of a test that the catalog does not have."""
+    texts = {key: entry.text for key, entry in setup.sheets.items()}
+    others = catalog.texts_in_place().items()
+    texts |= {key: text for key, text in others if key[0] in ("rigs", "instruments")}
+    changed = (key for key, text in texts.items() if not catalog.is_shipped(*key, text))
+    return {"/".join(key): texts[key] for key in changed}

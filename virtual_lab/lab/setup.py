@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import prod
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -168,23 +168,29 @@ class TestSetup:
         return rigs_of(self.rig)
 
     @property
+    def sheets(self) -> dict[tuple[str, str], Entry[Any]]:
+        """The sheets of bats, ball and procedure, keyed by kind and name in the catalog."""
+        bats = [self.bat] if self.control_bat is None else [self.bat, self.control_bat]
+        return {
+            **{("bats", each.spec.name): each for each in bats},
+            ("balls", self.rules.spec.ball): self.ball,
+            ("procedures", self.rules.spec.name): self.rules,
+        }
+
+    @property
     def unverified(self) -> dict[str, str]:
         """Number of unverified values that the simulation uses, by data sheet."""
-        counts = _count_unverified(f"bats/{self.bat.spec.name}", self.bat)
-        if self.control_bat:
-            counts |= _count_unverified(f"bats/{self.control_bat.spec.name}", self.control_bat)
-        counts |= _count_unverified(f"balls/{self.ball.spec.name}", self.ball)
+        counts: dict[str, str] = {}
+        for (kind, name), entry in self.sheets.items():
+            unverified = sum(not datum.verified for datum in entry.sheet)
+            if unverified and kind != "procedures":  # the certificate states those of the procedure
+                counts[f"{kind}/{name}"] = f"{unverified} of {len(entry.sheet)}"
         return {**counts, **self.unverified_rigs}
 
 
 def rigs_of(impact: str) -> dict[Stage, str]:
     """Return the name of the rig at each stage of a test whose bat is struck at `impact`."""
     return {Stage.BENCH: "bench", Stage.BALLS: "ball-wall", Stage.IMPACT: impact}
-
-
-def _count_unverified(where: str, entry: Entry[BatSpec] | Entry[BallSpec]) -> dict[str, str]:
-    unverified = sum(not datum.verified for datum in entry.sheet)
-    return {where: f"{unverified} of {len(entry.sheet)}"} if unverified else {}
 
 
 def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:

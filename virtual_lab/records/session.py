@@ -52,6 +52,11 @@ PLAIN = 2  # schema in which the digest of a simulated channel covers only the f
 SESSION, RULES = "session.json", "procedure.toml"
 # keys that are left out if the laboratory does not know them
 OPTIONAL = ("bat_sport", "ball_sport", "bat_construction")
+# keys with the same values in file and session
+COPIED = (
+    *(*OPTIONAL, "bat", "ball", "rigs", "date", "uncertainty", "control_sha256"),
+    *("boxes", "decisions"),
+)
 CHANGED = "the file was changed after session.json was written"
 RECORD_CHANGED = "the file or the origin of the records was changed after session.json was written"
 
@@ -331,23 +336,15 @@ def session_of_form(form: SessionForm, procedure_text: str, where: Path) -> Sess
     Raises `InputError`, which names the file `where`, for a value that is not allowed.
     """
     return Session(
-        bat=form.bat,
-        ball=form.ball,
-        rigs=form.rigs,
+        **{key: getattr(form, key) for key in COPIED},
         procedure_text=procedure_text,
         calibration={
             key: read_constant(entry, key, str(where)) for key, entry in form.calibration.items()
         },
         records={},
         origin=_origin(form, where),
-        date=form.date,
         particulars=particulars_of(form.particulars, f"{where} [particulars]"),
         history={name: _variance(entry, name, str(where)) for name, entry in form.history.items()},
-        uncertainty=form.uncertainty,
-        control_sha256=form.control_sha256,
-        decisions=form.decisions,
-        **{key: getattr(form, key) for key in OPTIONAL},
-        boxes=form.boxes,
     )
 
 

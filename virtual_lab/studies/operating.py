@@ -10,7 +10,7 @@ calibrations and bat.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,6 +63,9 @@ class OperatingPoint:
     pass_probability_if_valid: float = column("PASS if valid", form=".1%")
     pass_probability_if_valid_low: float = column("  at least", form=".1%")
     pass_probability_if_valid_high: float = column("  at most", form=".1%")
+
+
+CHANCES = [each.name for each in fields(OperatingPoint) if each.name.startswith("pass_")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -186,10 +189,8 @@ def operating(
                 below = valid[:, :best_of] & (x + errors[:, :best_of] <= rules.metric_limit)
                 valid_laboratories = int(valid[:, :best_of].any(axis=1).sum())
                 passed = int(below.any(axis=1).sum())
-                joint, conditional = (
-                    _chance(passed, laboratories),
-                    _chance(passed, valid_laboratories),
-                )
+                counts = laboratories, valid_laboratories
+                chances = [each for count in counts for each in _chance(passed, count)]
                 rows.append(
                     OperatingPoint(
                         bat=round_robin.setup.bat.spec.name,
@@ -199,12 +200,7 @@ def operating(
                         unit=printed.unit,
                         true=float(x) / printed.unit_si,
                         tests=laboratories * best_of,
-                        pass_probability=joint[0],
-                        pass_probability_low=joint[1],
-                        pass_probability_high=joint[2],
-                        pass_probability_if_valid=conditional[0],
-                        pass_probability_if_valid_low=conditional[1],
-                        pass_probability_if_valid_high=conditional[2],
+                        **dict(zip(CHANCES, chances, strict=True)),
                     )
                 )
         count = POINTS + len(further)

@@ -45,8 +45,8 @@ def play_again(recipe: Recipe, progress: Progress) -> BatTest:
 
     Raises `InputError` if this program does not have a rig, a fault or a sheet of the recipe.
     """
-    names = (name.partition("/") for name in recipe.sheets)
-    sheets = {(kind, sheet): recipe.sheets[f"{kind}/{sheet}"] for kind, _, sheet in names}
+    parts = ((*key.partition("/"), text) for key, text in recipe.sheets.items())
+    sheets = {(kind, name): text for kind, _, name, text in parts}
     with catalog.sheets_in_place(sheets):
         setup = recipe.setup()
         if recipe.common_model:

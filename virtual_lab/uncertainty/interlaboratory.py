@@ -201,14 +201,14 @@ def _table(
         return results, np.ones(results.shape[-3:], bool)
     cells: dict[tuple[Any, Any], list[float]] = {}
     try:
-        if laboratories is not None:
-            lots = [""] * len(values) if lots is None else lots
-            for value, *labels in zip(values, laboratories, lots, strict=True):
-                cells.setdefault((labels[0], labels[1]), []).append(float(value))
+        if laboratories is None:
+            of_lots = ((i, j, lot) for i, each in enumerate(values) for j, lot in enumerate(each))
+            tests = [(i, j, value) for i, j, lot in of_lots for value in lot]
         else:
-            for row, laboratory in enumerate(values):
-                of_lots = {(row, column): list(lot) for column, lot in enumerate(laboratory)}
-                cells |= {key: lot for key, lot in of_lots.items() if lot}
+            lots = [""] * len(values) if lots is None else lots
+            tests = list(zip(laboratories, lots, values, strict=True))
+        for laboratory, lot, value in tests:
+            cells.setdefault((laboratory, lot), []).append(float(value))
         rows, columns = (list(dict.fromkeys(labels)) for labels in zip(*cells, strict=True))
         shape = len(rows), len(columns), max(map(len, cells.values()))
         results, present = np.zeros(shape), np.zeros(shape, bool)
