@@ -116,6 +116,31 @@ def test_a_truth_of_another_version_is_not_checked(folder: Path) -> None:
     assert "not checked: made by version 0.0.1" in scored.text
 
 
+@pytest.mark.parametrize(
+    ("recipe", "version", "state"),
+    [
+        ({}, None, "altered"),
+        ({"seed": "7"}, None, "altered"),
+        ({}, "0.0.1", "not checked"),
+    ],
+)
+def test_this_version_writes_a_recipe_into_every_truth(
+    recipe: dict[str, Any], version: str | None, state: str, folder: Path
+) -> None:
+    """Without it the test cannot be played again, so whoever removes it is not believed."""
+    truth = folder / "truth" / "truth.json"
+    rewrite(truth, recipe=recipe)
+    changes = {"versions__virtual-lab": version} if version else {}
+    in_all_forms(**changes, simulation__truth_digest=sha256(truth))(folder)
+    write_seal(folder)
+    write_sums(folder)
+    assert vl.verify(folder).state != "altered"
+    scored = score_folder(folder)
+    assert scored.state == state
+    named = {row.file for row in scored.different if row.state == "altered"}
+    assert named == ({"truth/truth.json"} if state == "altered" else set())
+
+
 def test_records_that_are_gone_are_altered(folder: Path) -> None:
     """`verify` names them, although there is nothing to compare with the replay."""
     shutil.rmtree(folder / "records")

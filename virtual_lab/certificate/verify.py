@@ -454,58 +454,53 @@ def _forms(
     elsewhere: bool,
 ) -> Iterator[FolderFinding]:
     """Yield differences of page and PDF from the document, and parts that cannot be compared."""
-    pdfs = sorted(path.name for path in folder.glob("*.pdf"))
     if not (folder / PAGE).is_file():
         yield Mismatch(file=PAGE, key="", stated=MISSING, expected="")
-    elif elsewhere:
-        text = unescape(re.sub("<[^>]*>", " ", same_text(folder / PAGE)))
-        yield from _words(PAGE, text, stated)
     here, there = program.typst(), at(stated, "versions", "typst")
-    for name in pdfs:
-        if number_of(stated) not in name:
-            yield Mismatch(file=name, key="name", stated=name, expected=number_of(stated))
-        if here != there:
-            yield Unchecked(f"{name}: made by Typst {there}, here it is {here}")
-        if elsewhere or here != there:
-            try:
-                yield from _words(name, text_of_pdf(folder / name), stated)
-            except InputError as fault:  # no extra ``pdf``
-                yield Unchecked(f"{name}: {fault}")
-    if document is None:
-        if elsewhere:  # otherwise the reason is an alteration
-            for name in (PAGE, *pdfs):
-                why = "another version made it; only number and result were compared"
-                yield Unchecked(f"{name}: {why}")
-        return
     state: RowState = "differs" if elsewhere else "altered"  # other programs use other words
-    rows: list[FolderFinding] = []
-    if (folder / PAGE).is_file():
-        rows += _page(folder / PAGE, document)
-    for name in pdfs if here == there else ():
-        rows += _pdf(folder / name, document)
-    yield from (replace(r, state=state) if isinstance(r, Mismatch) else r for r in rows)
+    for path in (*folder.glob(PAGE), *sorted(folder.glob("*.pdf"))):
+        is_page, other = path.name == PAGE, elsewhere
+        if not is_page and number_of(stated) not in path.name:
+            expected = number_of(stated)
+            yield Mismatch(file=path.name, key="name", stated=path.name, expected=expected)
+        if not is_page and here != there:
+            other = True
+            yield Unchecked(f"{path.name}: made by Typst {there}, here it is {here}")
+        try:
+            if other:
+                text = _text_of_page(path) if is_page else text_of_pdf(path)
+                yield from _words(path.name, text, stated)
+            if document and (is_page or here == there):
+                for row in (_page if is_page else _pdf)(path, document):
+                    yield replace(row, state=state)
+        except InputError as fault:  # no extra ``pdf``, or Typst fails
+            yield Unchecked(f"{path.name}: {fault}")
+        if elsewhere and not document:  # otherwise the reason is an alteration
+            why = "another version made it; only number and result were compared"
+            yield Unchecked(f"{path.name}: {why}")
+
+
+def _text_of_page(path: Path) -> str:
+    return unescape(re.sub("<[^>]*>", " ", same_text(path)))
 
 
 def _page(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
     """Yield the first line that differs from the document's page; nothing if either size agrees."""
-    stated, first = same_text(path), ""
-    for paper in PAPERS:  # most certificates use the first
-        page = certificate_page(document, paper)
-        if stated == page:
-            return
-        first = first or page
-    yield from compared_text(path.name, stated, first)
+    stated, pages = same_text(path), (certificate_page(document, paper) for paper in PAPERS)
+    first = next(pages)  # the paper of most certificates
+    if stated != first and stated not in pages:
+        yield from compared_text(path.name, stated, first)
 
 
-def _pdf(path: Path, document: CertificateDocument) -> Iterator[FolderFinding]:
-    """Yield a finding if the PDF is not that of the document for any paper size."""
+def _pdf(path: Path, document: CertificateDocument) -> Iterator[Mismatch]:
+    """Yield a mismatch if the PDF is not that of the document for any paper size.
+
+    Raises `InputError` if the extra ``pdf`` is not installed, or if Typst fails.
+    """
     stored = read_bytes(path)
-    try:
-        if all(stored != certificate_pdf(document, paper) for paper in PAPERS):
-            wrong = "differs from the file made from the records"
-            yield Mismatch(file=path.name, key="", stated=wrong, expected="")
-    except InputError as fault:  # no extra ``pdf``, or Typst fails
-        yield Unchecked(f"{path.name}: {fault}")
+    if all(stored != certificate_pdf(document, paper) for paper in PAPERS):
+        wrong = "differs from the file made from the records"
+        yield Mismatch(file=path.name, key="", stated=wrong, expected="")
 
 
 def _words(file: str, text: str, stated: Mapping[str, Any]) -> Iterator[FolderFinding]:

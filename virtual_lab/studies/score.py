@@ -68,9 +68,7 @@ class QuantityScore:
         """
         value, u = measured["value"], measured["u"]
         error = None if value is None else value - true
-        z = error / u if error is not None and u else None
         interval = measured.get("interval_95")
-        held = interval[0] <= true <= interval[1] if interval else None
         return cls(
             quantity=quantity,
             unit=unit,
@@ -78,8 +76,8 @@ class QuantityScore:
             u=u,
             true=true,
             error=error,
-            z=z,
-            held=held,
+            z=error / u if error is not None and u else None,
+            held=interval[0] <= true <= interval[1] if interval else None,
         )
 
 
@@ -113,16 +111,15 @@ def score(
     """
     if not measurand:
         return {}
-    stated = {"metric": certificate["metric"]}
-    others = CONTINUOUS, STANDARD_BALL
-    stated |= {name: certificate["metric"] for name in others if name in measurand}
+    metric, correction = certificate["metric"], certificate.get("ball_correction")
+    others = [name for name in (CONTINUOUS, STANDARD_BALL) if name in measurand]
+    stated = dict.fromkeys(("metric", *others), metric)
     stated |= {name: certificate[name] for name in QUANTITIES if name in certificate}
-    if AS_FOUND in measurand and (correction := certificate["ball_correction"]):
+    if AS_FOUND in measurand and correction:
         stated[AS_FOUND] = correction["as_found"]
     if certificate.get(WIDTH_KEY) and WIDTH_KEY in measurand:
         stated[WIDTH_KEY] = certificate[WIDTH_KEY]
-    units = dict.fromkeys(("metric", *others, AS_FOUND), certificate["metric"].get("unit", ""))
-    units |= {WIDTH_KEY: "m"}
+    units = dict.fromkeys(("metric", *others, AS_FOUND), metric.get("unit", "")) | {WIDTH_KEY: "m"}
     return {
         name: QuantityScore.of(name, result, measurand[name], units.get(name, ""))
         for name, result in stated.items()
@@ -135,9 +132,9 @@ class CertificateScore(StudyResult):
 
     broken: bool  # whether files were changed since the sealing
     different: tuple[Mismatch, ...]  # changed files, contradictions, and differences from a replay
-    unchecked: str  # reason why the test was not played again, or not by the same program
-    sealing: str | None  # statement on the safety of the seal against trying seeds
-    rows: tuple[QuantityScore, ...]  # empty if the certificate cannot be scored
+    unchecked: str = ""  # reason why the test was not played again, or not by the same program
+    sealing: str | None = None  # statement on the safety of the seal against trying seeds
+    rows: tuple[QuantityScore, ...] = ()  # empty if the certificate cannot be scored
     faults: tuple[str, ...] = ()  # names of the faults of the test day in the catalog
     sheets: tuple[str, ...] = ()  # sheets of the test that the catalog does not have
     ignored: tuple[str, ...] = ()  # litter, see `virtual_lab.files.is_litter`
@@ -219,29 +216,30 @@ def score_folder(
         read_bytes(folder / name)
     changed = tuple(row for row in compared_seal(folder) if isinstance(row, Mismatch))
     result = CertificateScore(
-        broken=bool(changed),
-        different=changed,
-        unchecked="",
-        sealing=None,
-        rows=(),
-        ignored=tuple(litter(folder)),
+        broken=bool(changed), different=changed, ignored=tuple(litter(folder))
     )
+    state: RowState = "differs"
     try:
         certificate, truth = read_json(folder / CERTIFICATE), read_json(folder / TRUTH)
         result = replace(result, **_score_files(folder, certificate, truth))
-        rows, elsewhere = verify(folder).rows, made_elsewhere(certificate)
+        result = replace(result, different=named_rows((*changed, *verify(folder).rows)))
+        elsewhere = made_elsewhere(certificate)
+        state = "differs" if elsewhere else "altered"
         recipe = Recipe.read(truth, str(folder / TRUTH))
-        result = replace(
-            result, different=named_rows((*changed, *rows)), sheets=tuple(recipe.sheets)
-        )
+        result = replace(result, sheets=tuple(recipe.sheets))
         is_rehearsed = result.sealing == REHEARSAL
         test = play_day(folder) if is_rehearsed else play_again(recipe, progress)
         again = [*compared_replay(folder, test)]
     except InputError as fault:
         if not (result.rows or changed):
             raise
-        return replace(result, unchecked=str(fault))
-    state: RowState = "differs" if elsewhere else "altered"
+        if state == "differs" or fault.where != str(folder / TRUTH):
+            return replace(result, unchecked=str(fault))
+        # this program writes the recipe into each truth
+        again, elsewhere = (
+            [Mismatch(file=TRUTH, key=fault.key, stated="", expected=fault.allowed)],
+            "",
+        )
     rows = named_rows((*result.different, *(replace(row, state=state) for row in again)))
     return replace(result, different=rows, unchecked=elsewhere if rows else "")
 
