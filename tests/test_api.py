@@ -21,6 +21,7 @@ import virtual_lab as vl
 from tests.pictures import lines_of
 from virtual_lab import lab
 from virtual_lab.certificate.document import document_of
+from virtual_lab.certificate.html import certificate_page
 from virtual_lab.cli import cli
 from virtual_lab.files.dictionary import column_meaning
 from virtual_lab.output import progress as shown_progress
@@ -235,6 +236,7 @@ def test_a_sweep_states_why_a_bat_fails() -> None:
     assert (exempt.verdict, exempt.reasons) == ("MEASURED", (said,))
     assert (exempt.value, exempt.u) == (failing.value, failing.u)
     assert said in exempt.text
+    assert f"The procedure sets no limit for this bat; {said}." in certificate_page(exempt.printed)
     assert not exempt.document["marginal"]
     with pytest.raises(vl.InputError, match=r"verdict = 'PASS'; by value, limit.*: MEASURED"):
         document_of({**exempt.document, "verdict": "PASS", "reasons": []}, "certificate.json")

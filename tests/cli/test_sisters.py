@@ -130,7 +130,10 @@ def test_a_decision_against_the_rules_is_a_deviation(written: Path) -> None:
     assert all(each.endswith("stated reason: the other way") for each in deviations)
     page = (written / "bad-hits" / "certificate.html").read_text("utf-8")
     assert page.count(">Deviation<") == len(deviations)
+    assert "deviations from the procedure" not in page.split("Not stated: ")[1].split("</p>")[0]
+    assert "deviations" not in vl.load(written / "bad-hits").text.partition("Not stated: ")[2]
     assert vl.load(written / "book").document["deviations"] == []
+    assert "deviations from the procedure" in (written / "book/certificate.html").read_text("utf-8")
 
 
 def test_decisions_in_records_of_a_laboratory_are_reported_and_not_obeyed(

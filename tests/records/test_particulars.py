@@ -72,7 +72,7 @@ def test_the_empty_form_has_every_key_and_states_nothing() -> None:
     filled = re.sub(r'^#? ?(\w+) = ""', r'\1 = "2026-11-25"', text, flags=re.MULTILINE)
     filled = filled.replace('logo = "2026-11-25"', 'logo = ""')  # a picture, no words
     every = particulars_of(parse_toml(filled.replace("# [", "["), "form"), "form")
-    assert every.not_stated == []
+    assert every.list_missing() == []
     (instrument,) = every.instruments.values()
     assert "" not in (instrument.identity, instrument.due, instrument.traceability)
 

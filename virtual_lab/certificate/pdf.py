@@ -182,7 +182,6 @@ def _view(document: CertificateDocument) -> dict[str, Any]:
         **figures,
         "day": _day(document),
         "logo": list(picture_in(logo)) if logo else None,
-        "not_stated": document.particulars.not_stated,
         "alts": {name: description_of(svg) for name, svg in figures.items() if svg},
     }
 

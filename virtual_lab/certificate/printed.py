@@ -114,6 +114,9 @@ def printed_values(document: CertificateDocument) -> dict[str, Any]:
         "camera": _camera(document.second_witness),
         "conditions": _conditions(document),
         "identification": _halves(_identification(document)),
+        "not_stated": document.particulars.list_missing(
+            *(["test.deviations"] if document.deviations else [])
+        ),
         "unverified": _halves(_list_unverified_values(document)),
         "instruments": _instruments(document.particulars.instruments),
         "other_recoil": _other_recoil(document.recoil.other if document.states_result else None),
@@ -294,8 +297,8 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
     if verdict == "PASS":
         sentence = f"{sentence}: {stated['value']}{unit} does not exceed {limit}"
     if document.reasons:
-        bat = " for this bat" if verdict == "MEASURED" else ""
-        sentence = f"{sentence}{bat}: {'; '.join(document.reasons)}"
+        joint = " for this bat; " if verdict == "MEASURED" else ": "
+        sentence += joint + "; ".join(document.reasons)
     if document.risk:
         sentence = f"{sentence}. {_risk(document.risk)}"
     return {

@@ -8,7 +8,6 @@ from typing import Any
 from virtual_lab.certificate.document import CertificateDocument
 from virtual_lab.certificate.printed import printed_values
 from virtual_lab.output.tables import table_text
-from virtual_lab.records.particulars import Particulars
 
 
 def certificate_text(document: CertificateDocument) -> str:
@@ -33,7 +32,7 @@ def certificate_text(document: CertificateDocument) -> str:
     lines += [
         f"  ball {each.ball + 1} set aside: {each.reason}" for each in document.ball.set_aside
     ]
-    lines += _particulars_lines(document.particulars, simulated=document.simulation is not None)
+    lines += _particulars_lines(document, printed["not_stated"])
     lines += [f"  Deviation: {each}" for each in document.deviations]
     if document.states_result and document.evaluation:
         lines.append(f"  {document.evaluation}")
@@ -105,12 +104,13 @@ def _camera(document: CertificateDocument, rows: list[dict[str, str]]) -> Iterat
 WAYS = ("gates", "video", "joined")
 
 
-def _particulars_lines(particulars: Particulars, *, simulated: bool) -> list[str]:
+def _particulars_lines(document: CertificateDocument, missing: list[str]) -> list[str]:
     """Return the lines on stated and missing particulars; empty if no particular is stated."""
+    particulars, simulated = document.particulars, document.simulation is not None
     lines = [
         f"  {words}: {value}" for words, value in particulars.list_statements(simulated=simulated)
     ]
-    if lines and particulars.not_stated:
-        lines.append(f"  Not stated: {', '.join(particulars.not_stated)}")
+    if lines and missing:
+        lines.append(f"  Not stated: {', '.join(missing)}")
     instruments = [f"{name} {each.identity}" for name, each in particulars.instruments.items()]
     return [*lines, f"  Instruments: {', '.join(instruments)}"] if instruments else lines

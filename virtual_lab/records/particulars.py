@@ -195,10 +195,13 @@ class Particulars(Spec):
                 marked = simulated and row.key == "authorised_by"
                 yield row.words, f"{value} (SIMULATED)" if marked else value
 
-    @property
-    def not_stated(self) -> list[str]:
-        """Names of the particulars that are not stated, in words."""
-        rows = (row for row in PRINTED if row.key != "replaces")  # most reports replace no other
+    def list_missing(self, *elsewhere: str) -> list[str]:
+        """Return the names of the particulars that are not stated, in words.
+
+        The keys `elsewhere` are left out, because the report states them at another place.
+        """
+        left_out = ("replaces", *elsewhere)  # most reports replace no other
+        rows = (row for row in PRINTED if row.key not in left_out)
         return [row.words.lower() for row in rows if not row.of(self)]
 
 
