@@ -485,9 +485,7 @@ def _setting(value: Any) -> Any:
         has_file = value.name in _names(value.kind) or value.name.endswith(".toml")
         same = has_file and value == Sheet.of(value.kind, value.name)
         return _unrooted(value.name) if same else None
-    if isinstance(value, Path):
-        return _unrooted(value)
-    if isinstance(value, str) and value.endswith(".toml"):
+    if isinstance(value, Path) or (isinstance(value, str) and value.endswith(".toml")):
         return _unrooted(value)
     value = value if getattr(value, "ndim", 0) else _plain(value)
     return value if isinstance(value, str | bool | int | float) else None

@@ -525,12 +525,8 @@ def _hall_conditions(hall: SessionBlock) -> Iterator[HallCondition]:
 
 def _balls_stated(session: Session) -> str:
     mean = "mean of the admitted balls, each drawn toward the mean of its lot"
-    if session.boxes == 1:
-        return mean
-    return (
-        f"{mean}; the balls are from box {session.boxes}, because too few balls of each box before "
-        "were within the windows"
-    )
+    box = f"the balls are from box {session.boxes}, because too few balls of each box before were"
+    return mean if session.boxes == 1 else f"{mean}; {box} within the windows"
 
 
 def _correction(certification: Certification) -> CorrectionStated | None:

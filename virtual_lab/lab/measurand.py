@@ -86,18 +86,21 @@ def measurands(
         for name, values in curve.quantities.items()
     }
     visited = Visits(owner, reduced.position, reduced.valid)
-    true = curve.objective(control_ratio)[inverse], curve.metric(control_ratio)[inverse]
-    true_values["metric"] = results_of_curves(procedure, laboratories, visited, *true)
-    if procedure.normalized:
-        plain = replace(curve, procedure=procedure.as_found)
-        true = true[0], plain.metric()[inverse]  # at the position of the result
-        true_values[AS_FOUND] = results_of_curves(procedure, laboratories, visited, *true)
+
+    def result(objective: Array, metric: Array) -> Array:
+        by_shot = objective[inverse], metric[inverse]
+        return results_of_curves(procedure, laboratories, visited, *by_shot)
+
+    objective = curve.objective(control_ratio)
+    true_values["metric"] = result(objective, curve.metric(control_ratio))
+    if procedure.normalized:  # at the position of the result
+        plain = replace(curve, procedure=procedure.as_found).metric()
+        true_values[AS_FOUND] = result(objective, plain)
     if (standard := procedure.standard_restitution) is not None:
         balls = specimen.balls.with_restitution(standard)
         struck = curve_at(at.imag, at.real.astype(np.intp), replace(specimen, balls=balls))
         struck = replace(struck, procedure=procedure.as_found)
-        true = struck.objective()[inverse], struck.metric()[inverse]
-        true_values[STANDARD_BALL] = results_of_curves(procedure, laboratories, visited, *true)
+        true_values[STANDARD_BALL] = result(struck.objective(), struck.metric())
     if procedure.scan is not None:
         along = np.linspace(procedure.scan.low, procedure.scan.high, POINTS)
         whose = np.arange(laboratories).repeat(POINTS)

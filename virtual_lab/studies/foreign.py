@@ -97,14 +97,13 @@ def certify_laboratory(folder: Path, apply_options: Callable[[Session], Session]
         needed = []  # the rules are for other machines, so the reduction reports missing constants
     if needed:
         channels = session.records.get("bench", {}).keys()
-        left_out = {
-            DENSITY: "climate" in channels,  # the density follows from the climate
-            LOGGER: channels.isdisjoint(LOGGER_TABLES),
-            **dict.fromkeys(offered := optional_constants(session.records), True),
-        }
-        optional = tuple(name for name, allowed in left_out.items() if allowed)
+        optional = offered = optional_constants(session.records)
+        if "climate" in channels:  # the density follows from it
+            optional = [*optional, DENSITY]
+        if channels.isdisjoint(LOGGER_TABLES):
+            optional = [*optional, LOGGER]
         known = [*needed, *offered]
-        _require_constants(list(session.calibration), known, optional, str(form))
+        _require_constants(list(session.calibration), known, tuple(optional), str(form))
     try:
         return certify_session(apply_options(session))
     except InputError as fault:

@@ -189,22 +189,20 @@ def _without_jumps(model: Model, variants: Variants) -> tuple[Outputs, tuple[str
     for name, values in answers.items():
         rounding = LAST_BITS * float(np.abs(values).max())
 
-        def exceeds(a: Array, b: Array, factor: float = STEEP, least: float = rounding) -> Mask:
-            return np.asarray(np.abs(a) > factor * np.abs(b) + least)
+        def differ(a: Array, b: Array, factor: float = STEEP, least: float = rounding) -> Mask:
+            small, large = np.sort(np.abs([a, b]), axis=0)
+            return np.asarray(large > factor * small + least)
 
         middle, up, down = values[0], values[1 : n + 1], values[n + 1 :]
         above, below = up - middle, middle - down
-        suspect = exceeds(above, below, STEEP / 2) | exceeds(below, above, STEEP / 2)
-        if not suspect.any():
+        if not differ(above, below, STEEP / 2).any():
             continue
         halves = halves or model({key: (each + each[0]) / 2 for key, each in columns.items()})
         near_up, near_down = halves[name][1 : n + 1], halves[name][n + 1 :]
         steps = np.diff([down, near_down, np.full(n, middle), near_up, up], axis=0)
         order = np.argsort(np.abs(steps), axis=0)
         *rest, largest = np.take_along_axis(steps, order, axis=0)
-        jumps = exceeds(largest, rest[-1])
-        bends = exceeds(above, below) & exceeds(steps[2], steps[1])
-        bends |= exceeds(below, above) & exceeds(steps[1], steps[2])
+        jumps, bends = differ(largest, rest[-1]), differ(above, below) & differ(*steps[1:3])
         slope = np.mean(rest, axis=0)
         clear = jumps & (np.ptp(rest, axis=0) < np.abs(slope) / 2)
         up[clear], down[clear] = middle + 2 * slope[clear], middle - 2 * slope[clear]
