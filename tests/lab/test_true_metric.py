@@ -262,6 +262,16 @@ def test_the_width_is_that_of_the_highest_of_several_hills() -> None:
     assert hills(0.99) == pytest.approx(20e-3, rel=1e-3)
 
 
+@pytest.mark.parametrize(("low", "high"), [(0.095, 0.12), (0.08, 0.105)])
+def test_the_width_ends_where_the_scan_does(low: float, high: float) -> None:
+    """The parabola of the test above falls to its level 10 mm away, but one end is 5 mm away."""
+    place = np.linspace(low, high, 241)
+    values = 1 - 200 * (place - 0.1)[None] ** 2
+    scan = cast("Any", SimpleNamespace(width_drop=0.02))
+    width = _continuous_results(scan, place, values, values)[WIDTH_KEY][0]
+    assert width == pytest.approx(15e-3, rel=1e-3)
+
+
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_a_wrong_equation_6_shows(procedure: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wrong Eq. (6) shows in an ideal laboratory, and in the scores of eight real ones."""

@@ -10,12 +10,14 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import virtual_lab as vl
 from virtual_lab import lab
 from virtual_lab import score as score_folder
 from virtual_lab.lab.recipe import Recipe
+from virtual_lab.studies.replay import compared_replay
 
 
 def quiet(*_: object) -> None:
@@ -76,6 +78,28 @@ def test_every_choice_for_a_test_is_in_its_truth(
     assert (scored.state, scored.different, scored.code) == ("whole", (), 0)
     assert scored.sheets == PLAYED[play]
     assert all(name in scored.text for name in scored.sheets)
+
+
+def test_the_pictures_of_a_camera_are_played_again(tmp_path: Path) -> None:
+    """A short scan and few frames per shot keep it fast. A gray value more is found."""
+    scan = {"low": "6 in", "high": "8 in", "coarse_step": "1 in", "fine_step": "1 in"}
+    changes = {f"scan.{key}": value for key, value in scan.items()}
+    changes |= {"scan.coarse_hits": 1, "scan.final_hits": 2}
+    rules = vl.procedure("bbcor").with_(changes, valid_hits=2, balls=2, wall_hits=2)
+    camera = vl.instrument("camera-overhead").with_(frames_in=8, frames_out=8, empty_frames=2)
+    words: dict[str, Any] = {"rig": "filmed-cannon", "collision": "rigid", "seed": 3}
+    test = vl.certify("r161", procedure=rules, instruments=[camera], progress=quiet, **words)
+    folder = test.save(tmp_path / "out")
+    scored = score_folder(folder, progress=quiet)
+    assert (scored.state, scored.different) == ("whole", ())
+    assert test.sealed is not None
+    again = lab.BatTest(certification=test.certification, sealed=test.sealed)
+    pixels = folder / "records" / "impact" / "camera-pixels.npy"
+    stated = np.load(pixels)
+    stated[3, 4, 5, 6] += 1
+    np.save(pixels, stated)
+    (row,) = compared_replay(folder, again)
+    assert row.file == "records/impact/camera-pixels.npy"
 
 
 def test_no_choice_is_left_out_of_the_recipe() -> None:

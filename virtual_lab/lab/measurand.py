@@ -162,9 +162,8 @@ def _locate_level(
     falls = beyond.any(axis=0)
     low = beyond.argmax(axis=0) if direction > 0 else len(at) - 1 - beyond[::-1].argmax(axis=0)
     outer = np.where(falls, curves.knots[low], curves.knots[-1 if direction > 0 else 0])
-    inner = np.where(
-        direction * (curves.knots[low - direction] - best) > 0, curves.knots[low - direction], best
-    )
+    before = curves.knots[np.clip(low - direction, 0, len(at) - 1)]
+    inner = np.where(direction * (before - best) > 0, before, best)
     inner = np.where(falls, inner, outer)
     for _ in range(52):  # bisections down to rounding
         middle = (inner + outer) / 2
