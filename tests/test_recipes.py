@@ -62,9 +62,6 @@ assert vl.certify("r161", procedure="mine", **QUIET).certification.procedure.nam
 def a_metric(copy: Copy) -> None:
     """E minus e0, computed twice: as the reduction does, and as the truth does."""
     copy.edit(
-        "virtual_lab/measurement/procedure/rules.py", r"^(Metric = Literal\[.*)\]$", r'\1, "gain"]'
-    )
-    copy.edit(
         "virtual_lab/measurement/procedure/metric.py",
         r'^( +)case "restitution":$',
         r'\1case "gain":\n\1    return np.asarray(e - curve.ball_restitution)\n\g<0>',

@@ -7,7 +7,7 @@ independently, so that a wrong formula on either side appears as an error of the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, assert_never
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,8 +56,7 @@ class TrueCurve:
                 return (1 + 2 * efficiency) / 2
             case "batted_speed":
                 return self._batted_speed(efficiency)
-            case unknown:
-                assert_never(unknown)
+        raise NotImplementedError(procedure.metric)
 
     def objective(self, control_ratio: float = 1.0) -> Array:
         """Return the quantity that a scan maximizes: the metric, or v_f [m/s]."""

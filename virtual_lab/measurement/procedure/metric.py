@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, assert_never
+from typing import ClassVar
 
 import numpy as np
 
@@ -75,8 +75,7 @@ def metric_of(
             case "batted_speed":
                 pitch, bat_speed = field_speeds(procedure, curve.position, bat)
                 return np.asarray(batted_speed(e_A, pitch, bat_speed))
-            case unknown:
-                assert_never(unknown)
+        raise NotImplementedError(procedure.metric)
 
     return metric
 

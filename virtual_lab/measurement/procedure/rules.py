@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
@@ -11,8 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from virtual_lab.catalog.specs import Dimension, Name, Spec, Sport, Title, YesNo
 from virtual_lab.measurement.reduction.shot_algebra import ReductionSettings
+from virtual_lab.output.metrics import METRICS
 from virtual_lab.units import INCH
 
+if TYPE_CHECKING:
+    Metric = str
+else:  # names of all metrics, checked on reading
+    Metric = Literal[tuple(METRICS)]
 MOST_COUNTED = 1000  # largest allowed count of anything; a larger one is a typing error
 SETTING_STEP = 0.5e-3  # step in which the operator sets an impact position [m]
 OPTIONAL_WINDOWS = (
@@ -25,7 +30,6 @@ OPTIONAL_WINDOWS = (
     "rebound_angle",
     "agreement",
 )
-Metric = Literal["bat_performance_factor", "besr", "restitution", "batted_speed"]
 Mass = Annotated[float, Gt(0), Dimension("mass")]
 Length = Annotated[float, Gt(0), Dimension("length")]
 SPEED = Dimension("speed", 1, 100)  # speed of a ball or a bat [m/s]
@@ -242,7 +246,8 @@ class Procedure(Spec):
 
     def _require_keys_of_the_metric(self) -> None:
         numbers, speeds = ("limit", "largest_u"), ("speed_limit", "largest_speed_u")
-        required, others = (speeds, numbers) if self.metric == "batted_speed" else (numbers, speeds)
+        is_speed = METRICS[self.metric].si_unit == "m/s"
+        required, others = (speeds, numbers) if is_speed else (numbers, speeds)
         for right, wrong in zip(required, others, strict=True):
             if getattr(self, wrong) is not None:
                 raise ValueError(f"{wrong} does not apply to the metric {self.metric}; use {right}")
