@@ -143,12 +143,12 @@ class Certificate:
     @property
     def value(self) -> float | None:
         """The metric in its `unit`; None with too few valid hits."""
-        return self._in_print(self.printed.metric.value)
+        return self._print.in_unit(self.printed.metric.value)
 
     @property
     def u(self) -> float | None:
         """Standard uncertainty of the metric in its `unit`; None without a value."""
-        return self._in_print(self.printed.metric.u)
+        return self._print.in_unit(self.printed.metric.u)
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -156,7 +156,7 @@ class Certificate:
         limits = self.printed.metric.interval_95
         if limits is None:
             return None
-        low, high = (end / self._print.unit_si for end in limits)
+        low, high = (self._print.in_unit(end) for end in limits)
         return low, high
 
     @property
@@ -169,9 +169,6 @@ class Certificate:
         from virtual_lab.output.metrics import METRICS
 
         return METRICS[self.printed.metric.name]
-
-    def _in_print(self, value: float | None) -> float | None:
-        return None if value is None else value / self._print.unit_si
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return a figure of the metric of each hit with result, interval and limit; save it."""
@@ -305,13 +302,10 @@ class Certificate:
 
         certification = self.certification
         words = f"{certification.session.bat} by {certification.procedure.name}: {self.verdict}"
-        if certification.metric:
+        if metric := certification.metric:
             printed = METRICS[certification.procedure.metric]
-            numbers = (
-                certification.metric.value / printed.unit_si,
-                certification.metric.u / printed.unit_si,
-            )
-            words += f", {printed.symbol} {with_uncertainty(*numbers)} {printed.unit}"
+            value, u = printed.in_unit(metric.value), printed.in_unit(metric.u)
+            words += f", {printed.symbol} {with_uncertainty(value, u)} {printed.unit}"
         return f"<Certificate of {words.rstrip()}>"
 
     def _repr_html_(self) -> str:

@@ -44,7 +44,7 @@ def hits_figure(document: CertificateDocument) -> str:
     """
     metric, printed = document.metric, METRICS[document.metric.name]
     height = 166.0 if document.places else 122.0
-    limit = None if metric.limit is None else metric.limit / printed.unit_si
+    limit = printed.in_unit(metric.limit)
     most = "no limit" if metric.limit is None else f"limit {printed.limit(metric.limit)}"
     stated = document.states_result
     panels = [_hits_panel(document, RIGHT - 136 if stated else RIGHT, height - X_LABEL_HEIGHT)]
@@ -234,9 +234,9 @@ def swings_figure(document: CertificateDocument) -> str:
     """
     printed = METRICS[document.metric.name]
     exponents = [row.exponent for row in document.swing_range]
-    values = [row.value / printed.unit_si for row in document.swing_range]
+    values = [printed.in_unit(row.value) for row in document.swing_range]
     low, high = (
-        [row.interval_95[end] / printed.unit_si for row in document.swing_range] for end in (0, 1)
+        [printed.in_unit(row.interval_95[end]) for row in document.swing_range] for end in (0, 1)
     )
     wide = 0.05 * (exponents[-1] - exponents[0])
     panel = Panel(
@@ -314,14 +314,14 @@ def encoder_figure(trace: EncoderTrace) -> str:
 
 
 def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> Panel:
-    metric, unit_si = document.metric, METRICS[document.metric.name].unit_si
+    metric, printed = document.metric, METRICS[document.metric.name]
     scan = bool(document.places)
     across = [row.impact_position_in if scan else row.shot + 1.0 for row in document.shots]
     measured = [(x, row) for x, row in zip(across, document.shots, strict=True) if row.value]
-    heights = [row.value / unit_si for _, row in measured if row.value is not None]
-    interval = [bound / unit_si for bound in metric.interval_95 or ()]
+    heights = [printed.in_unit(row.value) for _, row in measured if row.value is not None]
+    interval = [printed.in_unit(bound) for bound in metric.interval_95 or ()]
     if not document.states_result and metric.limit is not None:
-        heights.append(metric.limit / unit_si)
+        heights.append(printed.in_unit(metric.limit))
     edge = 0.05 * (max(across) - min(across)) if scan else 0.6
     panel = Panel(
         left=LEFT,
@@ -339,9 +339,9 @@ def _hits_panel(document: CertificateDocument, right: float, bottom: float) -> P
     )
     if document.states_result and metric.value is not None:
         panel.band(interval[0], interval[1], "95 % interval")
-        panel.level(metric.value / unit_si, "result" if scan else "mean")
+        panel.level(printed.in_unit(metric.value), "result" if scan else "mean")
     for label, rows, fill, cross in _kinds(measured, scan):
-        points = [(x, row.value / unit_si) for x, row in rows if row.value is not None]
+        points = [(x, printed.in_unit(row.value)) for x, row in rows if row.value is not None]
         if points:
             xs, ys = zip(*points, strict=True)
             panel.dots(xs, ys, label, fill=fill, cross=cross)
@@ -370,8 +370,8 @@ def _result_panel(document: CertificateDocument, left: float, bottom: float) -> 
     metric, printed = document.metric, METRICS[document.metric.name]
     assert metric.value is not None
     assert metric.interval_95 is not None
-    value, low, high = (number / printed.unit_si for number in (metric.value, *metric.interval_95))
-    limit = None if metric.limit is None else metric.limit / printed.unit_si
+    value, low, high = (printed.in_unit(number) for number in (metric.value, *metric.interval_95))
+    limit = printed.in_unit(metric.limit)
     against = value if limit is None else limit
     half_width = max(abs(against - value), high - value, 0.01)
     panel = Panel(
@@ -388,7 +388,7 @@ def _result_panel(document: CertificateDocument, left: float, bottom: float) -> 
     panel.whisker(-0.6, low, high)
     panel.dots([-0.6], [value], radius=1.6)
     if metric.u:
-        _put_density(panel, value, metric.u / printed.unit_si, limit, document)
+        _put_density(panel, value, printed.in_unit(metric.u), limit, document)
     if limit is not None and metric.limit is not None:
         _put_limit(panel, limit, f"limit {printed.limit(metric.limit)}")
     return panel

@@ -27,7 +27,7 @@ from virtual_lab.certificate.document import (
     WidthStated,
 )
 from virtual_lab.measurement.diagnostics import CALIBRATION_DUE, SCALE_DRIFT
-from virtual_lab.output.metrics import METRICS, QUANTITIES
+from virtual_lab.output.metrics import METRICS, QUANTITIES, MetricFormat
 from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.records.constants import PER_SI, constant_of
 from virtual_lab.records.particulars import InstrumentIdentity
@@ -256,16 +256,16 @@ def _other_recoil(other: OtherRecoil | None) -> dict[str, str] | None:
 
 def _swings(document: CertificateDocument) -> list[dict[str, str]]:
     """Return the printed metric for each exponent of the swing law."""
-    unit_si = METRICS[document.metric.name].unit_si
+    metric = METRICS[document.metric.name]
     rows = []
     for row in document.swing_range:
-        places = decimals(row.u / unit_si)
-        low, high = (_number(bound / unit_si, places) for bound in row.interval_95)
+        places = decimals(metric.in_unit(row.u))
+        low, high = (_number(metric.in_unit(bound), places) for bound in row.interval_95)
         rows.append(
             {
                 "exponent": f"{row.exponent:g}",
-                "value": _number(row.value / unit_si, places),
-                "u": digits(row.u / unit_si),
+                "value": _number(metric.in_unit(row.value), places),
+                "u": digits(metric.in_unit(row.u)),
                 "interval": f"{low} to {high}",
                 "place": f"{row.impact_position_in:.2f}",
             }
@@ -292,7 +292,7 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
         hits += f" ({document.procedure.hits_needed} required)"
     unit = f" {printed.unit}" if printed.unit else ""
     sentence = VERDICTS[verdict]
-    stated = _format_result(metric, printed.unit_si) if document.states_result else {}
+    stated = _format_result(metric, printed) if document.states_result else {}
     limit = "none" if metric.limit is None else printed.limit(metric.limit)
     if verdict == "PASS":
         sentence = f"{sentence}: {stated['value']}{unit} does not exceed {limit}"
@@ -320,10 +320,10 @@ def printed_result(document: CertificateDocument) -> dict[str, object]:
 
 def _first_order(document: CertificateDocument) -> str:
     """Return the combined u of the budget's lines as printed; "" if it prints like the stated u."""
-    unit_si = METRICS[document.metric.name].unit_si
-    combined = sqrt(sum(row.contribution**2 for row in document.budget)) / unit_si
-    printed = digits(combined)
-    return "" if printed == digits((document.metric.u or 0.0) / unit_si) else printed
+    metric = METRICS[document.metric.name]
+    combined = sqrt(sum(row.contribution**2 for row in document.budget))
+    printed = digits(metric.in_unit(combined))
+    return "" if printed == digits(metric.in_unit(document.metric.u or 0.0)) else printed
 
 
 def _risk(risk: RiskStated) -> str:
@@ -337,10 +337,10 @@ def _risk(risk: RiskStated) -> str:
     )
 
 
-def _format_result(metric: MetricStated, unit_si: float) -> dict[str, object]:
+def _format_result(metric: MetricStated, printed: MetricFormat) -> dict[str, object]:
     """Return value, expanded uncertainty and interval as printed; {} without a result."""
     values = (metric.value, metric.u, metric.u_type_a, metric.u_type_b, *(metric.interval_95 or ()))
-    numbers = [number / unit_si for number in values if number is not None]
+    numbers = [printed.in_unit(number) for number in values if number is not None]
     if len(numbers) < len(values) or metric.interval_95 is None:
         return {}
     value, u, u_type_a, u_type_b, low, high = numbers
@@ -428,7 +428,7 @@ def _choice(document: CertificateDocument) -> str:
     if document.choice is None:
         return ""
     printed = METRICS[document.metric.name]
-    return f"{digits(document.choice.correction / printed.unit_si)} {printed.unit}".rstrip()
+    return f"{digits(printed.in_unit(document.choice.correction))} {printed.unit}".rstrip()
 
 
 def _width(width: WidthStated | None) -> dict[str, str] | None:
@@ -452,7 +452,6 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
         if blank or (name == "impact_position_in" and not document.places):
             continue
         of_metric = column.symbol == "metric"
-        size = metric.unit_si if of_metric else 1.0
         heads.append(
             {
                 "symbol": metric.symbol if of_metric else column.symbol,
@@ -463,7 +462,9 @@ def _shots(document: CertificateDocument) -> dict[str, object]:
         columns.append(
             [
                 _number(
-                    None if value is None else value / size, column.places, column.otherwise or NONE
+                    metric.in_unit(value) if of_metric else value,
+                    column.places,
+                    column.otherwise or NONE,
                 )
                 for value in values
             ]
@@ -550,8 +551,8 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
     * ``contribution``: contribution to u of the metric, in the printed unit of the metric.
     * ``share``: share of the variance [%].
     """
-    unit_si = METRICS[document.metric.name].unit_si
-    rows, u = document.budget, (document.metric.u or 0.0) / unit_si
+    metric = METRICS[document.metric.name]
+    rows, u = document.budget, metric.in_unit(document.metric.u or 0.0)
     if not document.states_result or not rows or digits(u) == "0":
         return []
     places = decimals(u) + 1
@@ -561,13 +562,13 @@ def printed_budget(document: CertificateDocument) -> list[dict[str, str]]:
         {
             **_input(row.component, row.u),
             "type": row.evaluation,
-            "contribution": f"{row.contribution / unit_si:.{places}f}",
+            "contribution": f"{metric.in_unit(row.contribution):.{places}f}",
             "share": f"{row.share_percent:.1f}",
         }
         for row in large
     ]
     if small:
-        contribution = sqrt(sum(row.contribution**2 for row in small)) / unit_si
+        contribution = metric.in_unit(sqrt(sum(row.contribution**2 for row in small)))
         lines.append(
             {
                 "words": f"All others ({len(small)}), each below 1 %",

@@ -450,9 +450,9 @@ def _invalidating(
     printed, most = METRICS[procedure.metric], procedure.largest_metric_u
 
     def too_large(i: int) -> str:
-        u = float(metric_u[i]) / printed.unit_si
+        u = printed.in_unit(float(metric_u[i]))
         text = f"the u of {printed.symbol} is {{0:.{{d}}f}}, allowed up to {{2:g}} {printed.unit}"
-        return beyond(text, u, -inf, most / printed.unit_si, decimals(u)).rstrip()
+        return beyond(text, u, -inf, printed.in_unit(most), decimals(u)).rstrip()
 
     yield Reason(Verdict.INVALID, has_result & ~(metric_u <= most), too_large)
     for name, where in checked.voids.items():

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
-from virtual_lab.units import MPH
+from virtual_lab.units import MPH, Array
+
+Value = TypeVar("Value", float, Array, float | None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +21,13 @@ class MetricFormat:
     si_unit: str
     places: int  # decimals of a printed limit
 
+    def in_unit(self, value: Value) -> Value:
+        """Return an SI value or an array of SI values in the printed unit; None stays None."""
+        return value if value is None else value / self.unit_si
+
     def limit(self, value: float, more: int = 0) -> str:
         """Return a limit [SI] as printed, with its unit and `more` additional decimals."""
-        return f"{value / self.unit_si:.{self.places + more}f} {self.unit}".rstrip()
+        return f"{self.in_unit(value):.{self.places + more}f} {self.unit}".rstrip()
 
 
 METRICS = {

@@ -28,7 +28,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
     from matplotlib.ticker import MaxNLocator
 
     printed, procedure = METRICS[certification.procedure.metric], certification.procedure
-    values = certification.shot_metric / printed.unit_si
+    values = printed.in_unit(certification.shot_metric)
     place = certification.readings.position / INCH
     across = 1 + np.arange(values.size) if procedure.scan is None else place
     valid, in_result = certification.judgement.valid, certification.hit_weights.used
@@ -48,8 +48,8 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
             if kind.any():
                 axes.plot(across[kind], values[kind], marker, color=color, mfc=fill, label=label)
         if certification.metric:
-            low, high = (end / printed.unit_si for end in certification.metric.interval_95)
-            value = certification.metric.value / printed.unit_si
+            low, high = (printed.in_unit(end) for end in certification.metric.interval_95)
+            value = printed.in_unit(certification.metric.value)
             axes.axhspan(low, high, color=INTERVAL_GREY, zorder=0, label="95 % interval")
             axes.axhline(value, color="black", linewidth=0.8, label="result")
         curve = (
@@ -68,7 +68,7 @@ def plot_hits(certification: Certification, statement: str) -> PageFigure:
                 label="impact position of the result",
             )
         if procedure.metric_limit is not None:
-            limit = procedure.metric_limit / printed.unit_si
+            limit = printed.in_unit(procedure.metric_limit)
             axes.axhline(limit, color="black", linestyle="--", linewidth=0.8, label="limit")
         unit = f", {printed.unit}" if printed.unit else ""
         x_label = "shot" if procedure.scan is None else "impact position from the tip, in"

@@ -307,8 +307,8 @@ def critique(
                 metric=printed.symbol,
                 unit=printed.unit,
                 swing_exponent=_own_exponent(rules),
-                exact=np.array(exact) / printed.unit_si,
-                measured=measured / printed.unit_si,
+                exact=printed.in_unit(np.array(exact)),
+                measured=printed.in_unit(measured),
             )
         )
     return Critique(

@@ -178,8 +178,8 @@ def operating(
             progress("tests", at * max(TESTS) + test + 1, len(procedures) * max(TESTS))
         errors, valid = (np.stack(each, axis=1) for each in zip(*parts, strict=True))
         printed = METRICS[rules.metric]
-        limits[rules.name] = rules.metric_limit / printed.unit_si
-        results = (rules.metric_limit + np.where(valid, errors, np.inf)) / printed.unit_si
+        limits[rules.name] = printed.in_unit(rules.metric_limit)
+        results = printed.in_unit(rules.metric_limit + np.where(valid, errors, np.inf))
         accepted = [_acceptance(results, risk) for risk in (RISK, 1 - (1 - RISK) ** (1 / 3))]
         acceptance_limits[rules.name] = accepted[0][0], accepted[1][0]
         deviations = HALF_RANGE * float(errors[valid].std()) * np.linspace(-1, 1, POINTS)
@@ -198,7 +198,7 @@ def operating(
                         best_of=best_of,
                         metric=printed.symbol,
                         unit=printed.unit,
-                        true=float(x) / printed.unit_si,
+                        true=printed.in_unit(float(x)),
                         tests=laboratories * best_of,
                         **dict(zip(CHANCES, chances, strict=True)),
                     )

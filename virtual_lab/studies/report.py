@@ -76,11 +76,8 @@ class ComparedCertificate:
     @classmethod
     def of(cls, document: CertificateDocument, folder: str) -> ComparedCertificate:
         """Return the row of a certificate. Its result is None if the test was INVALID."""
-        metric, size = document.metric, METRICS[document.metric.name].unit_si
+        metric, printed = document.metric, METRICS[document.metric.name]
         interval = metric.interval_95 if document.states_result else None
-
-        def in_unit(value: float | None) -> float | None:
-            return None if value is None else value / size
 
         return cls(
             certificate=document.number,
@@ -90,13 +87,13 @@ class ComparedCertificate:
             laboratory_name=_laboratory(document),
             verdict=document.verdict,
             marginal=document.marginal,
-            metric=METRICS[metric.name].symbol,
-            unit=METRICS[metric.name].unit,
-            value=in_unit(metric.value if interval else None),
-            u=in_unit(metric.u if interval else None),
-            low=in_unit(interval[0] if interval else None),
-            high=in_unit(interval[1] if interval else None),
-            limit=in_unit(metric.limit),
+            metric=printed.symbol,
+            unit=printed.unit,
+            value=printed.in_unit(metric.value if interval else None),
+            u=printed.in_unit(metric.u if interval else None),
+            low=printed.in_unit(interval[0] if interval else None),
+            high=printed.in_unit(interval[1] if interval else None),
+            limit=printed.in_unit(metric.limit),
             risk=document.risk.probability if document.risk else None,
             valid_hits=document.valid_hits,
             flag_names=" ".join(flag.name for flag in document.flags),

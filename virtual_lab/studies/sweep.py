@@ -194,7 +194,7 @@ def _row(
         "metric": printed.symbol,
         "unit": printed.unit,
     }
-    row |= {name: number / printed.unit_si for name, number in numbers.items()}
+    row |= {name: printed.in_unit(number) for name, number in numbers.items()}
     for name in QUANTITIES:
         value_si, u_si, _ = results.get(name, (nan, nan, nan))
         row |= {name: value_si, f"{name}_u": u_si, f"{name}_true": true.get(name, np.nan)}

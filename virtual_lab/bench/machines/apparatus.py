@@ -419,20 +419,16 @@ class Apparatus:
         if certification.metric is None:
             return Reading(shown=(("no result", "; ".join(certification.reasons), ""), *bat))
         printed = METRICS[rules.metric]
-        value, u = (
-            certification.metric.value / printed.unit_si,
-            certification.metric.u / printed.unit_si,
-        )
-        low, high = (
-            f"{end / printed.unit_si:.{decimals(u)}f}" for end in certification.metric.interval_95
-        )
+        metric = certification.metric
+        value, u = printed.in_unit(metric.value), printed.in_unit(metric.u)
+        low, high = (f"{printed.in_unit(end):.{decimals(u)}f}" for end in metric.interval_95)
         rows: list[tuple[str, float | str, str]] = [
             (printed.words, float(f"{value:.4g}"), printed.unit),
             ("standard uncertainty", float(f"{u:.2g}"), printed.unit),
             ("95 % interval", f"{low} to {high}", printed.unit),
         ]
         if rules.metric_limit is not None:
-            limit = rules.metric_limit / printed.unit_si
+            limit = printed.in_unit(rules.metric_limit)
             rows.append(("limit", f"{limit:.{printed.places}f}", printed.unit))
         return Reading(shown=(*rows, *bat))
 

@@ -438,7 +438,7 @@ def _hits(desk: Desk, briefing: Mapping[str, Any]) -> list[PrintedHit]:
             place=number(hit.place, metre, 3 if length == "in" else 1),
             speed=number(hit.speed, metre_a_second, 2),
             efficiency=number(hit.efficiency, 1.0, 4),
-            metric=number(hit.metric, metric.unit_si, 4),
+            metric=number(metric.in_unit(hit.metric), 1.0, 4),
             windows=convert_units(desk.reasons[shot - 1], briefing["units"]) or "within"
             if whole
             else "not reduced yet",

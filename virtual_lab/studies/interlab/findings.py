@@ -190,23 +190,24 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
     if study.alone:
         alone = {name: play.alone([name]) for name in play.factors}
         alone[ALL] = play.alone(play.factors)
-    size = METRICS[_rules(play).metric].unit_si
+    printed = METRICS[_rules(play).metric]
     control = {}
     if study.control:
         tests = study.lots * study.repeats
         control = replace(play, bat=study.control).exercises(first_test=1 + tests)
     for result, predicted in predictions.items():
-        values, u = exercises[result] / size
+        values, u = printed.in_unit(exercises[result])
         precision = _precision(values)
         s_R = _pooled(precision)["s_R"]
         like = predicted[ALL]
+        effects = {name: printed.in_unit(each[result]) for name, each in alone.items()}
         rows = [
-            _found(row, alone[name][result] / size, study.alone, s_R) if alone else row
+            _found(row, effects[name], study.alone, s_R) if alone else row
             for name, row in predicted.items()
         ]
         if alone:
-            parts = [alone[name][result] / size for name in play.factors]
-            rows.append(_interaction(parts, alone[ALL][result] / size, study.alone, like))
+            parts = [effects[name] for name in play.factors]
+            rows.append(_interaction(parts, effects[ALL], study.alone, like))
         of_lots = [row.predicted or 0.0 for key, row in predicted.items() if key in OF_LOTS]
         expected = {"s_lot": hypot(*of_lots, 0.0)} if study.lots > 1 else {}
         rows += _sds(precision, like, expected)
@@ -227,7 +228,7 @@ def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
     printed, names = METRICS[point.procedure.metric], play.factors
     rows: dict[str, dict[str, InterlabTerm]] = {}
     for result in point.calibrations:
-        effects = {name: point.scatter(name, result) / printed.unit_si for name in names}
+        effects = {name: printed.in_unit(point.scatter(name, result)) for name in names}
         effects[ALL] = hypot(*effects.values())
         rows[result] = {
             name: InterlabTerm(

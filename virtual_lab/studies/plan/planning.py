@@ -211,7 +211,7 @@ class _Search:
         self.printed = METRICS[laboratory.forecast.rules.metric]
         self.target = target_u
         self.grid = laboratory.forecast.present.grid
-        self.u = laboratory.predict_u(self.grid) / self.printed.unit_si
+        self.u = self.printed.in_unit(laboratory.predict_u(self.grid))
         self.minutes = np.broadcast_to(laboratory.minutes(self.grid), self.u.shape)
         self.prices, self.cost = prices, self.minutes
         if prices:
@@ -270,7 +270,7 @@ class _Search:
         """Return the smallest u and its largest terms in words."""
         terms = self.laboratory.forecast.contributions(self.grid.at(at[1:]), at[0])
         largest = list(terms.items())[:TERMS]
-        texts = (f"{name} {value / self.printed.unit_si:.2g}" for name, value in largest)
+        texts = (f"{name} {self.printed.in_unit(value):.2g}" for name, value in largest)
         floor = f"{u:.3g} {self.printed.unit}".rstrip()
         return f"No plan reaches the target: the floor is {floor}, with {', '.join(texts)}."
 
@@ -279,7 +279,7 @@ class _Search:
         if at not in self.rows:
             counts, exchanged = self.grid.at(at[1:]), self.laboratory.exchange_names(at[0])
             tests = self.laboratory.simulate(exchanged, counts, self.tests)
-            value, error = np.array(tests.median_u) / self.printed.unit_si
+            value, error = self.printed.in_unit(np.array(tests.median_u))
             self.rows[at] = PlanRow(
                 plan=name,
                 exchanged=", ".join(exchanged) or "none",
