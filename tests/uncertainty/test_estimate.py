@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import binomtest
 
-from virtual_lab.uncertainty.estimate import Estimate, Estimates, means_of_readings
+from virtual_lab.uncertainty.estimate import (
+    Estimate,
+    Estimates,
+    means_of_readings,
+    share_interval,
+)
 
 # readings of JCGM 100:2008, H.2.2, table H.2: voltage [V], current [mA], phase [rad], with the
 # printed means and standard uncertainties of the means
@@ -118,3 +124,13 @@ def test_a_laboratory_without_a_value_has_no_estimate() -> None:
     block = Estimates(value=np.array([nan]), u=np.array([0.1]), dof=np.array([inf]))
     with pytest.raises(ValueError, match="finite"):
         block.row(0)
+
+
+@pytest.mark.parametrize(("count", "of"), [(0, 5), (5, 5), (3, 10), (939, 1000)])
+def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(count: int, of: int) -> None:
+    expected = binomtest(count, of).proportion_ci(0.95, "exact")
+    assert share_interval(count, of) == pytest.approx((expected.low, expected.high), abs=1e-10)
+
+
+def test_no_case_says_nothing_about_a_probability() -> None:
+    assert share_interval(0, 0) == (0.0, 1.0)

@@ -12,6 +12,7 @@ import numpy as np
 from virtual_lab.campaigns.parts import Part
 from virtual_lab.campaigns.study import StudyCase
 from virtual_lab.output.tables import Column
+from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import Array
 
 SUMMARY_WORDS = """\
@@ -129,12 +130,7 @@ def _within(of_days: Sequence[Array]) -> tuple[float, float]:
 
 def _statistics(count: int, about: float, sums: Array) -> list[float | None]:
     """Return the `STATISTICS` [SI] from sums over `count` tests; None for undefined ones."""
-    from scipy.stats import binomtest  # a slow import that no worker needs
-
-    covered_count = count - int(sums[5] + sums[6])
-    bounds = (
-        binomtest(covered_count, count).proportion_ci(0.95, "exact") if count else (np.nan, np.nan)
-    )
+    bounds = share_interval(count - int(sums[5] + sums[6]), count) if count else (np.nan, np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
         deviation, square, u, error, error_square, above, below = sums[:7] / count
         sd, se = (np.array([square - deviation**2, error_square - error**2]) / (count - 1)) ** 0.5

@@ -12,7 +12,6 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import Laboratory, TestSetup, prepare_day
@@ -28,6 +27,7 @@ from virtual_lab.records.block import SessionBlock
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import ShotPlan, Stage
+from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import INCH, Array
 
 if TYPE_CHECKING:
@@ -186,15 +186,15 @@ def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
         allowed = f"only {error.size} of these gave a result; at least 2 are needed, so film more"
         raise InputError("", "clips", has_result.size, allowed)
     covered = int((np.abs(error) <= 1.959964 * u).sum())
-    count = binomtest(covered, error.size).proportion_ci(0.95, "exact")
+    low, high = share_interval(covered, error.size)
     relative = error / true[has_result]
     return ClipCoverage(
         quantity=quantity,
         clips=int(error.size),
         missed_clips=int((~has_result).sum()),
         coverage=covered / error.size,
-        coverage_low=float(count.low),
-        coverage_high=float(count.high),
+        coverage_low=low,
+        coverage_high=high,
         rms_error_percent=100 * sqrt(float(np.mean(relative**2))),
         rms_u_percent=100 * sqrt(float(np.mean((u / true[has_result]) ** 2))),
         bias_percent=100 * float(relative.mean()),

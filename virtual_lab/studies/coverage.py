@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binom, binomtest
+from scipy.stats import binom
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
@@ -34,6 +34,7 @@ from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.streams import Streams
 from virtual_lab.studies.rehearsal import Rehearsal
 from virtual_lab.uncertainty.budget import coverage_factors
+from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import Array, Mask
 
 if TYPE_CHECKING:
@@ -418,14 +419,14 @@ def _curvatures(laboratory: Laboratory, place: float) -> dict[str, float]:
 def _row(results: Array, **about: Any) -> Coverage:
     missed, error, u, expected, dof = results.T
     covered = missed == 0
-    count = binomtest(int(covered.sum()), covered.size).proportion_ci(0.95, "exact")
+    low, high = share_interval(int(covered.sum()), covered.size)
     z = error / u
     return Coverage(
         **about,
         laboratories=int(covered.size),
         coverage=float(covered.mean()),
-        coverage_low=float(count.low),
-        coverage_high=float(count.high),
+        coverage_low=low,
+        coverage_high=high,
         above=float((missed > 0).mean()),
         below=float((missed < 0).mean()),
         coverage_by_u=_tenths(covered, u),

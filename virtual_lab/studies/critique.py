@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtr
-from scipy.stats import binomtest
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
@@ -45,6 +44,7 @@ from virtual_lab.studies.bats.compare import compare
 from virtual_lab.studies.bats.profile import swing_exponents
 from virtual_lab.studies.bats.text import balls_text, swing_text
 from virtual_lab.studies.critique_chart import draw_critique
+from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import Array
 
 if TYPE_CHECKING:
@@ -352,7 +352,7 @@ def misranking(field: float, differences: Array) -> Ranking:
     toward = np.sign(field)
     probability = float(ndtr(-toward * mean / sd)) if sd else float(toward * mean < 0)
     opposite = int((toward * finite < 0).sum())
-    share = binomtest(opposite, finite.size).proportion_ci(0.95, "exact")
+    low, high = share_interval(opposite, finite.size)
     ranking = "by chance"
     if probability >= RELIABLE_SHARE:
         ranking = "opposite order"
@@ -362,8 +362,8 @@ def misranking(field: float, differences: Array) -> Ranking:
         tie,
         opposite_probability=probability,
         opposite=opposite,
-        opposite_low=float(share.low),
-        opposite_high=float(share.high),
+        opposite_low=low,
+        opposite_high=high,
         ranking=ranking,
     )
 

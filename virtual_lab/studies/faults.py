@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
@@ -37,6 +36,7 @@ from virtual_lab.sheets import (
     entry_names,
     words_of,
 )
+from virtual_lab.uncertainty.estimate import share_interval
 
 if TYPE_CHECKING:
     from virtual_lab.output.page_figure import PageFigure
@@ -276,11 +276,11 @@ def _row(
 ) -> FaultOutcome:
     """Return the outcome of a fault. Without a `prediction` it is the day without a fault."""
     many = sum(bool(each.catches) for each in detections)
-    interval = binomtest(many, len(detections)).proportion_ci(0.95, "exact")
+    low, high = share_interval(many, len(detections))
     by = Counter(catch for each in detections for catch in each.catches)
     if prediction is None:
         predicted, e_A, metric = "at most 1%", Bias(), Bias()
-        as_predicted = bool(interval.low <= 0.01)
+        as_predicted = low <= 0.01
     else:
         predicted = prediction.caught_by or "a bias"
         both = list(zip(detections, sound, strict=True))
@@ -304,8 +304,8 @@ def _row(
         prediction=predicted,
         laboratories=len(detections),
         detected=many / len(detections),
-        detected_low=float(interval.low),
-        detected_high=float(interval.high),
+        detected_low=low,
+        detected_high=high,
         detected_by=", ".join(f"{catch} {number}" for catch, number in by.most_common()),
         collision_efficiency=e_A,
         unit=METRICS[rules.metric].si_unit,

@@ -14,7 +14,6 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import binomtest
 
 from virtual_lab.errors import InputError
 from virtual_lab.lab import RoundRobin
@@ -26,6 +25,7 @@ from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
 from virtual_lab.parameters import Numbers, Seed, values_of
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
+from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import Array, Mask
 
 if TYPE_CHECKING:
@@ -286,7 +286,4 @@ def _errors(round_robin: RoundRobin, laboratories: int, seed: int) -> tuple[Arra
 
 def _chance(passed: int, of: int) -> tuple[float, float, float]:
     """Return the share `passed` / `of` and its 95 % interval; 0, 0 and 1 if `of` is 0."""
-    if of == 0:
-        return 0.0, 0.0, 1.0
-    band = binomtest(passed, of).proportion_ci(0.95, method="exact")
-    return passed / of, float(band.low), float(band.high)
+    return passed / max(of, 1), *share_interval(passed, of)

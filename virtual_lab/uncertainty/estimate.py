@@ -107,3 +107,15 @@ def means_of_readings(
         dof=np.where(scatter >= least_u, number - 1.0, inf),
         evaluation="A",
     )
+
+
+def share_interval(count: int, of: int) -> tuple[float, float]:
+    """Return the 95 % interval of a probability, given `count` events in `of` independent cases.
+
+    The interval is the exact one of Clopper and Pearson. It is (0, 1) if `of` is 0.
+    """
+    from scipy.special import betaincinv
+
+    low = float(betaincinv(count, of - count + 1, 0.025)) if count else 0.0
+    high = float(betaincinv(count + 1, of - count, 0.975)) if count < of else 1.0
+    return low, high
