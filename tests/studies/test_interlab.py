@@ -29,7 +29,7 @@ from virtual_lab.studies.interlab.study import (
     ClampFactor,
     Factors,
     LotFactor,
-    SpreadFactor,
+    StiffnessFactor,
     WallFactor,
     read_interlab,
     sheets_of,
@@ -135,7 +135,7 @@ def test_two_lots_and_three_repeats_with_a_control_bat_by_hand(
     entry = read_interlab(study)
     spec = replace(entry.spec, laboratories=2, exercises=1, lots=2, repeats=3, alone=3)
     factors = Factors(
-        lot=LotFactor(), stiffness=SpreadFactor(), wall=WallFactor(), clamp=ClampFactor()
+        lot=LotFactor(), stiffness=StiffnessFactor(), wall=WallFactor(), clamp=ClampFactor()
     )
     spec = replace(spec, factors=factors)
     play = WrittenByHand(
@@ -197,7 +197,8 @@ def test_the_effect_of_a_lot_by_hand() -> None:
         ),
         ball=replace(ball, restitution=replace(ball.restitution, **line)),
         bat=catalog.load_bat("r161").spec,
-        **dict.fromkeys(("humidity_spread", "wall_spread", "clamp_spread", "place"), 0.0),
+        humidity_spread=0.0,
+        place=0.0,
         speed=60.0,
         e=0.6,
         e0=0.5,
@@ -206,13 +207,14 @@ def test_the_effect_of_a_lot_by_hand() -> None:
         calibrations={"as found": 0.0},
         radii={"as found": 0.003},
     )
-    point.__dict__["_derivatives"] = 0.4, 0.0
+    point.__dict__["derivatives"] = 0.4, 0.0
     e0 = np.linspace(0.53, 0.56, 30_001)
     chance = np.exp(-0.5 * ((e0 - 0.542) / 0.01) ** 2)
     mean, square = (np.average(e0**power, weights=chance) for power in (1, 2))
     level = (0.8 - 2.4) * (square - mean**2) ** 0.5
     slope = (0.8 * (60 - 26) - 2.4 * (28 - 26)) * 1e-3
-    assert point.scatter("lot", "as found") == pytest.approx(hypot(level, slope, 0.003), rel=1e-3)
+    effect = LotFactor().effect(point, "as found")
+    assert effect == pytest.approx(hypot(level, slope, 0.003), rel=1e-3)
 
 
 def test_each_number_of_a_study_changes_its_own_number_of_a_sheet(study: Path) -> None:

@@ -8,9 +8,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from virtual_lab.catalog.reading import DATA
+from virtual_lab.studies.interlab.study import FACTORS
 
 TABLE = DATA / "uncertainty" / "interlab.csv"
-FACTORS = ("lot", "stiffness", "store", "calibration", "wall", "clamp")
 UNLIKELY = 0.01  # one-sided p-value below which a scatter differs from the scatter of the study
 
 

@@ -20,12 +20,7 @@ from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
 from virtual_lab.parameters import File, Positive
 from virtual_lab.studies.interlab.playing import Play
-from virtual_lab.studies.interlab.predicted import NominalTest
-from virtual_lab.studies.interlab.study import (
-    OF_LOTS,
-    PLACES,
-    read_interlab,
-)
+from virtual_lab.studies.interlab.study import FACTORS, read_interlab
 from virtual_lab.uncertainty.interlaboratory import (
     OUTLIER,
     STRAGGLER,
@@ -173,10 +168,10 @@ def _require_effects(play: Play, where: str) -> None:
         numbers = getattr(play.study.spec.factors, factor)
         spreads = [datum.value for key, datum in _numbers(play, factor) if key != "value"]
         if factor != "calibration" and not any([*asdict(numbers).values(), *spreads]):
-            last = {name: (key, at) for (name, key), at in PLACES.items()}
-            key, (kind, sheet, number) = last[factor]
+            key, place = list(FACTORS[factor].places().items())[-1]
+            sheet = f"{place.kind}/{place.name or _rules(play).ball}"
             allowed = (
-                f"has no effect, because {kind}/{sheet or _rules(play).ball} has no {number}; "
+                f"has no effect, because {sheet} has no {place.key}; "
                 f'add {key} = {{ value = …, unit = "…", source = "…", verified = false }}'
             )
             raise InputError(where, f"factors.{factor}", None, allowed)
@@ -208,7 +203,9 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
         if alone:
             parts = [effects[name] for name in play.factors]
             rows.append(_interaction(parts, effects[ALL], study.alone, like))
-        of_lots = [row.predicted or 0.0 for key, row in predicted.items() if key in OF_LOTS]
+        of_lots = [
+            predicted[name].predicted or 0.0 for name in play.factors if FACTORS[name].of_lot
+        ]
         expected = {"s_lot": hypot(*of_lots, 0.0)} if study.lots > 1 else {}
         rows += _sds(precision, like, expected)
         stated = float(np.sqrt(np.nanmean(u**2)))
@@ -224,11 +221,14 @@ def _results(play: Play) -> Iterator[tuple[list[InterlabTerm], NestedStudy]]:
 
 def _predictions(play: Play) -> dict[str, dict[str, InterlabTerm]]:
     """Return the predicted rows by result and factor; the last row is for all factors together."""
-    point = NominalTest.of(play)
-    printed, names = METRICS[point.procedure.metric], play.factors
+    point = play.nominal_test()
+    printed, factors = METRICS[point.procedure.metric], play.study.spec.factors
     rows: dict[str, dict[str, InterlabTerm]] = {}
     for result in point.calibrations:
-        effects = {name: printed.in_unit(point.scatter(name, result)) for name in names}
+        effects = {
+            name: abs(printed.in_unit(getattr(factors, name).effect(point, result)))
+            for name in play.factors
+        }
         effects[ALL] = hypot(*effects.values())
         rows[result] = {
             name: InterlabTerm(
@@ -348,14 +348,14 @@ def _rules(play: Play) -> Procedure:
 
 
 def _numbers(play: Play, factor: str) -> Iterator[tuple[str, catalog.Datum]]:
-    """Yield key and number of a factor, from the study or from the data sheet."""
+    """Yield key and number of a factor, from the study or from the data sheet; none for all."""
     stated = {datum.key: datum for datum in play.study.sheet}
-    for (name, key), (kind, sheet, place) in PLACES.items():
-        if name == factor:
-            _, numbers = catalog.sheet(kind, sheet or _rules(play).ball)
-            of_sheet = next((datum for datum in numbers if datum.key == place), None)
-            if datum := stated.get(f"factors.{factor}.{key}", of_sheet):
-                yield key, datum
+    places = FACTORS[factor].places() if factor != ALL else {}
+    for key, place in places.items():
+        _, numbers = catalog.sheet(place.kind, place.name or _rules(play).ball)
+        of_sheet = next((datum for datum in numbers if datum.key == place.key), None)
+        if datum := stated.get(f"factors.{factor}.{key}", of_sheet):
+            yield key, datum
 
 
 def _spread(play: Play, factor: str) -> str:

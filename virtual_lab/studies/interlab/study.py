@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, fields
 from itertools import chain
+from math import hypot
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, get_args, get_type_hints
 
 from annotated_types import Ge, Le, MinLen
 
@@ -20,68 +22,128 @@ from virtual_lab.files import parse_toml, read_text
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.sheets import toml_text
 from virtual_lab.streams import LABORATORIES, LARGEST_SEED
+from virtual_lab.studies.interlab.predicted import NominalTest
 
 Share = Annotated[float | None, Ge(0), Le(0.1), Dimension("number")]
-# for each factor and key in the study: kind and name of the sheet that has this number, and its key
-# there
-PLACES: Mapping[tuple[str, str], tuple[str, str, str]] = {
-    ("lot", "level"): ("balls", "", "restitution.value_u"),
-    ("lot", "slope"): ("balls", "", "restitution.slope_u"),
-    ("lot", "radius"): ("balls", "", "radius_u"),
-    ("stiffness", "spread"): ("balls", "", "stiffness_spread"),
-    ("store", "spread"): ("rigs", "bench", "store.humidity_spread"),
-    ("wall", "value"): ("rigs", "ball-wall", "wall_restitution"),
-    ("wall", "spread"): ("rigs", "ball-wall", "wall_spread"),
-    ("clamp", "value"): ("rigs", "astm-pivot", "pivot.clamp_inertia"),
-    ("clamp", "spread"): ("rigs", "astm-pivot", "pivot.clamp_spread"),
-}
-# patterns of the names of the random numbers that belong to each factor, see `Selected`
-NAMES: Mapping[str, tuple[str, ...]] = {
-    "lot": ("lot", "lot.level"),
-    "stiffness": ("lot.stiffness",),
-    "store": ("lot.store",),
-    "calibration": ("*.errors",),
-    "wall": ("ball-wall.wall",),
-    "clamp": ("astm-pivot.clamp",),
-}
-OF_LOTS = ("lot", "stiffness", "store")  # factors of a lot; all others are of a laboratory
+Slope = Annotated[float | None, Ge(0), Dimension("slope of speed")]
+Length = Annotated[float | None, Ge(0), Dimension("length")]
+Inertia = Annotated[float | None, Ge(0), Dimension("inertia")]
+Rebound = Annotated[float | None, Ge(0.5), Le(1), Dimension("number")]
+
+
+@dataclass(frozen=True, slots=True)
+class InSheet:
+    """Annotation of a factor's number: kind and name of the sheet that has it, and its key there.
+
+    The name is empty for the ball of the procedure.
+    """
+
+    kind: str
+    name: str
+    key: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LotFactor(Spec):
+class Factor(Spec, ABC):
+    """Numbers of a factor, and its effect. A factor belongs to a lot or to a laboratory."""
+
+    # patterns of the names of its random numbers, see `Selected`
+    streams: ClassVar[tuple[str, ...]]
+    of_lot: ClassVar[bool] = False
+
+    @classmethod
+    def places(cls) -> dict[str, InSheet]:
+        """Return the place of each number in the data sheets, by key."""
+        hints = get_type_hints(cls, include_extras=True)
+        return {each.name: hints[each.name].__metadata__[-1] for each in fields(cls)}
+
+    @abstractmethod
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Return the standard deviation of a result [SI] that the factor causes, or minus it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LotFactor(Factor):
     """Standard deviations between lots of the level of e0, its slope, and the radius."""
 
-    level: Share = None
-    slope: Annotated[float | None, Ge(0), Dimension("slope of speed")] = None
-    radius: Annotated[float | None, Ge(0), Dimension("length")] = None
+    level: Annotated[Share, InSheet("balls", "", "restitution.value_u")] = None
+    slope: Annotated[Slope, InSheet("balls", "", "restitution.slope_u")] = None
+    radius: Annotated[Length, InSheet("balls", "", "radius_u")] = None
+    streams = "lot", "lot.level"
+    of_lot = True
+
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Combine the effects of level, slope and radius."""
+        line = test.ball.restitution
+        level = test.by_level(result) * test.admitted_spread(line.value_u)
+        return hypot(level, test.by_slope(result) * line.slope_u, test.radii[result])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SpreadFactor(Spec):
-    """Standard deviation between lots of the stiffness [share], or of the humidity of the store."""
+class StiffnessFactor(Factor):
+    """Standard deviation between lots of the stiffness [share]."""
 
-    spread: Share = None
+    spread: Annotated[Share, InSheet("balls", "", "stiffness_spread")] = None
+    streams = ("lot.stiffness",)
+    of_lot = True
+
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Return the effect of the stiffness on e."""
+        return test.slopes(result)[0] * test.derivatives[1] * test.ball.stiffness_spread
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationFactor(Spec):
+class StoreFactor(Factor):
+    """Standard deviation between lots of the relative humidity of the store."""
+
+    spread: Annotated[Share, InSheet("rigs", "bench", "store.humidity_spread")] = None
+    streams = ("lot.store",)
+    of_lot = True
+
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Return the effect of the humidity by e0."""
+        line, law = test.ball.restitution, test.ball.humidity
+        stored = 0.0 if law is None else abs(law.slope) * line.value * test.humidity_spread
+        return test.by_level(result) * test.e0 / line.value * test.admitted_spread(stored)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationFactor(Factor):
     """Errors of all instruments, with the uncertainties of their data sheets."""
 
+    streams = ("*.errors",)
+
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Return the joint effect of all errors in the budget."""
+        return test.calibrations[result]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WallFactor(Spec):
+class WallFactor(Factor):
     """Mean and standard deviation of the rebound speed, relative to that from a rigid wall."""
 
-    value: Annotated[float | None, Ge(0.5), Le(1), Dimension("number")] = None
-    spread: Share = None
+    value: Annotated[Rebound, InSheet("rigs", "ball-wall", "wall_restitution")] = None
+    spread: Annotated[Share, InSheet("rigs", "ball-wall", "wall_spread")] = None
+    streams = ("ball-wall.wall",)
+
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Return the effect of the measured e0."""
+        return test.slopes(result)[1] * test.e0 * (self.spread or 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClampFactor(Spec):
+class ClampFactor(Factor):
     """Mean and standard deviation of an unrecorded moment of inertia that turns with the bat."""
 
-    value: Annotated[float | None, Ge(0), Dimension("inertia")] = None
-    spread: Annotated[float | None, Ge(0), Dimension("inertia")] = None
+    value: Annotated[Inertia, InSheet("rigs", "astm-pivot", "pivot.clamp_inertia")] = None
+    spread: Annotated[Inertia, InSheet("rigs", "astm-pivot", "pivot.clamp_spread")] = None
+    streams = ("astm-pivot.clamp",)
+
+    def effect(self, test: NominalTest, result: str) -> float:
+        """Return the effect of the angular momentum that the recoil of the bat then lacks."""
+        if test.procedure.reads != "recoil":
+            return 0.0
+        return test.slopes(result)[0] * (1 + test.e) / test.inertia * (self.spread or 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,11 +154,17 @@ class Factors(Spec):
     """
 
     lot: LotFactor | None = None
-    stiffness: SpreadFactor | None = None
-    store: SpreadFactor | None = None
+    stiffness: StiffnessFactor | None = None
+    store: StoreFactor | None = None
     calibration: CalibrationFactor | None = None
     wall: WallFactor | None = None
     clamp: ClampFactor | None = None
+
+
+# class of each factor, by its name
+FACTORS: Mapping[str, type[Factor]] = {
+    name: get_args(hint)[0] for name, hint in get_type_hints(Factors).items()
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,17 +193,18 @@ class InterlabStudy(Spec):
         if self.alone == 1:
             raise ValueError("alone = 1 shows no scatter; allowed: 0, or at least 2")
         if not self.named:
-            raise ValueError(f"factors: none is named; allowed: {', '.join(NAMES)}")
+            raise ValueError(f"factors: none is named; allowed: {', '.join(FACTORS)}")
 
     @property
     def named(self) -> tuple[str, ...]:
         """Names of the factors that vary."""
-        return tuple(each.name for each in fields(Factors) if getattr(self.factors, each.name))
+        return tuple(name for name in FACTORS if getattr(self.factors, name))
 
     @property
     def varied(self) -> tuple[str, ...]:
         """Patterns of all random numbers, without the numbers of factors that are not named."""
-        fixed = chain.from_iterable(names for key, names in NAMES.items() if key not in self.named)
+        unnamed = (factor for name, factor in FACTORS.items() if name not in self.named)
+        fixed = chain.from_iterable(factor.streams for factor in unnamed)
         return ("*", *(f"-{name}" for name in fixed))
 
 
@@ -171,13 +240,14 @@ def sheets_of(study: Entry[InterlabStudy], procedure: str, names: Sequence[str])
     ball = catalog.load("procedures", procedure, Procedure).spec.ball
     document = parse_toml(study.text, "study")["factors"]
     sheets: dict[Key, dict[str, Any]] = {}
-    for (factor, key), (kind, name, place) in PLACES.items():
-        if factor not in names or key not in document[factor]:
+    places = ((name, *place) for name in names for place in FACTORS[name].places().items())
+    for factor, key, place in places:
+        if key not in document[factor]:
             continue
-        sheet = kind, name or ball
+        sheet = place.kind, place.name or ball
         text, where = catalog.source(*sheet)
         content = sheets.setdefault(sheet, deepcopy(parse_toml(text, where)))
-        *tables, last = place.split(".")
+        *tables, last = place.key.split(".")
         for table in tables:
             if table not in content:
                 raise InputError(where, table, None, f"is missing; {factor} needs it")
