@@ -18,9 +18,9 @@ def sound(folder: Path) -> None:
     bat, rules = vl.bat("r161"), vl.procedure(Path("mine.toml")).with_(valid_hits=9)
     gates = vl.instrument("pivot-gates").with_(tick="2 us")
     certificate = vl.certify(bat, procedure=rules, seed=7, instruments=[gates])
-    vl.certify("r161", procedure="bbcor", ball=vl.ball("game-2003"), instruments=gates)
+    vl.profile("r161", ball=vl.ball("game-2003"), instruments=gates)
     vl.certify(folder / "mine.toml", rig=vl.rig("astm-pivot"), control_bat="check-cylinder")
-    vl.certify("r161", reality="ideal", collision="modal", motion="pymunk")
+    vl.certify("r161", reality="ideal", motion="pymunk")
     vl.certify("r161", faults=["aim-along", "gate-misses"], uncertainty="monte-carlo")
     vl.certify("r161", history=[folder, "earlier"], laboratory=folder / "laboratory.toml")
     certificate.save(folder / "test", pdf=True, paper="letter", overwrite=True)
@@ -81,7 +81,7 @@ def wrong() -> None:
     vl.certify("r161", seed="7")  # type: ignore[arg-type]
     vl.certify("r161", reality="idael")  # type: ignore[arg-type]
     vl.certify("r161", instruments=["pivot-gates"])  # type: ignore[list-item]
-    vl.certify("r161", ball=0.073)  # type: ignore[arg-type]
+    vl.profile("r161", ball=0.073)  # type: ignore[arg-type]
     vl.sweep("r161", procedure="bbcor")  # type: ignore[call-arg]
     vl.profile("r161", 0.3)  # type: ignore[arg-type]
     vl.coverage("r161", laboratories=2.5)  # type: ignore[arg-type]

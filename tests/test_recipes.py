@@ -183,7 +183,7 @@ def a_method(copy: Copy) -> None:
 
 A_METHOD = """
 assert vl.propagate(lambda x: x, {"x": vl.Input(1, 0.1)}, method="safe").method == "safe"
-test = vl.certify("r161", seed=1, uncertainty="safe", collision="rigid", progress=lambda *_: None)
+test = vl.certify("r161", seed=1, uncertainty="safe", progress=lambda *_: None)
 assert test.certification.refined.method == "safe"
 """
 
@@ -416,13 +416,14 @@ def a_collision_model(copy: Copy) -> None:
         "from virtual_lab.simulation.collision.half import HalfModel\n\n"
         r'\1{"half": HalfModel.of, \2}',
     )
-    copy.edit("virtual_lab/parameters.py", r"^(CollisionName = Literal\[)", r'\1"half", ')
 
 
 A_COLLISION_MODEL = """
-e = {}
+from virtual_lab.lab import TestSetup, certify_bat
+from virtual_lab.simulation.stations.rig import Reality
+e, given = {}, {"procedure": "astm-f1881", "seed": 0, "reality": Reality.NOISE_FREE}
 for name in ("half", "rigid"):
-    certification = vl.certify("r161", collision=name, **QUIET).certification
+    certification = certify_bat(TestSetup.of("r161", collision_model=name, **given)).certification
     e[name] = certification.quantities["restitution"].value
 assert certification.session.origin.rungs["collision"].rung == "rigid"
 assert abs(e["half"] / e["rigid"] - 0.5) < 0.01

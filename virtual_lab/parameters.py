@@ -217,9 +217,6 @@ BoardText = Annotated[
 ]
 LengthText = Annotated[str, replace(TEXT, allowed="a length with its unit: '36.5mm'")]
 PictureName = Annotated[str, replace(TEXT, allowed="the name of a picture")]
-Correction = Annotated[
-    str, replace(TEXT, allowed="METHOD:E0, such as 'trampoline:0.5'", metavar="METHOD:E0")
-]
 Share = Annotated[
     str,
     replace(TEXT, allowed="a share of the parts: '3/40' for the third fortieth", metavar="N/M"),
@@ -243,7 +240,6 @@ Folders = Annotated[str | Path | Sequence[str | Path], several(FOLDER)]
 Kind = Literal["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]
 Paper = Literal["a4", "letter"]
 RealityName = Literal["real", "noise-free", "ideal"]
-CollisionName = Literal["rigid", "modal", "reference"]
 MotionName = Literal["closed-form", "pymunk"]
 StablePart = Literal["collision", "motion", "camera"]
 ChartedPart = Literal["collision", "motion", "camera", "uncertainty", "laboratory"]

@@ -68,8 +68,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     cv2.imwrite(str(folder / "logo.png"), np.zeros((9, 9), np.uint8))
     lab = folder / "lab.toml"
-    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.png"\n')
-    test = vl.certify("r161", seed=7, laboratory=lab, customer="Ashwood & Sons")
+    table = '[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.png"\n'
+    lab.write_text(f'{table}[customer]\nname = "Ashwood & Sons"\n')
+    test = vl.certify("r161", seed=7, laboratory=lab)
     return test.save(folder / "result", pdf=True)
 
 
@@ -90,7 +91,8 @@ def chain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("chain")
     first, second = folder / "first", folder / "second"
     vl.certify("r161", seed=7).save(first)
-    named = vl.certify("r161", seed=7, customer="second", replaces=first, reason="not first")
+    stated = {"customer": {"name": "second"}}
+    named = vl.certify("r161", seed=7, laboratory=stated, replaces=first, reason="not first")
     named.save(second)
     vl.reduce(second / "records", replaces=second, reason="not second").save(folder / "third")
     return folder

@@ -380,9 +380,10 @@ def table(work: Path) -> Iterator[tuple[str, str, str, int]]:
 
     cv2.imwrite(str(work / "logo.png"), np.zeros((9, 9), np.uint8))
     lab = work / "lab.toml"
-    lab.write_text('[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.png"\n')
+    stated = '[laboratory]\nname = "Bat Laboratory"\nlogo = "logo.png"\n'
+    lab.write_text(f'{stated}[customer]\nname = "Ashwood & Sons"\n')
     made = sealed_test(work / "made")
-    altered = sealed_test(work / "altered", pdf=True, laboratory=lab, customer="Ashwood & Sons")
+    altered = sealed_test(work / "altered", pdf=True, laboratory=lab)
     yield "none", "", *find(made)
     for kind, forgeries in (("truth", TRUTHS), ("signed", SIGNED), ("records", RECORDS)):
         for name, change in forgeries.items():

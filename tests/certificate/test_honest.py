@@ -83,8 +83,10 @@ def honest_result(number: int, folder: Path) -> Path:
         procedure=procedure,
         seed=11,
         number=number,
-        customer=NAMES[number % len(NAMES)],
-        bat_serial=f"S{number}",
+        laboratory={
+            "customer": {"name": NAMES[number % len(NAMES)]},
+            "bat": {"serial": f"S{number}"},
+        },
     )
     paper = ("a4", "letter")[number % 2]
     return test.save(folder / "result", pdf=number % 3 == 0, paper=paper)

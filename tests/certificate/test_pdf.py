@@ -227,13 +227,6 @@ def test_a_form_that_fails_costs_nothing_else(
     assert not [*compared_seal(tmp_path / "sealed")]
     assert run("verify", str(tmp_path / "sealed"))[0] == 0
 
-    monkeypatch.setattr(Certificate, "plot", fails)
-    code, out, err = run("certify", "r161", "--plot", "hits.png", "--out", str(tmp_path / "drawn"))
-    assert code == 4
-    assert err.endswith("drawn was saved without hits.png (Panic: index out of bounds)\n")
-    assert out.splitlines()[-1] == str(tmp_path / "drawn")
-    assert not Path("hits.png").exists()
-
     test = Certificate(certification=certified().certification, film=fails)
     monkeypatch.setattr(html_module, "certificate_page", fails)
     with pytest.raises(IncompleteError, match=r"without certificate.html \(.*; film \(Panic"):

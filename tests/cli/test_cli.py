@@ -211,7 +211,7 @@ def test_no_record_and_no_certificate_reveals_the_seed(tested: Path) -> None:
 def test_an_ideal_test_measures_the_truth(run: Run) -> None:
     """Measured and true values agree within 1e-9, and both runs write the same bytes."""
     for name in ("ideal", "again"):
-        assert run("certify", "ea70", "--ideal", "--out", name)[0] == 0
+        assert run("certify", "ea70", "--reality", "ideal", "--out", name)[0] == 0
     assert (
         Path("ideal/certificate.html").read_bytes() == Path("again/certificate.html").read_bytes()
     )
@@ -225,7 +225,7 @@ def test_an_ideal_test_measures_the_truth(run: Run) -> None:
 
 def test_results_go_to_the_first_free_folder(run: Run, tmp_path: Path) -> None:
     for _ in range(2):
-        assert run("certify", "r161", "--ideal")[0] == 0
+        assert run("certify", "r161", "--reality", "ideal")[0] == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "r161-astm-f1881",
         "r161-astm-f1881-2",
@@ -418,13 +418,12 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["certify", "r161", "--procedure", "astm-f1818"], "did you mean astm-f1881?"),
         (["certify", "r161", "--seed", "-1"], "--seed"),
         (["certify", "r161", "--bogus"], "--bogus"),
-        (["certify", "r161", "--ideal", "--noise-free"], "exclude each other"),
         (
-            ["certify", "r161", "--ideal", "--seed", "3"],
+            ["certify", "r161", "--reality", "ideal", "--seed", "3"],
             "seed = 3; leave it out: nothing is random",
         ),
-        (["certify", "r161", "--ideal", "--number", "2"], "number = 2; leave it out"),
-        (["certify", "r161", "--noise-free", "--test", "1"], "test = 1; leave it out"),
+        (["certify", "r161", "--reality", "ideal", "--number", "2"], "number = 2; leave it out"),
+        (["certify", "r161", "--reality", "noise-free", "--test", "1"], "test = 1; leave it out"),
         (["certify", "nowhere.toml"], "no such file"),
         (["certify", "r161", "--rig", "astm-pivto"], "astm-pivot, ball-cannon"),
         (["certify", "r161", "--rig", "ball-cannon"], "records no encoder, which astm-f1881 needs"),
@@ -507,17 +506,18 @@ def test_the_rig_is_a_choice_and_is_completed(run: Run) -> None:
 
 
 def test_statements_about_a_test_are_on_its_certificate(run: Run, tmp_path: Path) -> None:
-    """Each option fills its line of the certificate, as does its reduction, on the chosen paper."""
+    """Each key fills its line of the certificate, as does its reduction, on the chosen paper."""
     stated = {
-        "--customer": ("Customer", "Hilltop Bats"),
-        "--bat-serial": ("Serial number of the bat", "SN 4711"),
-        "--bat-condition": ("Condition of the bat", "two dents"),
-        "--received": ("Bat received", "2026-11-20"),
-        "--operator": ("Operator", "A. Fuller"),
-        "--notes": ("Notes", "tested on a Monday"),
+        "customer.name": ("Customer", "Hilltop Bats"),
+        "bat.serial": ("Serial number of the bat", "SN 4711"),
+        "bat.condition": ("Condition of the bat", "two dents"),
+        "bat.received": ("Bat received", "2026-11-20"),
+        "test.operator": ("Operator", "A. Fuller"),
+        "test.notes": ("Notes", "tested on a Monday"),
     }
-    options = [word for key, (_, value) in stated.items() for word in (key, value)]
-    words = ["--seed", "7", "--paper", "letter", "--out", "made", *options]
+    lines = [f'{key} = "{value}"' for key, (_, value) in stated.items()]
+    (tmp_path / "lab.toml").write_text("\n".join(lines))
+    words = ["--seed", "7", "--paper", "letter", "--out", "made", "--laboratory", "lab.toml"]
     assert run("certify", "r161", *words)[0] == 0
     assert run("reduce", "made/records", "--paper", "letter", "--out", "again")[0] == 0
     for folder in ("made", "again"):

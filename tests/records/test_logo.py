@@ -60,11 +60,11 @@ def test_an_unsuitable_picture_is_refused_in_one_line(
 def test_a_logo_is_read_beside_the_file_of_particulars(tmp_path: Path) -> None:
     written(tmp_path, png())
     (tmp_path / "lab.toml").write_text('[laboratory]\nname = "L"\nlogo = "logo.png"\n')
-    found = read_particulars(tmp_path / "lab.toml", {})
+    found = read_particulars(tmp_path / "lab.toml")
     assert picture_in(found.laboratory.logo) == png()
     assert particulars_of(found.stated, "session.json") == found
     with pytest.raises(InputError, match="cannot be read"):
-        read_particulars(tmp_path / "lab.toml", {"laboratory.logo": "none.png"})
+        read_particulars({"laboratory": {"logo": "none.png"}})
 
 
 @pytest.mark.parametrize(

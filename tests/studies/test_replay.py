@@ -52,7 +52,7 @@ def of_sweep(folder: Path) -> Path:
 
 
 def of_pymunk(folder: Path) -> Path:
-    return vl.certify("r161", motion="pymunk", collision="rigid", seed=3).save(folder / "out")
+    return vl.certify("r161", motion="pymunk", seed=3).save(folder / "out")
 
 
 def of_nothing_random(folder: Path) -> Path:

@@ -42,7 +42,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in (1, 2):
         vl.certify("r161", seed=7, number=number).save(folder / "unnamed" / f"n{number}")
     vl.certify("ea70", seed=7).save(folder / "bats" / "ea70")
-    vl.certify("r161", seed=7, bat_serial="S1").save(folder / "bats" / "r161")
+    vl.certify("r161", seed=7, laboratory={"bat": {"serial": "S1"}}).save(folder / "bats" / "r161")
     vl.certify("r161", procedure="ncaa-besr", seed=7).save(folder / "procedures" / "besr")
     vl.certify("r161", seed=7).save(folder / "procedures" / "astm")
     for number, (key, name) in enumerate(LABS.items()):

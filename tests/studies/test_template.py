@@ -220,7 +220,7 @@ def test_each_optional_line_of_the_other_forms_can_be_used(tmp_path: Path) -> No
         path.write_text(text, "utf-8")
         assert parse_toml(text, name).keys() - before.keys() == tables
         assert lines > 0
-    assert read_particulars(tmp_path / "laboratory.toml", {}).instruments.keys() == {"gates"}
+    assert read_particulars(tmp_path / "laboratory.toml").instruments.keys() == {"gates"}
     offers = Prices.read(path).offers(path, ["bench", "ball-wall", "astm-pivot"])
     assert offers.keys() == {"pivot-gates"}
 

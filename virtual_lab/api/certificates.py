@@ -12,8 +12,6 @@ from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
     AnyParticulars,
-    CollisionName,
-    Correction,
     File,
     Folder,
     Folders,
@@ -26,7 +24,6 @@ from virtual_lab.parameters import (
     paths_of,
 )
 from virtual_lab.sheets import (
-    AnyBall,
     AnyBat,
     AnyBats,
     AnyProcedure,
@@ -34,7 +31,6 @@ from virtual_lab.sheets import (
     AnyRig,
     Faults,
     Instruments,
-    Sheet,
     entry_name,
     entry_names,
     words_of,
@@ -44,11 +40,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from virtual_lab.catalog import Entry
     from virtual_lab.certificate.document import CertificateDocument
     from virtual_lab.lab import BatTest
     from virtual_lab.measurement.certification import Certification
-    from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.output.metrics import MetricFormat
     from virtual_lab.records.session import PackedSession, Session
     from virtual_lab.simulation.physics.truth import SealedTruth
@@ -318,25 +312,16 @@ def certify(
     bat: AnyBat,
     *,
     procedure: AnyProcedure = "astm-f1881",
-    ball: AnyBall | None = None,
     instruments: Instruments = (),
     rig: AnyRig | None = None,
     seed: Seed | None = None,
     number: int = 0,
     reality: RealityName = "real",
-    collision: CollisionName | None = None,
     motion: MotionName = "closed-form",
     faults: Faults = (),
     control_bat: AnyBat | None = None,
-    correction: Correction | None = None,
     film: bool = False,
     laboratory: AnyParticulars | None = None,
-    customer: str = "",
-    bat_serial: str = "",
-    bat_condition: str = "",
-    received: str = "",
-    operator: str = "",
-    notes: str = "",
     replaces: Folder | None = None,
     reason: str = "",
     test: int | None = None,
@@ -357,9 +342,6 @@ def certify(
         The test procedure: a name in the catalog or a .toml file.
 
         A sheet is also allowed, for example ``vl.procedure("bbcor").with_(valid_hits=8)``.
-    ball
-        Ball of the test, instead of the ball of the procedure: a name in the catalog or a .toml
-        file.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 
@@ -379,9 +361,6 @@ def certify(
         ``real``: all random effects. ``noise-free``: no randomness, but vibration of the bat,
         encoder counts, drag and friction remain. ``ideal``: bat, balls and instruments equal their
         nominal values.
-    collision
-        Collision model. By default the fastest model that is accurate enough. The certificate names
-        the model and the reason.
     motion
         Motion of ball and bat: closed form for all shots, or one pymunk scene per shot.
     faults
@@ -391,31 +370,14 @@ def certify(
     control_bat
         Control bat, a bat of known e. It is tested first, with the same balls. Only for a procedure
         that uses a control bat to correct for the balls.
-    correction
-        Conversion of the result to a standard ball, ``METHOD:E0``, such as ``trampoline:0.5``; the
-        methods are ``ratio`` and ``trampoline``. Only for procedures without a conversion. The
-        certificate marks the conversion as assumed.
     film
         Save a video of the first shot. The rig must have a camera, such as ``filmed-cannon``.
     laboratory
         File of particulars for the certificate: laboratory, customer, bat, instruments. The command
-        ``virtual-lab template laboratory FILE`` writes an empty file. The next six parameters
-        override values of the file.
+        ``virtual-lab template laboratory FILE`` writes an empty file.
 
         A mapping with the same keys is also allowed: ``{"customer": {"name": "Oak Bats"}}``. The
         logo is then a file in the current folder.
-    customer
-        Name of the customer.
-    bat_serial
-        Serial number of the bat.
-    bat_condition
-        Condition of the bat as received.
-    received
-        Date of receipt, for example 2026-11-25.
-    operator
-        Name of the operator.
-    notes
-        Notes for the certificate.
     replaces
         Result folder of the report that the new report replaces.
     reason
@@ -451,19 +413,13 @@ def certify(
         without a camera; only one of `replaces` and `reason` is stated; or `history` has fewer than
         three tests or tests of another kind.
     """
-    from virtual_lab import catalog
     from virtual_lab.certificate.chain import replaced_report
     from virtual_lab.certificate.history import earlier_scatter
     from virtual_lab.lab import TestSetup, certify_bat
-    from virtual_lab.measurement.procedure import Procedure
     from virtual_lab.records.particulars import read_particulars
     from virtual_lab.simulation.stations.rig import MotionModel, Reality, member_of
     from virtual_lab.uncertainty.estimate import Estimates
 
-    rules: str | Entry[Procedure] = entry_name(procedure)
-    if ball is not None:
-        other = Sheet.of("procedures", entry_name(procedure)).with_(ball=entry_name(ball))
-        rules = catalog.read(other.text, other.name, Procedure)
     kind = member_of(Reality, "reality", reality)
     if kind is not Reality.REAL:
         numbers = {"seed": seed, "number": number or None, "test": test, "lot": lot}
@@ -473,25 +429,15 @@ def certify(
                 raise InputError("", key, value, allowed)
     setup = TestSetup.of(
         entry_name(bat),
-        procedure=rules,
+        procedure=entry_name(procedure),
         rig=None if rig is None else entry_name(rig),
         seed=seed if kind is Reality.REAL else 0,
         number=number,
         reality=kind,
-        collision_model=collision,
         faults=words_of(faults),
         control_bat=None if control_bat is None else entry_name(control_bat),
-        correction=correction,
         particulars=read_particulars(
-            Path(laboratory) if isinstance(laboratory, str) else laboratory,
-            {
-                "customer.name": customer,
-                "bat.serial": bat_serial,
-                "bat.condition": bat_condition,
-                "bat.received": received,
-                "test.operator": operator,
-                "test.notes": notes,
-            },
+            Path(laboratory) if isinstance(laboratory, str) else laboratory
         ),
     )
     tested = setup.bat.spec.name, setup.rules.spec.name

@@ -164,16 +164,15 @@ cli = Sections(
         "Test a bat": (
             FunctionCommand(
                 "certify",
-                flags="reality",
                 saving="Certificate.save",
-                output=Output(folder="{bat}-{procedure}", page="certificate.html", picture=True),
+                output=Output(folder="{bat}-{procedure}", page="certificate.html"),
                 example="certify r161 --procedure bbcor --seed 7",
             ),
             FunctionCommand("score", output=DRAWN, example="score out/r161-bbcor-seed-7"),
             FunctionCommand(
                 "reduce",
                 saving="Certificate.save",
-                output=Output(keeps=True, picture=True),
+                output=Output(keeps=True),
                 example="reduce out/r161-bbcor-seed-7/records",
             ),
             FunctionCommand("verify", output=TABLE, example="verify out/r161-bbcor-seed-7"),

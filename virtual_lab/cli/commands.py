@@ -111,8 +111,6 @@ class FunctionCommand(click.Command):
     variants
         Options that call another public function instead, with the name of this function. The
         option is a flag, or it takes the value of the parameter of the same name.
-    flags
-        Parameter with a fixed set of values. Each value except the default is also a flag.
     saving
         Method that saves the result, as ``Class.method``. Its parameters are options too.
     output
@@ -128,7 +126,6 @@ class FunctionCommand(click.Command):
         fixed: Mapping[str, Any] = NOTHING,
         options: Sequence[str] = (),
         variants: Mapping[str, str] = NOTHING,
-        flags: str = "",
         saving: str = "",
         output: Output = PRINTED,
     ) -> None:
@@ -137,7 +134,7 @@ class FunctionCommand(click.Command):
         self.example = example
         del self.params, self.help  # __getattr__ makes them at their first use
         self.place, self.fixed, self.options = place or name.replace("-", "_"), fixed, options
-        self.variants, self.flags, self.saving, self.output = variants, flags, saving, output
+        self.variants, self.saving, self.output = variants, saving, output
 
     def __getattr__(self, name: str) -> Any:
         """Make options or help at their first use, because most runs use only one command."""
@@ -146,7 +143,6 @@ class FunctionCommand(click.Command):
         elif name == "params":
             self.params = [
                 *(_parameter(each, self.options) for each in self.parameters.values()),
-                *(_flag(self.flags, value) for value in self._flags.values()),
                 *self.output.options(self.parameters),
                 self._config(),
             ]
@@ -197,13 +193,6 @@ class FunctionCommand(click.Command):
         every = describe(module, self.saving).parameters
         return {key: each for key, each in every.items() if key not in UNSAVED}
 
-    @cached_property
-    def _flags(self) -> dict[str, str]:
-        """The option values that are also flags, keyed by the flag's name."""
-        each = self.parameters.get(self.flags)
-        values = each.rule.complete() if each else ()
-        return {v.replace("-", "_"): v for v in values if each and v != each.default}
-
     def _run(self, **values: Any) -> int:
         """Call the function with the user's arguments, and write its result."""
         context = click.get_current_context()
@@ -212,11 +201,6 @@ class FunctionCommand(click.Command):
             for key, value in values.items()
             if key in self.parameters and context.get_parameter_source(key) in GIVEN
         }
-        flags = [value for key, value in self._flags.items() if values[key]]
-        if len(flags) > 1:
-            usage(f"{' and '.join(f'--{each}' for each in flags)} exclude each other")
-        if flags:
-            request[self.flags] = flags[0]
         place = self.place
         for variant in [key for key in self.variants if request.get(key)][-1:]:
             place = self.variants[variant]
@@ -324,12 +308,6 @@ def _for_variant(
         forms = ", ".join(f"--{key.replace('_', '-')}" for key in foreign)
         usage(f"--{variant.replace('_', '-')} cannot be used with any of {forms}")
     return {key: value for key, value in request.items() if key in takes}
-
-
-def _flag(name: str, value: str) -> click.Option:
-    """Return the flag that sets an option to one of its values."""
-    words = f"Short for --{name.replace('_', '-')} {value}."
-    return click.Option([f"--{value}", value.replace("-", "_")], is_flag=True, help=words)
 
 
 def _check_saving(how: Mapping[str, Any]) -> None:

@@ -26,7 +26,6 @@ from virtual_lab.uncertainty.estimate import Estimates
 
 NO_FAULTS = FaultSet()
 LOT = 2_000_000  # branch of the lots' random numbers, above those of tests and control tests
-METHODS = ("ratio", "trampoline")  # methods that convert a result to a standard ball
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,23 +85,23 @@ class TestSetup:
         collision_model: str | None = None,
         faults: Sequence[str] = (),
         control_bat: str | Entry[BatSpec] | None = None,
-        correction: str | None = None,
         detail: RecordDetail = RecordDetail.FULL,
         particulars: Particulars = NOTHING_STATED,
     ) -> Self:
         """Return the setup of a bat's test by a procedure.
 
-        The parameters are the same as for `virtual_lab.certify`, except that `collision` is called
-        `collision_model` here. Bat or procedure may also be an entry that was already read.
-        `detail` states whether instruments record every reading or only summary values. Instruments
-        of the `particulars` are added to those of the rigs' data sheets, and replace instruments
-        with the same name. Other fields of the setup are set by `dataclasses.replace`.
+        The parameters are those of `virtual_lab.certify`. Bat or procedure may also be an entry
+        that was already read. `collision_model` names the model of the collision; by default it is
+        the fastest one that is accurate enough. `detail` states whether instruments record every
+        reading or only summary values. Instruments of the `particulars` are added to those of the
+        rigs' data sheets, and replace instruments with the same name. Other fields of the setup are
+        set by `dataclasses.replace`.
 
         Raises
         ------
         InputError
-            A name is unknown, a file cannot be used, the seed is not allowed, a fault cannot occur
-            at the rig, or the correction has another form.
+            A name is unknown, a file cannot be used, the seed is not allowed, or a fault cannot
+            occur at the rig.
         """
         if seed is not None:
             require_seed(seed)
@@ -116,8 +115,6 @@ class TestSetup:
             if isinstance(procedure, str)
             else procedure
         )
-        if correction is not None:
-            rules = _with_correction(rules, correction)
         bats = [
             catalog.load_bat(each) if isinstance(each, str) else each for each in (bat, control_bat)
         ]
@@ -191,25 +188,3 @@ class TestSetup:
 def rigs_of(impact: str) -> dict[Stage, str]:
     """Return the name of the rig at each stage of a test whose bat is struck at `impact`."""
     return {Stage.BENCH: "bench", Stage.BALLS: "ball-wall", Stage.IMPACT: impact}
-
-
-def _with_correction(rules: Entry[Procedure], text: str) -> Entry[Procedure]:
-    """Return the rules with the conversion to a standard ball that a string ``METHOD:E0`` states.
-
-    Raises `InputError` for rules that already have a correction, and for another form of the text.
-    """
-    if rules.spec.correction is not None:
-        stated = f"{rules.spec.name} has a [correction]: {rules.spec.correction.method}"
-        raise InputError("", "correction", text, f"{stated}; leave it out")
-    method, _, standard = text.partition(":")
-    try:
-        value = float(standard)
-    except ValueError:
-        value = 0.0
-    if method not in METHODS or not 0 < value < 1:
-        form = "a colon and an e0 below 1, for example trampoline:0.5"
-        allowed = f"allowed: {' or '.join(METHODS)}, {form}"
-        raise InputError("", "correction", text, allowed)
-    number = f'{{ value = {value!r}, unit = "1", source = "assumed", verified = false }}'
-    table = f'[correction]  # asked for by the operator\nmethod = "{method}"\nstandard = {number}\n'
-    return catalog.read(f"{rules.text}\n{table}", f"procedures/{rules.spec.name}", Procedure)

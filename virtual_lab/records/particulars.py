@@ -250,16 +250,13 @@ PRINTED = (
 IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in the order of time
 
 
-def read_particulars(
-    file: Path | Mapping[str, Any] | None, changes: Mapping[str, str]
-) -> Particulars:
-    """Return the particulars of a test from a file, with some values of the file replaced.
+def read_particulars(file: Path | Mapping[str, Any] | None) -> Particulars:
+    """Return the particulars of a test from a file.
 
     Particulars are what a certificate states about the laboratory, the customer, the bat and the
-    instruments. `file` is the path of the file, or its keys and values. If it is None, only the
-    values in `changes` are stated. The values in `changes` replace the values in the file. Keys
-    have the form ``laboratory.name``. Empty values are ignored. The logo is the name of a file in
-    the folder of `file`. If `file` is not a path, the logo is in the current folder.
+    instruments. `file` is the path of the file, or its keys and values. If it is None, nothing is
+    stated. The logo is the name of a file in the folder of `file`. If `file` is not a path, the
+    logo is in the current folder.
 
     Raises
     ------
@@ -268,15 +265,8 @@ def read_particulars(
         or days are in the wrong order. The message names file, key, value and what is allowed.
     """
     if isinstance(file, Path):
-        document, where, folder = read_toml(file), str(file), file.parent
-    else:
-        document, where, folder = dict(file or {}), "laboratory" if file else "", Path()
-    for key, value in changes.items():
-        table, name = key.split(".")
-        stated = document.get(table, {})
-        if value and isinstance(stated, Mapping):  # anything else is rejected below
-            document = {**document, table: {**stated, name: value}}
-    return particulars_of(document, where, folder=folder)
+        return particulars_of(read_toml(file), str(file), folder=file.parent)
+    return particulars_of(dict(file or {}), "laboratory", folder=Path())
 
 
 def particulars_of(
