@@ -317,6 +317,28 @@ def test_every_data_file_is_shipped() -> None:
     assert every - covered == set()
 
 
+def parameters(node: ast.AST) -> list[str]:
+    """Return the names of a function's parameters; none for another node, and without self."""
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return []
+    arguments = node.args
+    every = (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+    return [each.arg for each in every if each.arg not in ("self", "cls")]
+
+
+def test_only_a_users_functions_have_many_parameters() -> None:
+    """Outside the user interfaces, no function has more than twelve."""
+    rooms = [ROOT / "virtual_lab" / name for name in ("api", "cli")]
+    long = [
+        f"{path.relative_to(ROOT)}: {node.name}"
+        for path in MODULES
+        if path.parent not in rooms
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if len(parameters(node)) > 12
+    ]
+    assert long == []
+
+
 def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
     """Yield the statements of a body and the statements nested in them."""
     for each in body:
