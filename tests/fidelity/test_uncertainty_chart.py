@@ -40,5 +40,5 @@ def test_the_table_has_the_errors_of_the_methods() -> None:
 
 
 def test_uncertainty_has_no_map() -> None:
-    with pytest.raises(InputError, match=r"allowed: collision, motion or camera$"):
+    with pytest.raises(InputError, match=r"allowed: collision or camera$"):
         api.stability("uncertainty")

@@ -45,13 +45,13 @@ def stability(
 ) -> StabilityMap:
     """Return maps of the conditions under which the numerical methods of a part are valid.
 
-    Each cell of a map has a state, such as good, inaccurate or unstable. In the maps of collision
-    and motion, a cell is marked as refused if the program rejects its settings.
+    Each cell of a map has a state, such as good, inaccurate or unstable. In the maps of the
+    collision, a cell is marked as refused if the program rejects its settings.
 
     Parameters
     ----------
     part
-        Part of the laboratory: ``collision``, ``motion`` or ``camera``.
+        Part of the laboratory: ``collision`` or ``camera``.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

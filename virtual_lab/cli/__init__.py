@@ -282,7 +282,7 @@ cli = Sections(
             FunctionCommand(
                 "stability",
                 output=Output(folder="stability-{part}", table=True, picture=True),
-                example="stability motion",
+                example="stability camera",
             ),
         ),
         "Shell": (completion,),

@@ -30,7 +30,6 @@ COLUMNS = {  # columns of all charts by key; any other column is titled by its k
     "e_A": Column("rms error of e_A", form=".1e"),
     "ball_m_s": Column("rms error of the ball's velocity", "m/s", ".1e"),
     "bat_rad_s": Column("rms error of the bat's rate", "rad/s", ".1e"),
-    "share": Column("share of missed shots or lost energy", form=".1%"),
     "rms_px": Column("rms error", "px", ".2g"),
     "limit_px": Column("smallest possible error", "px", ".2g"),
     "bias_over_limit": Column("largest bias / smallest possible error", form=".2g"),

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pymunk
 import pytest
 
 from tests.simulation.motion.scenes import BODY, RADIUS, Array, frame_at, play, scattered, scene
@@ -39,6 +40,38 @@ def test_unsafe_settings_are_refused(key: str, settings: dict[str, Any], allowed
         play_pymunk(scene(), PymunkSettings(**settings))
     assert refused.value.key == key
     assert allowed in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("speed", "step", "missed"), [(26.8, 1e-2, 0.74), (62.6, 2e-3, 0.45), (62.6, 1e-3, 0.0)]
+)
+def test_plain_pymunk_misses_the_stated_share(speed: float, step: float, missed: float) -> None:
+    """A bar and a ball with radii of 31.8 and 36.6 mm; 100 balls, spread evenly over a step."""
+    passed = 0
+    for shot in range(100):
+        space = pymunk.Space()
+        space.collision_slop = 1e-5
+        bar = pymunk.Segment(space.static_body, (0, -0.5), (0, 0.5), 0.0318)
+        ball = pymunk.Body(0.145, np.inf)
+        ball.position, ball.velocity = (-0.2 - speed * step * (shot + 0.5) / 100, 0.0), (speed, 0.0)
+        space.add(bar, ball, pymunk.Circle(ball, 0.0366))
+        while ball.velocity.x == speed and ball.position.x < 0.1:
+            space.step(step)
+        passed += ball.position.x >= 0.1
+    assert passed / 100 == pytest.approx(missed, abs=0.02)
+
+
+@pytest.mark.parametrize(("step", "lost"), [(1e-2, 0.41), (1e-3, 0.07), (1e-4, 0.0075)])
+def test_plain_pymunk_loses_the_stated_energy(step: float, lost: float) -> None:
+    """A bat of 0.885 kg turns freely about a joint, 0.44 m from its center, at 11.5 rad/s."""
+    space = pymunk.Space()
+    body = pymunk.Body(0.885, 0.05)
+    body.position, body.velocity, body.angular_velocity = (0.0, -0.44), (11.5 * 0.44, 0.0), 11.5
+    space.add(body, pymunk.PivotJoint(space.static_body, body, (0.0, 0.0)))
+    before = body.kinetic_energy
+    for _ in range(round(1 / step)):
+        space.step(step)
+    assert 1 - body.kinetic_energy / before == pytest.approx(lost, rel=0.1)
 
 
 def test_the_longest_step_agrees_with_a_hand_calculation() -> None:
