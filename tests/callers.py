@@ -43,8 +43,6 @@ def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]
     vl.profile(["r161", bat], swings=[0, 0.5], reference_inertia="17000 oz in^2", ball="game-2003")
     vl.critique(("r161", bat), procedures="bbcor", swing_law="energy")
     vl.coverage(bat, procedure=rules, summed=True, instruments=[gates]).plot("coverage.png")
-    vl.effects("r161", laboratories=200, instruments=[gates])
-    vl.clip_coverage(clips=3)
     vl.operating(bat, procedures=[rules])
     vl.interlab("interlab.toml", predict=True)
     vl.bias(rules).rows[0]["bat"]

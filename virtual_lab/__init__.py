@@ -38,8 +38,6 @@ Studies of laboratories and procedures
     sweep            test bats in many laboratories: a table, one row per test
     campaign         test bats in very many laboratories, into Parquet files
     coverage         share of 95 % intervals that contain the true value
-    effects          stated and real effect of each component of the budget
-    clip_coverage    coverage of the intervals of filmed shots
     operating        probability that a bat passes, by its true metric
     interlab         repeatability, reproducibility, and their causes
     bias             systematic error of the method, without randomness

@@ -95,9 +95,6 @@ def test_table_and_picture_go_to_the_named_files(run: Run, tmp_path: Path) -> No
         ("profile r161 --plot picture.bmp", ".png, .svg, .pdf"),
         (f"slope --csv {'x' * 300}.csv", "cannot be written"),
         ("slope --csv there.csv/table.csv", "cannot be written"),
-        ("coverage --clips 3 --effects", "cannot be used with any of"),
-        ("coverage --clips 3 --laboratories 9", "cannot be used with any of"),
-        ("coverage --clips 1", "clips"),
     ],
 )
 def test_files_that_cannot_be_written_are_named(
@@ -111,20 +108,6 @@ def test_files_that_cannot_be_written_are_named(
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert said in err
     assert [path.name for path in tmp_path.iterdir()] == ["there.csv"]
-
-
-def test_clips_are_a_part_of_coverage(run: Run, tmp_path: Path) -> None:  # noqa: F811
-    words = ("coverage", "--clips", "3", "--summed", "--seed", "500", "--json")
-    code, out, _ = run(*words, "--plot", "clips.png")
-    assert code == 0
-    assert (tmp_path / "clips.png").read_bytes().startswith(b"\x89PNG")
-    assert [row["quantity"] for row in json.loads(out)] == ["v_in", "v_out", "e_A"]
-    code, _, err = run("coverage", "--clips", "2", "--summed", "--seed", "500", "--json")
-    assert (code, err) == (
-        2,
-        "virtual-lab: clips = 2; only 1 of these gave a result; at least 2 are needed, "
-        "so film more\n",
-    )
 
 
 class Terminal(io.StringIO):

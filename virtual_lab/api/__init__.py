@@ -44,11 +44,9 @@ if TYPE_CHECKING:
     from virtual_lab.studies.bats.fit_bat import fit_bat as fit_bat
     from virtual_lab.studies.bats.profile import BatProfile as BatProfile
     from virtual_lab.studies.bias import bias as bias
-    from virtual_lab.studies.clips import clip_coverage as clip_coverage
     from virtual_lab.studies.coverage import coverage as coverage
     from virtual_lab.studies.critique import critique as critique
     from virtual_lab.studies.daily import daily as daily
-    from virtual_lab.studies.effects import effects as effects
     from virtual_lab.studies.faults import faults as faults
     from virtual_lab.studies.interlab.findings import interlab as interlab
     from virtual_lab.studies.inventory import shelf as shelf

@@ -204,7 +204,6 @@ cli = Sections(
             ),
             FunctionCommand(
                 "coverage",
-                variants={"effects": "effects", "clips": "clip_coverage"},
                 output=DRAWN,
                 example="coverage r161 --summed --laboratories 20",
             ),

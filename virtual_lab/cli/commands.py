@@ -28,10 +28,10 @@ from virtual_lab.api.describing import (
     first_line,
 )
 from virtual_lab.api.door import LABORATORY, SEALED, public, with_settings
-from virtual_lab.cli.plumbing import Output, usage
+from virtual_lab.cli.plumbing import Output
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.progress import Progress
-from virtual_lab.parameters import ANYTHING, FLAG, SETTINGS, ParameterRule
+from virtual_lab.parameters import ANYTHING, SETTINGS, ParameterRule
 
 GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
 OUTPUT = ("as_json", "out", "csv", "plot")
@@ -108,9 +108,6 @@ class FunctionCommand(click.Command):
         Arguments that the command sets itself.
     options
         Positional parameters that are options of the command.
-    variants
-        Options that call another public function instead, with the name of this function. The
-        option is a flag, or it takes the value of the parameter of the same name.
     saving
         Method that saves the result, as ``Class.method``. Its parameters are options too.
     output
@@ -125,7 +122,6 @@ class FunctionCommand(click.Command):
         example: str = "",
         fixed: Mapping[str, Any] = NOTHING,
         options: Sequence[str] = (),
-        variants: Mapping[str, str] = NOTHING,
         saving: str = "",
         output: Output = PRINTED,
     ) -> None:
@@ -134,7 +130,7 @@ class FunctionCommand(click.Command):
         self.example = example
         del self.params, self.help  # __getattr__ makes them at their first use
         self.place, self.fixed, self.options = place or name.replace("-", "_"), fixed, options
-        self.variants, self.saving, self.output = variants, saving, output
+        self.saving, self.output = saving, output
 
     def __getattr__(self, name: str) -> Any:
         """Make options or help at their first use, because most runs use only one command."""
@@ -171,8 +167,6 @@ class FunctionCommand(click.Command):
         """The parameters that are arguments or options, by their names in Python."""
         left_out = (*HIDDEN, self.output.into, *self.fixed)
         every = dict(_description(self.place).parameters)
-        for variant, function in self.variants.items():
-            every[variant] = _of_variant(variant, _description(function))
         every |= self._saving
         return {key: each for key, each in every.items() if key not in left_out}
 
@@ -202,9 +196,6 @@ class FunctionCommand(click.Command):
             if key in self.parameters and context.get_parameter_source(key) in GIVEN
         }
         place = self.place
-        for variant in [key for key in self.variants if request.get(key)][-1:]:
-            place = self.variants[variant]
-            request = _for_variant(variant, place, request, self.parameters)
         how = {key: request.pop(key) for key in self._saving if key in request}
         _check_saving(how)
 
@@ -274,40 +265,6 @@ def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Para
         required=required,
         help=words,
     )
-
-
-def _of_variant(name: str, description: Description) -> ParameterDescription:
-    """Return the option of a variant, which calls another function."""
-    parameter = description.parameters.get(name)
-    if parameter is not None:
-        return replace(
-            parameter, default=None, words=f"{description.words.splitlines()[0]} {parameter.words}"
-        )
-    words = description.words.splitlines()[0]
-    return ParameterDescription(
-        name=name,
-        annotation="bool",
-        rule=FLAG,
-        optional=False,
-        default=False,
-        keyword=True,
-        words=words,
-    )
-
-
-def _for_variant(
-    variant: str,
-    called: str,
-    request: Mapping[str, Any],
-    parameters: Mapping[str, ParameterDescription],
-) -> dict[str, Any]:
-    """Return the arguments for the function of a variant. Refuse those that it does not have."""
-    takes = _description(called).parameters
-    foreign = [key for key in parameters if key not in takes and key != variant]
-    if any(key in request for key in foreign):
-        forms = ", ".join(f"--{key.replace('_', '-')}" for key in foreign)
-        usage(f"--{variant.replace('_', '-')} cannot be used with any of {forms}")
-    return {key: value for key, value in request.items() if key in takes}
 
 
 def _check_saving(how: Mapping[str, Any]) -> None:

@@ -106,10 +106,6 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "output": _M("name of the output", WORDS),
     "input": _M("name of the input", WORDS),
     "method": _M("method that propagates the uncertainty", WORDS),
-    # effects of the components
-    "stated_effect": _M("effect of one u of the component on the metric by the budget", PER_ROW),
-    "real_effect": _M("effect of one u of the component on the metric by simulation", PER_ROW),
-    "difference_in_se": _M("real minus stated effect, in standard errors"),
     # faults
     "fault": _M("name of the fault; none: a day without one", WORDS),
     "prediction": _M("predicted sign of the fault", WORDS),

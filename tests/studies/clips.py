@@ -1,5 +1,7 @@
 """One filmed shot in each of many laboratories: coverage of the camera's intervals.
 
+    python -m tests.studies.clips CLIPS CLIPS.CSV
+
 Each laboratory has a random bat, random balls, calibration errors, spin and seams. Its camera
 writes image windows, the tracker locates the ball in them, and v_in, v_out and e_A of the shot are
 compared with their true values.
@@ -7,31 +9,25 @@ compared with their true values.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
-from virtual_lab.errors import InputError
+from virtual_lab.files.tables import write_csv
 from virtual_lab.lab import Laboratory, TestSetup, prepare_day
 from virtual_lab.lab.plans import with_records
 from virtual_lab.measurement.camera.comparison import compare_camera
 from virtual_lab.measurement.session_reduction import reduce_block
-from virtual_lab.output.intervals import Interval, draw_intervals
-from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import column
-from virtual_lab.parameters import Seed
+from virtual_lab.output.result import frame
+from virtual_lab.output.tables import column, table_text
 from virtual_lab.records.block import SessionBlock
-from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import ShotPlan, Stage
 from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import INCH, Array
-
-if TYPE_CHECKING:
-    from virtual_lab.output.page_figure import PageFigure
 
 QUANTITIES = {  # names in the camera's u and in the truth
     "v_in": ("speed_in", "speed"),
@@ -60,91 +56,25 @@ class ClipCoverage:
     bias_se_percent: float = column("  its standard error", "%", ".4f")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class ClipTable(Rows[ClipCoverage]):
-    """Coverage of the intervals of each quantity."""
+def clip_coverage(clips: int, seed: int = 1, *, summed: bool = False) -> list[ClipCoverage]:
+    """Return the coverage of the ball speeds v_in and v_out and of the collision efficiency e_A.
 
-    def draw(self) -> PageFigure:
-        """Draw the coverage of each quantity with its limits, beside 95 %."""
-        return draw_intervals(
-            [
-                Interval(row.quantity, row.coverage, row.coverage_low, row.coverage_high)
-                for row in self.rows
-            ],
-            self.title,
-            "share of intervals that contain the true value (bars: 95 % limits)",
-            references=(0.95,),
-            words="nominal coverage",
-        )
-
-
-def clip_coverage(
-    bat: AnyBat = "r161",
-    *,
-    procedure: AnyProcedure = "bbcor",
-    clips: int = 2000,
-    seed: Seed = 1,
-    summed: bool = False,
-    instruments: Instruments = (),
-    progress: Progress = quiet,
-) -> ClipTable:
-    """Film one shot in each of many laboratories, and show the coverage of the 95 % intervals.
-
-    The table has one row per quantity: the ball speeds v_in before and v_out after the hit, and the
-    collision efficiency e_A.
-
-    Parameters
-    ----------
-    bat
-        The bat: a name in the catalog or a .toml file.
-
-        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
-    procedure
-        The test procedure: a name in the catalog or a .toml file. It must allow a ball cannon.
-
-        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
-    clips
-        Number of laboratories, each with one shot.
-    seed
-        Seed of the first laboratory; the others follow.
-    summed
-        Whether the camera writes summary values instead of pictures. These are positions of the
-        ball with the least possible scatter.
-    instruments
-        Instruments and rigs with changed values, used instead of the catalog entries.
-
-        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
-    progress
-        Function that is called with a message, the number of clips done, and the total. If it is
-        not given, the functions of `virtual_lab` and the commands show the progress on stderr.
-
-    Raises
-    ------
-    InputError
-        A name is unknown, `clips` is below 2, or fewer than 2 clips have a result.
+    R161 is tested by `bbcor`. The laboratories have the seeds from `seed` on. With `summed`, the
+    camera writes positions of the ball with the least possible scatter instead of pictures.
     """
-    bat, procedure = entry_name(bat), entry_name(procedure)
-    if clips < 2:
-        raise InputError("", "clips", clips, "allowed: at least 2")
     clips_of_laboratories: list[Array] = []
     detail = RecordDetail.SUMMED if summed else RecordDetail.FULL
     for number in range(clips):
         setup = TestSetup.of(
-            bat,
-            procedure=procedure,
+            "r161",
+            procedure="bbcor",
             rig="filmed-cannon",
             seed=seed + number,
             detail=RecordDetail.SUMMED,
         )
         clips_of_laboratories.append(_clip(Laboratory.open(setup), detail))
-        progress("clips", number + 1, clips)
     values = np.array(clips_of_laboratories)
-    return ClipTable(
-        name="clips",
-        title=f"one shot at {bat} on film in each of {clips} laboratories, by {procedure}",
-        across="quantity",
-        rows=[_row(name, *values[:, place].T) for place, name in enumerate(QUANTITIES)],
-    )
+    return [_row(name, *values[:, place].T) for place, name in enumerate(QUANTITIES)]
 
 
 def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
@@ -182,9 +112,6 @@ def _clip(laboratory: Laboratory, detail: RecordDetail) -> Array:
 def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
     has_result = np.isfinite(value)
     error, u = (value - true)[has_result], u[has_result]
-    if error.size < 2:
-        allowed = f"only {error.size} of these gave a result; at least 2 are needed, so film more"
-        raise InputError("", "clips", has_result.size, allowed)
     covered = int((np.abs(error) <= 1.959964 * u).sum())
     low, high = share_interval(covered, error.size)
     relative = error / true[has_result]
@@ -200,3 +127,9 @@ def _row(quantity: str, value: Array, u: Array, true: Array) -> ClipCoverage:
         bias_percent=100 * float(relative.mean()),
         bias_se_percent=100 * float(relative.std(ddof=1)) / sqrt(error.size),
     )
+
+
+if __name__ == "__main__":
+    rows = clip_coverage(int(sys.argv[1]))
+    print(table_text(rows))
+    write_csv(frame(rows), Path(sys.argv[2]))

@@ -1,5 +1,7 @@
 """Comparison of the stated and the real effect of each component of the uncertainty budget.
 
+    python -m tests.studies.effects BAT PROCEDURE LABORATORIES
+
 The error of a constant is its certified minus its true value. Over many laboratories, the errors of
 the metric are regressed on the errors of all constants, in units of u. A coefficient of this
 regression is the real effect of one standard uncertainty; the stated effect is sensitivity times u
@@ -8,14 +10,13 @@ in the budget. The residual of the regression is the effect of the hits.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from virtual_lab.errors import InputError
 from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.procedure import CHOICE
 from virtual_lab.measurement.reduction.observations import (
@@ -27,21 +28,14 @@ from virtual_lab.measurement.reduction.observations import (
 )
 from virtual_lab.measurement.reduction.shot_algebra import SLOPE_ERROR, measured_balls
 from virtual_lab.measurement.session_reduction import AIM_ALONG
-from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
-from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.output.result import Rows
-from virtual_lab.output.tables import column
-from virtual_lab.parameters import Positive, Seed
+from virtual_lab.output.progress import quiet
+from virtual_lab.output.tables import column, table_text
 from virtual_lab.relations.pendulum import mean_amplitude_factor
-from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.physics.beam import barrel_radius
 from virtual_lab.studies.coverage import each_laboratory
 from virtual_lab.uncertainty.budget import HITS, Component
 from virtual_lab.units import Array
-
-if TYPE_CHECKING:
-    from virtual_lab.output.page_figure import PageFigure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,27 +59,6 @@ class Effect:
     laboratories: int = column("laboratories")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class EffectTable(Rows[Effect]):
-    """Effects of all components, largest first."""
-
-    def draw(self) -> PageFigure:
-        """Draw the real effects ± 2 standard errors beside the stated ones."""
-        effects = [(row.component, row.stated_effect) for row in self.rows]
-        stated = [Interval(name, each, each, each, hollow=True) for name, each in effects]
-        figure = draw_intervals(
-            stated,
-            self.title,
-            "effect on the metric, SI (dots: real effect ± 2 standard errors)",
-            hollow="stated effect",
-        )
-        for place, row in enumerate(self.rows):
-            if row.real_effect is not None:
-                bar = 2 * (row.real_effect_se or 0.0)
-                figure.axes[0].errorbar(row.real_effect, place, xerr=bar, fmt=".", color="black")
-        return figure
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Case:
     """Error, budget and errors of the inputs of one laboratory."""
@@ -97,68 +70,20 @@ class _Case:
     across: Array  # impact positions across the bat minus the mean aim [m]
 
 
-def effects(
-    bat: AnyBat = "r161",
-    *,
-    procedure: AnyProcedure = "astm-f1881",
-    laboratories: int = 1000,
-    seed: Seed = 1,
-    summed: bool = False,
-    workers: Positive = 1,
-    instruments: Instruments = (),
-    progress: Progress = quiet,
-) -> EffectTable:
-    """Compare the stated and the real effect of each component of the budget of the metric.
+def effects(bat: str, procedure: str, laboratories: int, seed: int = 1) -> list[Effect]:
+    """Return stated and real effect of each component of the budget, largest stated effect first.
 
-    The table has one row per component, sorted by the size of the stated effect. The columns
-    `stated_effect` and `real_effect` hold the stated and the real change of the metric, in its
-    unit. The change is caused by one standard uncertainty u of the component. `difference_in_se` is
-    the real effect minus the stated effect, in standard errors.
+    The effect is the change of the metric by one standard uncertainty u of the component. The
+    instruments record summary values, and every laboratory tests the nominal bat. Raises
+    `ValueError` if fewer than four laboratories per component have a result.
 
-    For two components, the real effect can differ from the stated effect for a known reason, see
-    Notes.
+    For two components, the real effect can differ from the stated effect for a known reason.
 
-    Parameters
-    ----------
-    bat
-        The bat: a name in the catalog or a .toml file.
-
-        Or a sheet, ``vl.bat("r161")``, whose values may be changed.
-    procedure
-        The test procedure: a name in the catalog or a .toml file.
-
-        Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
-    laboratories
-        Number of laboratories, at least four per component.
-    seed
-        Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
-        laboratory.
-    summed
-        Let the instruments record summary values instead of every gate edge and encoder count, and
-        let every laboratory test the nominal bat. This is much faster.
-    workers
-        Number of processes, each with one thread, that share the laboratories.
-    instruments
-        Instruments and rigs with changed values, used instead of the catalog entries.
-
-        Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
-    progress
-        Function that is called with a message, the number of laboratories done, and the total. If
-        it is not given, the functions of `virtual_lab` and the commands show the progress on
-        stderr.
-
-    Raises
-    ------
-    InputError
-        A name is unknown, or there are too few laboratories for the number of components.
-
-    Notes
-    -----
-    The first of the two components is the slope of the collision efficiency along the barrel. Its
-    stated uncertainty is the spread of the slope over many bats, but the study tests one bat. For
-    the slope, `real_effect` is the effect of the slope error of this one bat. It cannot be compared
-    with the stated effect, and `difference_in_se` is None. The slope error also changes the real
-    effect of the aim.
+    The first is the slope of the collision efficiency along the barrel. Its stated uncertainty is
+    the spread of the slope over many bats, but the study tests one bat. For the slope,
+    `real_effect` is the effect of the slope error of this one bat. It cannot be compared with the
+    stated effect, and `difference_in_se` is None. The slope error also changes the real effect of
+    the aim.
 
     The second is `hits`. Its stated effect is too large if the results differ between balls. This
     is the case if the bat-ball restitution is not proportional to the ball-wall restitution, as for
@@ -167,14 +92,12 @@ def effects(
     increase the scatter of the hits, but they partly cancel in the mean. With the procedure
     ``asa``, which uses six of twelve balls for its six hits, the stated effect is 6 % too large.
     """
-    bat, procedure = entry_name(bat), entry_name(procedure)
-    round_robin = RoundRobin.of(bat, procedure, summed=summed)
-    blocks = each_laboratory(round_robin, _cases, laboratories, seed, workers, progress)
+    round_robin = RoundRobin.of(bat, procedure, summed=True)
+    blocks = each_laboratory(round_robin, _cases, laboratories, seed, 1, quiet)
     cases = [case for block in blocks for case in block]
     names = list(dict.fromkeys(name for case in cases for name in case.components))
     if len(cases) < 4 * len(names) or not cases:
-        least = f"at least {4 * len(names)} with a result, 4 for each of {len(names)} terms"
-        raise InputError("", "laboratories", len(cases), f"allowed: {least}")
+        raise ValueError(f"{len(cases)} with a result, {4 * len(names)} are needed")
     regressors = {name: _errors_of(name, cases) for name in names}
     regressors_known = {name: errors for name, errors in regressors.items() if errors is not None}
     coefficients, coefficients_se, residual = _regress(
@@ -207,12 +130,7 @@ def effects(
                 laboratories=len(cases),
             )
         )
-    return EffectTable(
-        name="effects",
-        title=f"{bat} by {procedure}: effect of each term of the budget on the metric",
-        words="Effect: change of the metric by one u of the term. SI: unit of the metric.",
-        rows=sorted(rows, key=lambda row: -abs(row.stated_effect)),
-    )
+    return sorted(rows, key=lambda row: -abs(row.stated_effect))
 
 
 def _cases(tested: BlockTest) -> list[_Case]:
@@ -360,3 +278,7 @@ def _spread(values: Array) -> tuple[float | None, float | None]:
     square = values**2
     root = sqrt(float(square.mean()))
     return root, float(square.std(ddof=1)) / sqrt(values.size) / (2 * root) if root else None
+
+
+if __name__ == "__main__":
+    print(table_text(effects(*sys.argv[1:3], int(sys.argv[3]))))
