@@ -244,7 +244,6 @@ MotionName = Literal["closed-form", "pymunk"]
 StablePart = Literal["collision", "camera"]
 ChartedPart = Literal["collision", "motion", "camera", "uncertainty", "laboratory"]
 OperatorName = Literal["expert", "careful", "book", "careless", "cheating"]
-SwingLawName = Literal["power", "energy"]
 DrawsRule = Literal["stein", "7.9"]
 Propagation = Literal["first-order", "second-order", "monte-carlo"]
 AnyModel = Annotated[

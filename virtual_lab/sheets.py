@@ -391,10 +391,6 @@ AnyProcedure = Annotated[AnyEntry, PROCEDURE]
 AnyProcedures = Annotated[AnyEntries, PROCEDURES]
 AnyCamera = Annotated[AnyEntry, entry_rule("instruments")]
 AnyRig = Annotated[AnyEntry, replace(entry_rule("rigs"), complete=_rigs_at_bats)]
-AnyInertia = Annotated[
-    AnyEntry,
-    replace(entry_rule("bats", ", or a string: '17000 oz in^2'"), metavar="BAT|'NUMBER UNIT'"),
-]
 Faults = Annotated[
     str | Sequence[str],
     several(

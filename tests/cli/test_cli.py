@@ -245,10 +245,10 @@ def test_profile_has_the_promised_keys(run: Run) -> None:
     assert len(lengths) == 1
 
 
-def test_profile_names_its_ball_and_takes_the_other_swing_law(run: Run) -> None:
-    code, out, _ = run("profile", "r161", "--swing-law", "energy", "--ball", "baseball-2003")
+def test_profile_names_its_ball_and_its_swing(run: Run) -> None:
+    code, out, _ = run("profile", "r161", "--swing", "0.3", "--ball", "baseball-2003")
     assert code == 0
-    assert "struck by baseball-2003, swing: constant energy" in out
+    assert "struck by baseball-2003, swing: n = 0.3" in out
 
 
 def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> None:
@@ -258,8 +258,7 @@ def test_profile_and_compare_write_their_folders(run: Run, tmp_path: Path) -> No
         "profile.png",
         "settings.toml",
     ]
-    law = ("--swing-law", "energy", "--out", "three")
-    code, out, _ = run("profile", "r161", "softball-34", *law)
+    code, out, _ = run("profile", "r161", "softball-34", "--swing", "0.3", "--out", "three")
     assert code == 0
     assert "r161 struck by game-2003; softball-34 struck by softball-slowpitch" in out
     assert (tmp_path / "three" / "compare.png").is_file()
@@ -431,15 +430,11 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["score", "nowhere"], "nowhere/certificate.json"),
         (["show", "r162"], "did you mean r161?"),
         (["profile", "r161", "--swing", "3"], "0 to 0.5"),
-        (["profile", "r161", "--reference-inertia", "17000"], "with its unit"),
-        (["profile", "r161", "--swing-law", "energy", "--swing", "0.3"], "no exponent"),
-        (["profile", "r161", "ea70", "--swing-law", "energy", "--swing", "0"], "no exponent"),
         (["profile", "r161", "--ball", "bat"], "allowed: baseball-2003"),
         (["profile", "r161", "--swing", "0", "--swing", "0.5"], "one exponent"),
         (["profile", "r161", "ea7"], "did you mean ea70?"),
         (["profile", "r161", "r161"], "different names"),
         (["profile", "r161", "ea70", "--swing", "nan"], "0 to 0.5"),
-        (["profile", "r161", "ea70", "--reference-inertia", "1 kg"], "kg m^2"),
         (["sensitivity", "r116"], "did you mean r161?"),
         (["fit-bat", "nowhere.toml", "--out", "mine.toml"], "no such file"),
         (["fit-bat", "nowhere.toml", "--out", "mine"], "ends in .toml"),

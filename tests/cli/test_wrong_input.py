@@ -231,17 +231,6 @@ CASES: dict[str, Case] = {
     "an option mistyped": (nothing, "certify r161 --procedur x", ["'--procedure'"]),
     "a command mistyped": (nothing, "certfy r161", ["'certify'"]),
     "a seed with a comma": (nothing, "certify r161 --seed 1,5", ["--seed", "'1,5'"]),
-    "an inertia beyond all": (
-        nothing,
-        "profile r161 --reference-inertia '1e308 oz in^2'",
-        ["0.01 to 10 kg m^2"],
-    ),
-    "an inertia in thousands": (
-        nothing,
-        "profile r161 --reference-inertia '17,000 oz in^2'",
-        ["17,000", "with its unit"],
-    ),
-    "an empty inertia": (nothing, "profile r161 --reference-inertia ''", ["bat = ''"]),
     "an empty ball": (nothing, "profile r161 --ball ''", ["ball = ''"]),
     "an exponent that is none": (nothing, "profile r161 --swing nan", ["0 to 0.5"]),
     "mornings without end": (nothing, "daily --days 1000000000", ["days", "6 to 10000"]),

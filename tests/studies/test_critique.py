@@ -102,19 +102,6 @@ def test_only_procedures_of_the_same_sport_are_compared() -> None:
     assert len(study._of_this_game({None})) == 6
 
 
-def test_bats_can_be_compared_at_constant_swing_energy(tmp_path: Path) -> None:
-    """The pivot test prefers the bat that loses in the field under this law too."""
-    found = critique(BATS[2:], procedures=("astm-f1881",), swing_law="energy", laboratories=2)
-    (pair,) = found.pairs
-    assert pair.batted_speed_difference_mph > 2
-    assert -0.015 < pair.error_free_difference < 0
-    said = found.text
-    assert "v_f, constant energy" in said
-    assert "field: struck by game-2003" in said
-    assert "batted_speed_energy_mph" in found.document["metrics"][0]
-    found.save(tmp_path / "out")
-
-
 def test_probability_is_the_normal_laws() -> None:
     """Differences 1, 2, 3 have mean 2 and s 1; the field ranks them below 0, so P = Φ(2)."""
     found = misranking(-4.0, np.array([1.0, 2.0, 3.0]))

@@ -73,7 +73,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "slope_per_in": _M("slope of e_A along the barrel", "1/in"),
     # curves of a bat
     "against": _M("bat that is subtracted", WORDS),
-    "swing_exponent": _M("exponent n of the swing law in the field; empty: constant energy"),
+    "swing_exponent": _M("exponent n of the swing law in the field"),
     "peak_restitution": _M("largest e on the barrel"),
     "peak_bat_performance_factor": _M("largest BPF on the barrel"),
     "peak_collision_efficiency": _M("largest e_A on the barrel"),

@@ -27,12 +27,11 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import inline, number, record, table_text
-from virtual_lab.parameters import Numbers, Seed, SwingLawName, values_of
+from virtual_lab.parameters import Numbers, Seed, values_of
 from virtual_lab.sheets import (
     AnyBall,
     AnyBat,
     AnyBats,
-    AnyInertia,
     AnyProcedures,
     Instruments,
     entry_name,
@@ -41,7 +40,6 @@ from virtual_lab.sheets import (
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.bats.compare import compare
-from virtual_lab.studies.bats.profile import swing_exponents
 from virtual_lab.studies.bats.text import balls_text, swing_text
 from virtual_lab.studies.critique_chart import draw_critique
 from virtual_lab.uncertainty.estimate import share_interval
@@ -69,7 +67,7 @@ class BatRank:
     laboratories: int  # number of laboratories with a result
     mean: float | None
     sd: float | None
-    # peak in the field by swing: ``batted_speed_n0.3_mph``, ``batted_speed_energy_mph``
+    # peak in the field by swing: ``batted_speed_n0.3_mph``
     batted_speeds: Mapping[str, float] = inline()
 
 
@@ -99,7 +97,7 @@ class Pair:
 
     bat: str
     against: str
-    swing_exponent: float | None  # n of the field; None: constant energy
+    swing_exponent: float  # n of the field
     batted_speed_difference_mph: float
     procedure: str
     procedure_swing_exponent: float | None  # None: the procedure has no swing law
@@ -127,7 +125,7 @@ class Critique(StudyResult):
     """Comparison of the rankings by procedures with the field."""
 
     bats: tuple[str, ...]
-    swings: tuple[float | None, ...]  # exponents n of the swing law; None: constant energy
+    swings: tuple[float, ...]  # exponents n of the swing law
     balls: Mapping[str, str]  # ball in the field, by bat
     field: Array  # largest v_f [mph], (swing, bat)
     ranked: tuple[ProcedureResults, ...]
@@ -147,7 +145,7 @@ class Critique(StudyResult):
                 mean=_or_none(_mean(each.measured[:, i])),
                 sd=_or_none(_sd(each.measured[:, i])),
                 batted_speeds={
-                    f"batted_speed_{_swing(n)}_mph": float(self.field[j, i])
+                    f"batted_speed_n{n:g}_mph": float(self.field[j, i])
                     for j, n in enumerate(self.swings)
                 },
             )
@@ -219,8 +217,6 @@ def critique(
     *more: AnyBat,
     procedures: AnyProcedures = (),
     swings: Numbers = (),
-    swing_law: SwingLawName = "power",
-    reference_inertia: AnyInertia | None = None,
     ball: AnyBall | None = None,
     laboratories: int = 500,
     seed: Seed = 1,
@@ -245,14 +241,8 @@ def critique(
 
         In Python, a sheet such as ``vl.procedure("bbcor")``, or a list, is also allowed.
     swings
-        Exponent n of the power law in the field, 0 to 0.5. By default 0, 0.3 and 0.5.
-    swing_law
-        Swing law. With ``power`` the bat speed is proportional to I^-n, where I is the moment of
-        inertia. With ``energy`` the total kinetic energy of bat and batter is the same for every
-        bat.
-    reference_inertia
-        Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit. By
-        default 17000 oz in^2, as in the paper.
+        Exponent n of the swing law in the field, 0 to 0.5. The bat speed is proportional to I^-n,
+        where I is the moment of inertia. By default 0, 0.3 and 0.5.
     ball
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
@@ -277,13 +267,11 @@ def critique(
         file cannot be used.
     """
     bats, procedures = entry_names(bats) + entry_names(more), entry_names(procedures)
-    swings = values_of(swings)
-    reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     if laboratories < 2:
         raise InputError("", "laboratories", laboratories, "allowed: at least 2")
-    exponents = swing_exponents(swing_law, swings, (0.0, 0.3, 0.5))
-    compared = compare(bats, swings=exponents, reference_inertia=reference_inertia, ball=ball)
+    exponents = tuple(dict.fromkeys(values_of(swings) or (0.0, 0.3, 0.5)))
+    compared = compare(bats, swings=exponents, ball=ball)
     top = [row.peaks["peak_batted_speed_mph"] for row in compared.peaks]  # (bat, n)
     procedures = procedures or _of_this_game(compared.sports)
     sheets = [catalog.load("procedures", each, Procedure).spec for each in procedures]
@@ -378,10 +366,6 @@ def _of_this_game(sports: Set[Sport | None]) -> list[str]:
     ]
 
 
-def _swing(exponent: float | None) -> str:
-    return "energy" if exponent is None else f"n{exponent:g}"
-
-
 def _own_exponent(rules: Procedure) -> float | None:
     by_inertia = rules.game is not None and rules.game.scales_with == "inertia"
     return rules.game.exponent if rules.game and by_inertia else None
@@ -422,9 +406,8 @@ def _text(metrics: Sequence[BatRank], pairs: Sequence[Pair], balls: Mapping[str,
         line = tables.setdefault(row.bat, {"bat": row.bat})
         for key, speed in row.batted_speeds.items():
             rank = 1 + sum(other > speed for other in {each.batted_speeds[key] for each in metrics})
-            law = key.split("_")[2]
-            swing = f"n = {law[1:]}" if law.startswith("n") else "constant energy"
-            line[f"v_f, {swing}"] = f"{speed:.1f} ({rank})"
+            swing = key.split("_")[2].removeprefix("n")
+            line[f"v_f, n = {swing}"] = f"{speed:.1f} ({rank})"
         rivals = [each.error_free for each in metrics if each.procedure == row.procedure]
         line[row.procedure] = _metric_with_rank(
             row, [value for value in rivals if value is not None]

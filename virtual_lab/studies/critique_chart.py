@@ -76,7 +76,6 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
     panels = PAGE.gap * (len(swings) - 1) + panel[0] * len(swings)
     width = max(left_of_all + PAGE.right + panels, PAGE.least_width)
     height = PAGE.above + bottom + panel[1]
-    swing = "constant energy of bat and batter" if swings[0] is None else "$I^{-n}$"
     sentences = (
         ("Does the test rank two bats in the same order as play on the field?", 0.2, 10),
         (
@@ -87,7 +86,7 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
         ),
         (
             "$\\Delta v_f$: difference of the largest batted-ball speeds in the field, first minus "
-            f"second bat; swing law: {swing}.",
+            "second bat; swing law: $I^{-n}$.",
             0.56,
             7.5,
         ),
@@ -99,7 +98,7 @@ def draw_critique(pairs: pd.DataFrame) -> PageFigure:
             axes = figure.add_axes(box)
             swing_rows = [row for row in rows if row.swing_exponent == n]
             _panel(axes, swing_rows, bats, procedures)
-            axes.set_title("constant energy" if n is None else f"$n={n:g}$", pad=12, loc="center")
+            axes.set_title(f"$n={n:g}$", pad=12, loc="center")
             if i == 0:
                 axes.set_yticks(range(len(bats)), [as_drawn(_pair_name(pair)) for pair in bats])
                 axes.tick_params(axis="y", pad=30)

@@ -10,13 +10,11 @@ import pytest
 from tests.simulation.collision.scenes import usual
 from virtual_lab import catalog
 from virtual_lab.catalog import load_bat
-from virtual_lab.errors import InputError
 from virtual_lab.relations.peaks import peak
-from virtual_lab.relations.swing import KNOB_OFFSET
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.physics.beam import Free, beam_of
 from virtual_lab.studies.bats.compare import BatComparison, compare
-from virtual_lab.studies.bats.profile import GameConditions, profiles, read_inertia
+from virtual_lab.studies.bats.profile import GameConditions, profiles
 from virtual_lab.units import INCH, MPH, OZ_IN2
 
 
@@ -100,7 +98,7 @@ def test_differences_are_those_of_the_peaks(compared: BatComparison) -> None:
 
 def test_a_bat_of_the_reference_inertia_is_swung_alike_for_every_n() -> None:
     """The paper uses I0 in this way for its loaded bats."""
-    fast = compare(["barrel-loaded", "knob-loaded"], reference_inertia="barrel-loaded").peaks
+    fast = compare(["barrel-loaded", "knob-loaded"], reference_bat="barrel-loaded").peaks
     assert fast[0].peaks["peak_batted_speed_mph"] == pytest.approx(
         fast[1].peaks["peak_batted_speed_mph"], rel=1e-12
     )
@@ -110,8 +108,8 @@ def test_a_bat_of_the_reference_inertia_is_swung_alike_for_every_n() -> None:
 def test_bat_speed_follows_the_swing_law_by_hand() -> None:
     """The speed is 45 rad/s times (I0/I)^n times the distance (33 in - z) from the pivot."""
     inertia = beam_of(load_bat("r161").spec.body).inertia(33 * INCH)
-    swung = profiles("r161", swings=(0.5,), reference_inertia="18000 oz in^2")[0]
-    expected = 45 * np.sqrt(18000 * OZ_IN2 / inertia) * 27 * INCH / MPH
+    swung = profiles("r161", swings=(0.5,))[0]
+    expected = 45 * np.sqrt(17000 * OZ_IN2 / inertia) * 27 * INCH / MPH
     at = swung.table.set_index("impact_position_in")["bat_speed_mph"]
     assert at.iloc[np.abs(at.index - 6).argmin()] == pytest.approx(expected, rel=1e-12)
 
@@ -170,33 +168,6 @@ def test_the_ball_is_that_of_the_bats_sport_or_the_one_asked_for() -> None:
     fast = 90 + asked.table["bat_speed_mph"].to_numpy()
     e0 = (asked.table["restitution"] / asked.table["bat_performance_factor"]).to_numpy()
     assert e0 == pytest.approx(0.55 - 0.001 * (fast - 60))
-
-
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [("17000 oz in^2", 17000 * OZ_IN2), (" 0.31 kg m^2", 0.31), ("1.7e4 oz in^2", 1.7e4 * OZ_IN2)],
-)
-def test_an_inertia_is_read_with_its_unit(text: str, value: float) -> None:
-    assert read_inertia(text, -KNOB_OFFSET) == pytest.approx(value)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("17000", "with its unit"),
-        ("17000 oz", "oz in"),
-        ("-1 kg m^2", "0.01 to 10 kg m"),
-        ("inf kg m^2", "0.01 to 10 kg m"),
-        ("1e308 oz in^2", "0.01 to 10 kg m"),
-        ("17,000 oz in^2", "with its unit"),
-        ("17000oz in^2", "with its unit"),
-        ("r116", "did you mean r161"),
-        ("", "bat"),
-    ],
-)
-def test_an_unreadable_inertia_is_refused(text: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        read_inertia(text, -KNOB_OFFSET)
 
 
 def test_files_hold_what_was_compared(compared: BatComparison, tmp_path: Path) -> None:

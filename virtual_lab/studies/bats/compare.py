@@ -15,18 +15,17 @@ from virtual_lab.errors import InputError
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
-from virtual_lab.parameters import Numbers, SwingLawName, values_of
+from virtual_lab.parameters import Numbers, values_of
 from virtual_lab.sheets import (
     AnyBall,
     AnyBat,
     AnyBats,
-    AnyInertia,
     Instruments,
     entry_name,
     entry_names,
 )
 from virtual_lab.studies.bats.curves import draw_comparison
-from virtual_lab.studies.bats.profile import BatProfile, profiles, swing_exponents
+from virtual_lab.studies.bats.profile import BatProfile, profiles
 from virtual_lab.studies.bats.text import Difference, Peaks, comparison_text, peak_entries
 from virtual_lab.units import OZ_IN2
 
@@ -148,8 +147,6 @@ def profile(
     bats: AnyBats,
     *more: AnyBat,
     swings: Numbers = (),
-    swing_law: SwingLawName = "power",
-    reference_inertia: AnyInertia | None = None,
     ball: AnyBall | None = None,
     instruments: Instruments = (),
 ) -> BatProfile | BatComparison:
@@ -169,15 +166,9 @@ def profile(
     more
         Further bats, instead of a list.
     swings
-        Exponent n of the power law, 0 to 0.5. For one bat only one exponent is allowed, by default
-        0. For several bats the default is 0 and 0.5.
-    swing_law
-        Swing law. With ``power`` the bat speed is proportional to I^-n, where I is the moment of
-        inertia. With ``energy`` the total kinetic energy of bat and batter is the same for every
-        bat.
-    reference_inertia
-        Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit. By
-        default 17000 oz in^2, as in the paper.
+        Exponent n of the swing law, 0 to 0.5: the bat speed is proportional to I^-n, where I is the
+        moment of inertia, and is that of the game for 17000 oz in^2. For one bat only one exponent
+        is allowed, by default 0. For several bats the default is 0 and 0.5.
     ball
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
@@ -189,33 +180,26 @@ def profile(
     Raises
     ------
     InputError
-        Several exponents are stated for one bat, two bats have the same name, or a bat, a ball, an
-        exponent or the moment of inertia cannot be used.
+        Several exponents are stated for one bat, two bats have the same name, or a bat, a ball or
+        an exponent cannot be used.
     """
     several, exponents = entry_names(bats) + entry_names(more), values_of(swings)
-    reference_inertia = None if reference_inertia is None else entry_name(reference_inertia)
     ball = None if ball is None else entry_name(ball)
     alone = len(several) == 1
-    exponents_used = swing_exponents(
-        swing_law, exponents, PROFILE_SWINGS[:1] if alone else PROFILE_SWINGS
-    )
+    exponents = tuple(dict.fromkeys(exponents or PROFILE_SWINGS[: 1 if alone else None]))
     if not alone:
-        return compare(
-            several, swings=exponents_used, reference_inertia=reference_inertia, ball=ball
-        )
-    if len(exponents_used) > 1:
+        return compare(several, swings=exponents, ball=ball)
+    if len(exponents) > 1:
         allowed = "one bat is profiled with one exponent; name several bats to compare them"
-        raise InputError("", "swing", exponents_used[1], allowed)
-    return profiles(
-        several[0], swings=exponents_used, reference_inertia=reference_inertia, ball=ball
-    )[0]
+        raise InputError("", "swing", exponents[1], allowed)
+    return profiles(several[0], swings=exponents, ball=ball)[0]
 
 
 def compare(
     bats: Sequence[str],
     *,
     swings: Sequence[float | None] = PROFILE_SWINGS,
-    reference_inertia: str | None = None,
+    reference_bat: str | None = None,
     ball: str | None = None,
 ) -> BatComparison:
     """Return the comparison of several free bats under standard game conditions.
@@ -227,10 +211,9 @@ def compare(
     swings
         Exponents n of the swing law, Eq. (14) of Nathan (2003). None means the law of constant
         energy.
-    reference_inertia
-        Moment of inertia I0 in the law: the name of a bat, or a number with its unit. By default
-        the I0 of the game conditions, ``17000 oz in^2``. Nathan (2003) uses the moment of inertia
-        of the barrel-loaded bat instead for the two loaded bats.
+    reference_bat
+        Bat whose moment of inertia is I0 in the law. By default the I0 of the game conditions is
+        used, 17000 oz in². Nathan (2003) uses the barrel-loaded bat for the two loaded bats.
     ball
         Name in the catalog or path of a .toml file; by default the standard ball of each bat's
         sport.
@@ -239,7 +222,7 @@ def compare(
     ------
     InputError
         There are fewer than two bats, or two have the same name. No exponent is stated, or an
-        exponent is not between 0 and 0.5. A bat, a ball or the moment of inertia cannot be used.
+        exponent is not between 0 and 0.5. A bat or a ball cannot be used.
     """
     if len(bats) < 2:
         raise InputError("", "bats", ", ".join(bats) or "none", "allowed: at least two")
@@ -247,8 +230,7 @@ def compare(
         raise InputError("", "swing", "none", "allowed: at least one, each 0 to 0.5")
     exponents = tuple(dict.fromkeys(swings))
     groups = [
-        profiles(bat, swings=exponents, reference_inertia=reference_inertia, ball=ball)
-        for bat in bats
+        profiles(bat, swings=exponents, reference_bat=reference_bat, ball=ball) for bat in bats
     ]
     catalog.require_own_names("bats", [each[0].bat.name for each in groups])
     return BatComparison(profiles=tuple(bat_profile for each in groups for bat_profile in each))

@@ -5,7 +5,6 @@ All numbers are model results for the nominal bat, not measurements.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -39,7 +38,7 @@ from virtual_lab.simulation.physics.beam import Beam, Free, beam_of
 from virtual_lab.simulation.physics.modes import barrel_nodes
 from virtual_lab.studies.bats.curves import draw_profile
 from virtual_lab.studies.bats.text import PEAKS, profile_text
-from virtual_lab.units import DIMENSIONS, INCH, MPH, OUNCE, OZ_IN2, Array, to_si
+from virtual_lab.units import INCH, MPH, OUNCE, OZ_IN2, Array
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -166,7 +165,7 @@ def profiles(
     bat: str,
     *,
     swings: Sequence[float | None] = (0.0,),
-    reference_inertia: str | None = None,
+    reference_bat: str | None = None,
     ball: str | None = None,
 ) -> list[BatProfile]:
     """Return the profiles of a free bat under standard game conditions (the paper's Fig. 2).
@@ -179,9 +178,9 @@ def profiles(
         Exponents n of the swing law, Eq. (14) of Nathan (2003), from 0 (same speed of all bats) to
         0.5 (same kinetic energy of all bats). None means that the total kinetic energy of bat and
         batter is the same for all bats.
-    reference_inertia
-        Moment of inertia I0 in the swing law: the name of a bat, or a number with its unit such as
-        ``17000 oz in^2``. By default the I0 of the game conditions.
+    reference_bat
+        Bat whose moment of inertia is I0 in the swing law. By default the I0 of the game conditions
+        is used, 17000 oz in².
     ball
         Name in the catalog or path of a .toml file; by default the standard ball for the sport of
         the bat.
@@ -194,8 +193,7 @@ def profiles(
     Raises
     ------
     InputError
-        A bat or ball is unknown, a file cannot be used, an exponent is outside 0 to 0.5, or an
-        inertia cannot be read.
+        A bat or ball is unknown, a file cannot be used, or an exponent is outside 0 to 0.5.
     """
     import pandas as pd
 
@@ -212,8 +210,8 @@ def profiles(
     results = []
     for swing in swings:
         axis = game.swing(swing).axis_beyond_knob
-        inertia = None if reference_inertia is None else read_inertia(reference_inertia, axis)
-        law = game.swing(swing, inertia)
+        reference = reference_bat and beam_of(catalog.load_bat(reference_bat).spec.body)
+        law = game.swing(swing, _inertia(reference, axis) if reference else None)
         moving = np.asarray(bat_speed(law.angular_speed(_inertia(beam, axis)), beam.length, z))
         scenes = Scenes.with_ball(
             struck, impact_position=z, relative_speed=game.pitch_speed + moving
@@ -289,51 +287,6 @@ def peaks_of(curves: Mapping[str, Array]) -> dict[str, Peak]:
 def free_model(body: BatBody) -> ModalModel:
     """Return the modal model of a free bat. The last 16 models are cached."""
     return ModalModel.of(body, Free())
-
-
-def swing_exponents(
-    law: str, swings: Sequence[float], usual: Sequence[float]
-) -> tuple[float | None, ...]:
-    """Return the exponents n of a swing law: several numbers, or (None,) for the law ``energy``.
-
-    For the law ``power`` these are the `swings`, or `usual` if `swings` is empty. Repetitions are
-    removed; the values are not checked. Raises `InputError` for a law other than ``power`` and
-    ``energy``, and if `swings` is not empty for ``energy``.
-    """
-    if law == "power":
-        return tuple(dict.fromkeys(swings or usual))
-    if law != "energy":
-        raise InputError("", "swing law", law, "allowed: power, energy")
-    if swings:
-        raise InputError("", "swing", swings[0], "the energy law has no exponent; leave it out")
-    return (None,)
-
-
-def read_inertia(text: str, axis_beyond_knob: float) -> float:
-    """Return a moment of inertia [kg m^2], from the name of a bat or from a number with its unit.
-
-    For a bat, the axis is at the distance `axis_beyond_knob` [m] beyond the knob end; a negative
-    distance is on the bat. For a number, `axis_beyond_knob` is not used.
-
-    Raises
-    ------
-    InputError
-        The unit is missing or wrong, the number is outside 0.01 to 10 kg m^2, or the bat is
-        unknown.
-    """
-    if text.endswith(".toml") or not re.match(r"[\s.+-]*(\d|inf|nan)", text):
-        return _inertia(beam_of(catalog.load_bat(text).spec.body), axis_beyond_knob)
-    number, _, unit = text.strip().partition(" ")
-    units = DIMENSIONS["inertia"]
-    try:
-        inertia = to_si(float(number), unit.strip(), "inertia")
-    except (ValueError, KeyError) as fault:
-        allowed = f"allowed: a bat, or a number with its unit ({', '.join(units)})"
-        raise InputError("", "reference inertia", text, allowed) from fault
-    low, high = 0.01, 10.0  # limits for any axis of a swing [kg m^2]
-    if not low <= inertia <= high:
-        raise InputError("", "reference inertia", text, f"allowed: {low:g} to {high:g} kg m^2")
-    return inertia
 
 
 def _inertia(beam: Beam, axis_beyond_knob: float) -> float:

@@ -94,7 +94,7 @@ def profiles_by_swing(bat: str) -> dict[float | None, BatProfile]:
     the barrel-loaded bat, as in the paper. Raises `InputError` for an unknown bat.
     """
     reference = BARREL if bat in (BARREL, KNOB) else None
-    bat_profiles = profiles(bat, swings=SWINGS, reference_inertia=reference)
+    bat_profiles = profiles(bat, swings=SWINGS, reference_bat=reference)
     return dict(zip(SWINGS, bat_profiles, strict=True))
 
 
