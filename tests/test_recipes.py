@@ -454,6 +454,40 @@ assert abs(e[0] - e[1]) < 1e-4
 """
 
 
+def a_factor(copy: Copy) -> None:
+    """Add a factor of a lot that changes every result by a tenth of its number."""
+    name = "virtual_lab/studies/interlab/study.py"
+    copy.edit(
+        name,
+        r"^@dataclass.*\nclass Factors\(Spec\):$",
+        "@dataclass(frozen=True, slots=True, kw_only=True)\n"
+        "class MoonFactor(Factor):\n"
+        '    pull: Annotated[Share, InSheet("balls", "", "stiffness_spread")] = None\n'
+        '    streams = ("moon",)\n'
+        "    of_lot = True\n\n"
+        "    def effect(self, test, result):\n"
+        r"        return self.pull / 10\n\n\n\g<0>",
+    )
+    copy.edit(name, r"^    wall: WallFactor .*$", r"\g<0>\n    moon: MoonFactor | None = None")
+
+
+A_FACTOR = r"""
+import tomllib
+from virtual_lab.studies.interlab.study import read_interlab, sheets_of
+text = STUDY.replace("gain.toml", "astm-f1881")
+number = '{ value = 0.05, unit = "1", source = "assumed", verified = false }'
+Path("moon.toml").write_text(f"{text}[factors.moon]\npull = {number}\n")
+study = read_interlab(Path("moon.toml"))
+assert study.spec.named == ("lot", "moon") and "-moon" not in study.spec.varied
+(sheet,) = sheets_of(study, "astm-f1881", ["moon"]).values()
+assert tomllib.loads(sheet)["stiffness_spread"]["value"] == 0.05
+rows = {row.term: row.predicted for row in vl.interlab("moon.toml", predict=True)}
+assert abs(rows["moon"] - 0.005) < 1e-12
+Path("lot.toml").write_text(text)
+assert "-moon" in read_interlab(Path("lot.toml")).spec.varied
+"""
+
+
 def a_parameter(copy: Copy) -> None:
     copy.edit(
         "virtual_lab/studies/place_slope.py",
@@ -497,6 +531,7 @@ RECIPES: dict[str, tuple[Callable[[Copy], None], str]] = {
         A_COLLISION_MODEL,
     ),
     "a model of the motion": (a_motion_model, A_MOTION_MODEL),
+    "a factor of an interlaboratory study": (a_factor, A_FACTOR),
     "a parameter of a public function": (a_parameter, A_PARAMETER),
 }
 START = '''
