@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
+from tests.studies.interlab import summarize
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.lab.setup import TestSetup as Setup
@@ -21,7 +22,7 @@ from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.streams import Quiet, Selected, Streams
 from virtual_lab.studies.interlab import findings
-from virtual_lab.studies.interlab.expected import ExpectedScatter, expected_scatter, summarise
+from virtual_lab.studies.interlab.expected import ExpectedScatter, expected_scatter
 from virtual_lab.studies.interlab.findings import ALL, InterlabTerm, _precision
 from virtual_lab.studies.interlab.playing import Play
 from virtual_lab.studies.interlab.predicted import NominalTest
@@ -334,7 +335,7 @@ STORED = sorted(Path(__file__).parent.glob("interlab-2*.csv"))[-1]
 
 def test_the_shipped_table_is_that_of_the_stored_study() -> None:
     with STORED.open(encoding="utf-8", newline="") as file:
-        rows = summarise(csv.DictReader(file))
+        rows = summarize(csv.DictReader(file))
     for row in rows:
         stored = expected_scatter(row["bat"], row["procedure"])
         assert stored is not None
@@ -383,7 +384,7 @@ def test_a_scatter_is_compared_with_that_of_the_study() -> None:
 def test_a_study_with_one_lot_is_summarised_without_a_scatter_of_lots() -> None:
     common = {"bat": "r161", "procedure": "bbcor", "result": "as found"}
     found = {"s_r": 0.003, "s_L": 0.004, "s_R": 0.005, "lot": 0.0035, "wall": 0.001}
-    (row,) = summarise(common | {"term": term, "simulated": str(sd)} for term, sd in found.items())
+    (row,) = summarize(common | {"term": term, "simulated": str(sd)} for term, sd in found.items())
     assert (row["lots"], row["cause"]) == (None, "lot")
     said = ExpectedScatter(**row).explain(0.005, 5)
     assert "repeats 0.003, laboratories 0.004; largest cause: lot" in said

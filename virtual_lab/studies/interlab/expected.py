@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from virtual_lab.catalog.reading import DATA
-from virtual_lab.studies.interlab.study import FACTORS
 
 TABLE = DATA / "uncertainty" / "interlab.csv"
 UNLIKELY = 0.01  # one-sided p-value below which a scatter differs from the scatter of the study
@@ -57,36 +56,6 @@ def expected_scatter(bat: str, procedure: str) -> ExpectedScatter | None:
         rows = [_read(row) for row in csv.DictReader(file) if row["procedure"] == procedure]
     same = [row for row in rows if row.bat == bat]
     return max(same or rows, key=lambda row: row.reproducibility, default=None)
-
-
-def summarise(rows: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return a summary of an interlaboratory study, one row per bat and procedure.
-
-    `rows` is the table of `interlab`. The summary is the table that `expected_scatter` reads. If
-    the procedure converts to a standard ball, only the converted result has a row. Raises
-    `ValueError` if the study has no simulations in which only one factor varies, and `KeyError` for
-    rows without a standard deviation of the study.
-    """
-    terms: dict[tuple[str, str, str], dict[str, float]] = {}
-    for row in rows:
-        if row["simulated"] not in ("", None):
-            case = row["bat"], row["procedure"], row["result"]
-            terms.setdefault(case, {})[row["term"]] = float(row["simulated"])
-    summary = []
-    for (bat, procedure, result), sds in terms.items():
-        normalised = (bat, procedure, "normalized") in terms
-        if result == ("normalized" if normalised else "as found"):
-            scatter = ExpectedScatter(
-                bat=bat,
-                procedure=procedure,
-                repeats=sds["s_r"],
-                lots=sds.get("s_lot"),
-                laboratories=sds["s_L"],
-                reproducibility=sds["s_R"],
-                cause=max(sds.keys() & set(FACTORS), key=lambda name: sds[name]),
-            )
-            summary.append(asdict(scatter))
-    return summary
 
 
 def _read(row: Mapping[str, str]) -> ExpectedScatter:
