@@ -618,56 +618,53 @@ class Test:
             return weights, weights, float(self.set[weights > 0].mean())
         near = own & np.any([self.at_place(place) for place in full], axis=0)
         near &= np.abs(self.set - best) < scan["fit_half_width"] + 2 * STEP
-        return self._top(near, metric, sought, gain, moves=seeks == "batted_speed")
+        far = own & (np.abs(self.set - best) < 2 * scan["fit_half_width"] + 2 * STEP)
+        return self._top(near, far, metric, sought, gain, moves=seeks == "batted_speed")
 
     def _top(
         self,
         near: np.ndarray,
+        far: np.ndarray,
         metric: np.ndarray,
         sought: np.ndarray,
         gain: np.ndarray,
         *,
         moves: bool,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Return weights and effects of hits near the top of a cubic through them.
+        """Return weights and effects of hits near the top of a curve.
 
-        The effects are differences: each hit is raised and lowered, and the maximum found again.
+        The curve bends like a cubic through the hits that are `far` at most, and its line is fitted
+        to those that are `near`. It is linear in the hits, so that the curve of one hit alone shows
+        the effect of this hit on the slope.
         """
-        middle = self.set[near].mean()
-        x = (self.set[near] - middle) / self.rules["scan"]["fit_half_width"]
-        degree = min(3, len(set(np.round(x, 6))) - 1)
+        polynomial = np.polynomial.Polynomial
+        middle, width = self.set[near].mean(), self.rules["scan"]["fit_half_width"]
+        x = (self.set - middle) / width
 
-        def top(values: np.ndarray) -> float:
-            curve = np.polynomial.Polynomial(np.polynomial.polynomial.polyfit(x, values, degree))
-            fine = np.linspace(x.min(), x.max(), 2001)
-            start = fine[int(np.argmax(curve(fine)))]
-            for _ in range(30):  # Newton's method, inside the range
-                if x.min() < start < x.max():
-                    start = start - curve.deriv()(start) / curve.deriv(2)(start)
-            return float(min(max(start, x.min()), x.max()))
+        def fit(values: np.ndarray, hits: np.ndarray, most: int) -> np.polynomial.Polynomial:
+            degree = min(most, len(set(np.round(x[hits], 6))) - 1)
+            return polynomial(np.polynomial.polynomial.polyfit(x[hits], values[hits], degree))
 
-        def read(values: np.ndarray, where: float) -> float:
-            return float(
-                np.polynomial.Polynomial(np.polynomial.polynomial.polyfit(x, values, degree))(where)
-            )
+        def curve(values: np.ndarray) -> np.polynomial.Polynomial:
+            bent = polynomial([0, 0, *fit(values, far, 3).coef[2:]])
+            return bent + fit(values - bent(x), near, 1)
 
-        where, size = top(sought[near]), int(near.sum())
-        weights, effects = np.zeros(len(metric)), np.zeros(len(metric))
-        step = 1e-5
-        for number, shot in enumerate(np.flatnonzero(near)):
-            one = np.eye(size)[number]
-            weights[shot] = read(one, where)
-            effects[shot] = weights[shot]
-            if moves:
-                moved = [
-                    read(
-                        metric[near] + sign * step * one,
-                        top(sought[near] + sign * step * gain[near] * one),
-                    )
-                    for sign in (1, -1)
-                ]
-                effects[shot] = (moved[0] - moved[1]) / (2 * step)
-        return weights, effects, float(middle + where * self.rules["scan"]["fit_half_width"])
+        f, low, high = curve(sought), x[near].min(), x[near].max()
+        fine = np.linspace(low, high, 2001)
+        where = fine[int(np.argmax(f(fine)))]
+        for _ in range(30):  # Newton's method, inside the range
+            if low < where < high:
+                where = where - f.deriv()(where) / f.deriv(2)(where)
+        where = float(min(max(where, low), high))
+        ones = np.eye(len(metric))
+        weights = np.array([fit(one, near, 3)(where) for one in ones]) * near
+        effects = weights.copy()
+        if moves:
+            slopes = np.array([curve(one).deriv()(where) for one in ones]) * far
+            share = np.sqrt((slopes**2).sum() / (slopes[near] ** 2).sum())
+            shift = curve(metric).deriv()(where) / -f.deriv(2)(0) * share
+            effects += shift * slopes * gain * near
+        return weights, effects, float(middle + where * width)
 
     # section: uncertainty
 

@@ -142,8 +142,8 @@ def test_each_scan_agrees_with_the_metric_of_the_paper(
     expected = by_the_paper(procedure, bat, lines(curve))
     true = played(bat, Reality.IDEAL, procedure=procedure).sealed.measurand
     assert true[CONTINUOUS] == pytest.approx(expected, rel=1e-6)
-    # a cubic over positions 0.5 in apart; `bbcor` takes the best of these positions
-    apart = 2e-3 if procedure == "bbcor" else 1.5e-4
+    # cubics over 2 and 4 in of the barrel; `bbcor` takes the best of positions 0.5 in apart
+    apart = 2e-3 if procedure == "bbcor" else 2.5e-4
     assert true["metric"] == pytest.approx(true[CONTINUOUS], rel=apart)
 
 
@@ -153,7 +153,7 @@ def test_a_scan_states_besr_at_the_position_of_the_greatest_speed(bat: str) -> N
     """The greatest BESR is 1 to 1.6 in farther from the tip, and 0.011 higher."""
     ideal = certify(bat, procedure="ncaa-besr", reality=Reality.IDEAL, seed=1)
     true, curve = ideal.sealed.measurand, compute_curve(bat, "ncaa-besr")
-    assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=1e-4)
+    assert true["metric"] == pytest.approx(BESR_AT_GREATEST_SPEED[bat], abs=2e-4)
     assert curve.collision_efficiency.max() + 0.5 > true["metric"] + 0.01
 
 

@@ -140,43 +140,54 @@ def results_of_curves(
     pairs, first, inverse = np.unique(
         owner + 1j * np.round(position, 6), return_index=True, return_inverse=True
     )
-    complete = np.flatnonzero(np.bincount(inverse, valid) >= procedure.valid_hits)
-    whose = pairs.real[complete].astype(np.intp)  # sorted
+    number = np.minimum(np.bincount(inverse, valid), procedure.valid_hits)
+    hit = np.flatnonzero(number)
+    whose = pairs.real[hit].astype(np.intp)  # sorted
     counts = np.bincount(whose, minlength=laboratories)
-    turn = np.arange(complete.size) - (np.cumsum(counts) - counts)[whose]
-    at, objectives, metrics = np.full((3, laboratories, max(counts.max(initial=0), 1)), np.nan)
-    at[whose, turn] = pairs.imag[complete]
-    objectives[whose, turn], metrics[whose, turn] = (
-        objective[first[complete]],
-        metric[first[complete]],
-    )
-    best = np.where(np.isnan(objectives), -np.inf, objectives).argmax(axis=1)[:, None]
+    turn = np.arange(hit.size) - (np.cumsum(counts) - counts)[whose]
+    at, hits, objectives, metrics = np.zeros((4, laboratories, max(counts.max(initial=0), 1)))
+    for table, column in ((at, pairs.imag), (hits, number)):
+        table[whose, turn] = column[hit]
+    for table, column in ((objectives, objective), (metrics, metric)):
+        table[whose, turn] = column[first[hit]]
+    complete = hits >= procedure.valid_hits
+    best = np.where(complete, objectives, -np.inf).argmax(axis=1)[:, None]
     if procedure.scan.final_hits:
-        return np.asarray(np.take_along_axis(metrics, best, axis=1)[:, 0])
+        top = np.where(complete, metrics, np.nan)
+        return np.asarray(np.take_along_axis(top, best, axis=1)[:, 0])
     distance = np.abs(at - np.take_along_axis(at, best, axis=1))
-    near = distance < procedure.scan.fit_half_width + 1e-3  # two steps of the setting [m]
-    return _value_at_maximum(at, near, objectives, metrics)
+    reach, room = procedure.scan.fit_half_width, 1e-3  # room: two steps of the setting [m]
+    near = complete & (distance < reach + room)
+    hits = np.where(distance < 2 * reach + room, hits, 0.0)
+    return _value_at_maximum(at, hits, near, objectives, metrics)
 
 
 def _value_at_maximum(
-    at: Array, near: NDArray[np.bool_], objectives: Array, metrics: Array
+    at: Array, hits: NDArray[Any], near: NDArray[np.bool_], objectives: Array, metrics: Array
 ) -> Array:
     """Return the value of the curve `metrics` at the maximum of the curve `objectives`, (curve,).
 
-    Both are fitted with polynomials up to the third degree at the positions near the best one.
+    Both curves are cubics. `metrics` is fitted at the positions `near` the best one. `objectives`
+    is fitted to all `hits` (the number at each position); its value and slope are then corrected by
+    a line through its residuals at the positions `near`.
     """
     low = np.min(at, axis=1, where=near, initial=np.inf)[:, None]
     high = np.max(at, axis=1, where=near, initial=-np.inf)[:, None]
-    width = np.where(high > low, high - low, 1.0)
-    along = np.where(near, (2 * at - low - high) / width, 0.0)
-    degree = np.minimum(near.sum(axis=1) - 1, 3)[:, None, None]
+    along = (2 * at - low - high) / np.where(high > low, high - low, 1.0)
     powers = np.arange(4)
-    rows = np.where(near[..., None] & (powers <= degree), along[..., None] ** powers, 0.0)
-    curve, value = (
-        np.linalg.pinv(rows) @ np.where(near, values, 0.0)[..., None]
-        for values in (objectives, metrics)
-    )
-    flat, bend, twist = curve[:, 1], 2 * curve[:, 2], 3 * curve[:, 3]
+
+    def fit(values: Array, weights: Any, most: int = 3) -> Any:
+        """Return the coefficients of weighted least squares, (curve, power, 1)."""
+        degree = np.minimum((weights > 0).sum(axis=1) - 1, most)[:, None, None]
+        scale = np.sqrt(weights)[..., None]
+        used = (powers <= degree) & (scale > 0)
+        rows = scale * np.where(used, along[..., None], 0.0) ** powers * used
+        return np.linalg.pinv(rows) @ (scale * values[..., None])
+
+    value, curve = fit(metrics, near), fit(objectives, hits)
+    residual = objectives - (np.where(hits > 0, along, 0.0)[..., None] ** powers @ curve)[..., 0]
+    curve = (curve + fit(residual, near, 1))[..., 0]
+    flat, bend, twist = curve[:, 1:2], 2 * curve[:, 2:3], 3 * curve[:, 3:]
     with np.errstate(divide="ignore", invalid="ignore"):
         root = -(bend + np.copysign(np.sqrt(bend**2 - 4 * twist * flat), bend)) / 2
         turns = np.concatenate([root / twist, flat / root], axis=1)
@@ -184,6 +195,6 @@ def _value_at_maximum(
     ends = np.broadcast_to([-1.0, 1.0], turns.shape)
     candidates = np.concatenate([ends, np.where(inside, turns, -1.0)], axis=1)
     rows = candidates[..., None] ** powers
-    top = (rows @ curve)[..., 0].argmax(axis=1)
+    top = (rows @ curve[..., None])[..., 0].argmax(axis=1)
     top_value = (rows @ value)[np.arange(top.size), top, 0]
     return np.where(near.any(axis=1), top_value, np.nan)

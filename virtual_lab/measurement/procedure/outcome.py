@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from virtual_lab.measurement.procedure.scan_kernel import Scanned
 
 TOO_FEW = "fewer than two hits were valid"
+NO_MAXIMUM = "the hits near the best impact position show no maximum"
 
 
 class Verdict(Enum):
@@ -120,6 +121,15 @@ def hit_weights_of(
     )
 
 
+class CurveMaxima(NamedTuple):
+    """Maxima of the fitted curves of a block; weights and effects as in `HitWeights`."""
+
+    weights: Array  # (shot,)
+    effects: Array  # (shot,)
+    position: Array  # (laboratory,) [m]
+    is_flat: Mask  # whether the hits show no maximum, (laboratory,)
+
+
 class ScanShots(NamedTuple):
     """The shots of scans, (shot,)."""
 
@@ -144,9 +154,10 @@ def _scan_weights(
     )
     order, starts = sort_by_laboratory(shots.owner, laboratories)
     columns = shots.position[order], shots.valid[order], shots.objective.value[order]
-    chosen, mask = np.empty((2, order.size), dtype=bool)
-    scans_of_block(starts, *columns, scan_rules(procedure, scan), scans, chosen)
-    mask[order] = chosen
+    mask, near = masks = np.empty((2, order.size), dtype=bool)
+    in_order = np.empty_like(masks)
+    scans_of_block(starts, *columns, scan_rules(procedure, scan), scans, *in_order)
+    masks[:, order] = in_order
     hits = np.bincount(shots.owner, shots.valid, laboratories)
     step = scan.fine_step - SETTING_STEP
     at_an_end = (scans.best - step < scan.low) | (scans.best + step > scan.high)
@@ -164,8 +175,16 @@ def _scan_weights(
         weights = np.where(has_result[shots.owner], mask / many[shots.owner], np.nan)
         total = np.bincount(shots.owner, np.where(mask, shots.position, 0.0), laboratories)
         return HitWeights(weights=weights, effects=weights, position=total / many, reasons=reasons)
-    weights, effects, position = _curve_maxima(scan, laboratories, shots, mask)
-    return HitWeights(weights=weights, effects=effects, position=position, reasons=reasons)
+    maxima = _curve_maxima(scan, laboratories, shots, mask, near)
+    return HitWeights(
+        weights=maxima.weights,
+        effects=maxima.effects,
+        position=maxima.position,
+        reasons=tuple(
+            reason or (NO_MAXIMUM if flat else "")
+            for reason, flat in zip(reasons, maxima.is_flat, strict=True)
+        ),
+    )
 
 
 def _scan_reason(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_result: bool) -> str:
@@ -187,53 +206,70 @@ def _scan_reason(procedure: Procedure, scan: Scan, scans: Scanned, i: int, has_r
 
 
 def _curve_maxima(
-    scan: Scan, laboratories: int, shots: ScanShots, mask: Mask
-) -> tuple[Array, Array, Array]:
-    """Return weights and effects of hits, (shot,), and positions of the maxima, (laboratory,).
+    scan: Scan, laboratories: int, shots: ScanShots, mask: Mask, near: Mask
+) -> CurveMaxima:
+    """Return the maxima of the fitted curves of a block, with the weights of the hits.
 
-    One polynomial f is fitted to the maximized quantity and has its maximum at z. Another
-    polynomial is fitted to the metric and evaluated at z. A hit shifts z by ``-b'(z) / f''(z)``,
-    where b is its contribution to the fit. The results of a laboratory without used hits are NaN.
+    A cubic f of the maximized quantity has its maximum at z. Another cubic is fitted to the metric
+    of the used hits and evaluated at z. The line in f is fitted to the used hits, and the higher
+    terms to the hits of the mask `near`, within twice their range: in the range of the used hits
+    alone, scatter hides the curvature of a flat sweet spot. A hit shifts z by ``-b'(z) / f''``,
+    where b is its contribution to f, and f'' that in the middle of the used hits, which scatters
+    less than that at z. The effects of the used hits are scaled so that they cause the variance
+    that all hits cause. Without used hits the results are NaN.
     """
-    hits = number_shots(shots.owner, mask, laboratories)
+    has_result = np.bincount(shots.owner, mask, laboratories) > 0
+    hits = number_shots(shots.owner, near & has_result[shots.owner], laboratories)
     is_hit = hits >= 0
-    counts = is_hit.sum(axis=1)
-    with np.errstate(invalid="ignore"):
-        position = np.where(is_hit, shots.position[hits], 0.0)
-        middle = position.sum(axis=1) / np.where(counts > 0, counts, np.nan)
-    unit = np.where(is_hit, (position - middle[:, None]) / scan.fit_half_width, 0.0)
+    is_used = is_hit & mask[hits]
+    position = np.where(is_hit, shots.position[hits], 0.0)
+    middle = np.full(laboratories, np.nan)
+    np.divide(np.sum(position * is_used, axis=1), is_used.sum(axis=1), out=middle, where=has_result)
+    unit = np.where(is_hit, position - middle[:, None], 0.0) / scan.fit_half_width
     powers = np.arange(4)
-    rows = unit[..., None] ** powers * is_hit[..., None]
-    solved = np.linalg.pinv(rows * (powers <= _degrees(position, is_hit)[:, None])[:, None])
+    all_rows, used_rows = (
+        unit[..., None] ** powers
+        * (each[..., None] & (powers <= _degrees(position, each)[:, None])[:, None])
+        for each in (is_hit, is_used)
+    )
+    solved, line = np.linalg.pinv(used_rows), np.linalg.pinv(used_rows[..., :2])
+    # f is fitted by multiplying the values of all hits with `shape`, (laboratory, power, hit)
+    shape = np.linalg.pinv(all_rows)
+    shape[:, :2] = line - line @ all_rows[..., 2:] @ shape[:, 2:]
     objective = shots.objective
     value, gain, metric = (
         np.where(is_hit, each[hits], 0.0)
         for each in (objective.value, objective.gain, shots.metric)
     )
-    fitted = np.einsum("lph,lh->lp", solved, value)
-    low = np.min(unit, axis=1, where=is_hit, initial=np.inf)
-    high = np.max(unit, axis=1, where=is_hit, initial=-np.inf)
+    fitted = np.einsum("lph,lh->lp", shape, value)
+    low = np.min(unit, axis=1, where=is_used, initial=np.inf)
+    high = np.max(unit, axis=1, where=is_used, initial=-np.inf)
     turn = _turns(fitted)
     turns = (low < turn) & (turn < high)
     candidates = np.stack([low, high, np.where(turns, turn, low)], axis=1)
-    candidates[counts == 0] = np.nan
+    candidates[~has_result] = np.nan
     heights = np.einsum("lcp,lp->lc", candidates[..., None] ** powers, fitted)
     top = np.take_along_axis(candidates, heights.argmax(axis=1)[:, None], axis=1)
     weights = np.einsum("lp,lph->lh", top**powers, solved)
     effects = weights.copy()
+    bend = 2 * fitted[:, 2]
     if scan.seeks == "batted_speed":
-        first = powers[1:] * top ** powers[:-1]
-        second = powers[2:] * powers[1:-1] * top ** powers[:-2]
-        slopes = np.einsum("lp,lph->lh", first, solved[:, 1:])
-        bend = np.einsum("lp,lp->l", second, fitted[:, 2:])
-        is_turn = turns & (top[:, 0] == turn)
-        shift = np.einsum("lh,lh->l", slopes, metric) / np.where(is_turn, -bend, np.inf)
-        effects += shift[:, None] * slopes * gain
-    spread = np.where((counts > 0)[shots.owner], 0.0, np.nan)
+        slopes = np.einsum("lp,lph->lh", powers[1:] * top ** powers[:-1], shape[:, 1:])
+        steepness = np.einsum("lh,lh->l", slopes, metric)
+        shift = steepness / np.where(bend < 0, -bend, np.inf) * np.linalg.norm(slopes, axis=1)
+        slopes *= is_used
+        of_used = np.linalg.norm(slopes, axis=1)
+        effects += (shift / np.where(of_used > 0, of_used, 1.0))[:, None] * slopes * gain
+    spread = np.where(has_result[shots.owner], 0.0, np.nan)
     by_shot = [spread.copy(), spread.copy()]
     for column, each in zip(by_shot, (weights, effects), strict=True):
-        column[hits[is_hit]] = each[is_hit]
-    return by_shot[0], by_shot[1], middle + top[:, 0] * scan.fit_half_width
+        column[hits[is_used]] = each[is_used]
+    return CurveMaxima(
+        weights=by_shot[0],
+        effects=by_shot[1],
+        position=middle + top[:, 0] * scan.fit_half_width,
+        is_flat=~(bend < 0) & has_result,
+    )
 
 
 def _degrees(position: Array, is_hit: Mask) -> NDArray[np.intp]:

@@ -82,7 +82,8 @@ class Scan(Spec):
     coarse_step: Length
     fine_step: Length
     coarse_hits: Annotated[int, Dimension("number", 1, MOST_COUNTED)]
-    fit_half_width: Length  # half width of the fitted range around the best position
+    # half width of the fitted range around the best position; the bend is fitted in twice this range
+    fit_half_width: Length
     # number of final hits at the best position; 0: the maximum of the fitted curve is the result
     final_hits: Annotated[int, Dimension("number", 0, MOST_COUNTED)]
     consecutive: YesNo = False  # whether an invalid shot restarts the final hits

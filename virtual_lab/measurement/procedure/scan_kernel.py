@@ -246,18 +246,22 @@ def scans_of_block(
     rules: ScanRules,
     scans: Scanned,
     used: Mask,
+    near: Mask,
 ) -> None:
-    """Fill `scans` with the results of the scans of a block, and `used` with a mask of hits.
+    """Fill `scans` with the results of the scans of a block, and `used` and `near` with masks.
 
     A block is a group of laboratories. A position is complete if it has as many valid hits as the
     rules require. If a laboratory has no complete position, its best position is NaN and its mask
     is False.
 
-    The mask, (shot,), is True for the hits from which the result of a laboratory is computed:
+    The mask `used`, (shot,), is True for the hits from which the result of a laboratory is
+    computed:
 
     * Some procedures require final hits: further hits at the best position after the scan. In this
       case, they are the last `rules.final_hits` of these hits.
     * Otherwise, they are the hits of the scan within `rules.fit_half_width` of the best position.
+
+    The mask `near`, (shot,), is True for the hits of the scan within twice `rules.fit_half_width`.
 
     In `position`, `valid` and `objective`, laboratory i has the shots from `starts[i]` up to, but
     not including, `starts[i + 1]`.
@@ -267,6 +271,8 @@ def scans_of_block(
         at, good, goal, mine = position[rows], valid[rows], objective[rows], used[rows]
         complete, counted = _select_complete(at, good, rules)
         mine[:] = False
+        around = near[rows]
+        count_scan_hits(at, good, rules, around)
         scans.complete[laboratory], scans.result[laboratory] = complete.size, 0
         scans.best[laboratory], scans.below[laboratory], scans.above[laboratory] = (
             np.nan,
@@ -282,6 +288,7 @@ def scans_of_block(
             (neighbours < best).any(),
             (neighbours > best).any(),
         )
+        around &= np.abs(at - best) < 2 * rules.fit_half_width + 4 * rules.tolerance
         if rules.final_hits:
             fresh = np.empty(at.size, np.int64)
             count = find_final_hits(best, at, good, rules, fresh)
