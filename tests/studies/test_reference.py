@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from virtual_lab.errors import InputError
@@ -199,3 +200,16 @@ def test_the_table_names_size_and_reason_and_the_picture_is_drawn(tmp_path: Path
     assert shown.startswith(b"\x89PNG")
     assert (tmp_path / "picture.png").stat().st_size > 1000
     assert set(result.table["agreement"]) == {"agrees", "known disagreement", "not represented"}
+
+
+def test_above_4_khz_the_peak_no_longer_follows_the_hoop_frequency() -> None:
+    """It falls up to 4 kHz and then rises by .006 at most, as the page on limits states."""
+    bat = results.body("ea70")
+    assert bat.hoop is not None
+    tops = [
+        results._restitution_peak(replace(bat, hoop=replace(bat.hoop, frequency=hertz)), 136).value
+        for hertz in np.arange(1000.0, 7001.0, 250.0)
+    ]
+    steps = np.diff(tops)
+    assert (steps[:12] < 0).all()
+    assert max(tops[12:]) - tops[12] == pytest.approx(0.006, abs=0.0015)
