@@ -182,14 +182,19 @@ def test_refusing_a_sound_day_scores_no_result(debrief_of: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "shown", [{"visible": ("gate-moved",)}, {"reasons_to_refuse": ("flag scatter",)}]
+    ("shown", "worth"),
+    [
+        ({"visible": ("bat-cracked",), "faults": ("bat-cracked",)}, 1.0),
+        ({"reasons_to_refuse": ("flag scatter",)}, 1.0),  # in the expert's records too
+        ({"visible": ("gate-moved",)}, 0.2),  # the expert has no reason on this sound day
+    ],
 )
 def test_a_refusal_is_right_if_the_records_show_a_reason(
-    shown: dict[str, Any], debrief_of: Any
+    shown: dict[str, Any], worth: float, debrief_of: Any
 ) -> None:
-    """Whether or not the trainee named it."""
+    """Whether or not the trainee named it; little remains if only his own test is the reason."""
     found = debrief_of([*BOOK, *verdict("INVALID", 80)], **shown)
-    assert scores(found)["result"] == 1
+    assert scores(found)["result"] == worth
     assert found.brier == pytest.approx(0.04)
 
 

@@ -220,20 +220,21 @@ def debrief(
     faults_left = tuple(name for name in faults if name not in day.repaired_faults)
     right = right_verdict(apparatus, desk, value, u, spoilt=bool(faults_left))
     likely = {name for name in named if is_named(name, named, rates)}
+    expert_desk = Desk(expert or expert_day(apparatus, day))
+    reason = day.verdict == "INVALID" and bool(visible or desk.reasons_to_refuse)
     outcome = ScoredResult(
         value=value,
         u=u,
         right=right,
         verdict=day.verdict,
-        reason=day.verdict == "INVALID" and bool(visible or desk.reasons_to_refuse),
+        reason=reason,
+        avoidable=reason and not faults and not expert_desk.reasons_to_refuse,
         mendable=bool(faults) and all(remedy_of(name) for name in faults),
     )
-    refused = day.verdict == "INVALID" and outcome.reason
     confidence = float(verdict.arguments["confidence"]) / 100
-    brier = (confidence - (day.verdict == right.word or refused)) ** 2
+    brier = (confidence - (day.verdict == right.word or reason)) ** 2
     judged = list(deviations(desk))
     justified = justified_rejections(day, judged) | before_repair(day, faults)
-    expert_desk = Desk(expert or expert_day(apparatus, day))
     result = result_score(outcome)
     needless = extra_check_seconds(judged, desk)
     values = (

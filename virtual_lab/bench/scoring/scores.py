@@ -21,6 +21,7 @@ from virtual_lab.measurement.procedure import exemption, sentences_of, unmet_rul
 
 FAULTY = "the day has a fault that was not repaired,"
 MENDABLE = 0.6  # score of a justified INVALID if the fault could have been repaired
+AVOIDABLE = 0.2  # the same if only the trainee's test gave the reason
 
 
 class ScoredResult(NamedTuple):
@@ -31,6 +32,7 @@ class ScoredResult(NamedTuple):
     right: RightVerdict
     verdict: str
     reason: bool  # whether the records support INVALID
+    avoidable: bool  # whether the day has no fault, and the expert gets a result from it
     mendable: bool  # whether every fault has a remedy
 
 
@@ -75,8 +77,9 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
     The first case that applies determines the score:
 
     * PASS instead of FAIL, or FAIL instead of PASS: 0.
-    * INVALID: 0 if the records do not support it. If they do, 0.6 (`MENDABLE`) if the fault could
-      have been repaired, otherwise 1.
+    * INVALID: 0 if the records do not support it. If they do, 0.2 (`AVOIDABLE`) on a day without a
+      fault on which the expert gets a result, 0.6 (`MENDABLE`) if the fault could have been
+      repaired, otherwise 1.
     * Another verdict, although INVALID would have been correct: 0.2.
     * The day has no result: 0.
     * All other cases: 1 if the error is at most U = 2 u, otherwise U / |error|. The score is halved
@@ -106,6 +109,8 @@ def result_score(day: ScoredResult) -> tuple[float, str]:
 def _score_invalid(day: ScoredResult) -> tuple[float, str]:
     if not day.reason:
         return 0.0, "INVALID, but the records show no reason for it"
+    if day.avoidable:
+        return AVOIDABLE, "INVALID is right, but the machines were sound: the test itself was not"
     if day.mendable:
         return MENDABLE, "INVALID is right, but the fault could have been repaired"
     return 1.0, "INVALID is right: nothing could have repaired the fault"

@@ -82,7 +82,7 @@ class Scan(Spec):
     coarse_step: Length
     fine_step: Length
     coarse_hits: Annotated[int, Dimension("number", 1, MOST_COUNTED)]
-    # half width of the fitted range around the best position; the bend is fitted in twice this range
+    # half width of the fitted range around the best position; twice this range shows its bend
     fit_half_width: Length
     # number of final hits at the best position; 0: the maximum of the fitted curve is the result
     final_hits: Annotated[int, Dimension("number", 0, MOST_COUNTED)]
