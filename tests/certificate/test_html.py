@@ -651,11 +651,11 @@ def test_the_slope_at_the_aim_is_in_the_budget() -> None:
     budget = {part.name: part for part in quick().metric.components}
     quantities = quick().quantities
     per_e_a = (1 + quantities["recoil_factor"].value) / quantities["ball_restitution"].value
-    slope, slope_u = 0.006 / 0.0254, 0.011 / 0.0254
+    slope, slope_u = 0.003 / 0.0254, 0.018 / 0.0254
     line, along = budget["procedure.place_slope_error"], budget["impact.cannon.along"]
     aim_u = quick().session.calibration["impact.cannon.along"].u
     assert line.contribution == pytest.approx(per_e_a * slope_u * aim_u, rel=0.02)
-    level = again(("place_slope = { value = 0.006", "place_slope = { value = 0.0"))
+    level = again(("place_slope = { value = 0.003", "place_slope = { value = 0.0"))
     plain = {part.name: part for part in level.metric.components}["impact.cannon.along"]
     assert plain.sensitivity - along.sensitivity == pytest.approx(per_e_a * slope, rel=0.02)
 

@@ -263,7 +263,7 @@ def test_the_aimed_position_is_set_in_half_millimetres() -> None:
             "speed = { value = 1000000,",
             "outside the range 2.2.* to 223.* mph",
         ),
-        ("place_slope_u = { value = 0.011", "place_slope_u = { value = -1", "place_slope_u"),
+        ("place_slope_u = { value = 0.018", "place_slope_u = { value = -1", "place_slope_u"),
     ],
 )
 def test_rules_that_no_test_can_meet_are_refused(old: str, new: str, said: str) -> None:
