@@ -205,10 +205,13 @@ def _bench(desk: Desk) -> Iterator[CheckRow]:
 
 
 def _pendulum(desk: Desk) -> Iterator[CheckRow]:
-    from virtual_lab.measurement.diagnostics.bench import DECAY_U, swing_slowing  # slow to load
+    # slow to load
+    from virtual_lab.measurement.diagnostics.bench import DECAY_U, swing_slowing
+    from virtual_lab.measurement.reduction.observations import Releases
 
     if swung := desk.last("swing"):
-        slowed = swing_slowing(cast(PendulumRecord, record_of(swung.records["pendulum"])))
+        record = cast(PendulumRecord, record_of(swung.records["pendulum"]))
+        slowed = swing_slowing(Releases.of(record))
         if slowed and np.isfinite(slowed.times[0]):
             u = hypot(float(slowed.u[0]), DECAY_U)
             yield _row("pendulum-wide", swung, float(slowed.times[0]), 1.0, u)

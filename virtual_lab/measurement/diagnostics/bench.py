@@ -14,13 +14,13 @@ from virtual_lab.measurement.diagnostics.flag import Answer, Pairs, Raised, pair
 from virtual_lab.measurement.procedure import set_aside
 from virtual_lab.measurement.reduction.air import DENSITY, climate, climate_readings
 from virtual_lab.measurement.reduction.observations import (
-    counted_releases,
-    odd_swings,
+    Releases,
+    pendulum_releases,
     reference_readings,
     restitution_names,
 )
 from virtual_lab.output.rounding import beyond
-from virtual_lab.records import REFERENCE_MASS, PendulumRecord
+from virtual_lab.records import REFERENCE_MASS
 from virtual_lab.uncertainty.budget import type_a_component
 from virtual_lab.units import Array, Mask
 
@@ -130,14 +130,13 @@ def pendulum_swing(evidence: Evidence) -> Iterator[Pairs]:
     Nothing is yielded if the record has fewer than four swings per release. A laboratory is not
     compared if its amplitude does not decay.
     """
-    record = evidence.block.records["bench"]["pendulum"]
-    assert isinstance(record, PendulumRecord)
-    slowing = swing_slowing(record, evidence.laboratories)
+    releases = pendulum_releases(evidence.block)
+    slowing = swing_slowing(releases)
     if slowing is None:
         return
     # The period is that of small swings times 1 + θ²/16. `times` is the true θ² divided by the θ²
     # that was read.
-    square = (record.first_amplitude * record.last_amplitude).reshape(evidence.laboratories, -1)
+    square = releases.first_amplitude * releases.last_amplitude
     unknown = np.full(evidence.laboratories, np.inf)
     period = (
         evidence.sensitivities.get("bat.period", unknown) * evidence.best["bat.period"][:, 0, 0]
@@ -163,7 +162,7 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     A swing is the time between two passages of the pendulum through its lowest point in the same
     direction. If a passage is not recorded, two swings appear as one long swing, which changes the
     mean but not the median. A swing is odd if it is much longer or shorter than the median. A
-    counted release is one that is used for the period, see `counted_releases`.
+    counted release is one that is used for the period, see `Releases`.
 
     Two comparisons are yielded if at least one laboratory has `FEWEST_RELEASES` counted releases:
 
@@ -177,11 +176,8 @@ def pendulum_even(evidence: Evidence) -> Iterator[Answer]:
     * The second is for releases with an odd swing that are used, because too few others remain. If
       it is raised, the laboratory gets no verdict.
     """
-    record = evidence.block.records["bench"]["pendulum"]
-    assert isinstance(record, PendulumRecord)
-    times = record.times.reshape(evidence.laboratories, -1, record.times.shape[1])
-    swings, odd = np.diff(times, axis=2), odd_swings(times)
-    counted = counted_releases(odd)
+    releases = pendulum_releases(evidence.block)
+    swings, odd, counted = np.diff(releases.times, axis=2), releases.odd, releases.counted
     excess = swings.mean(axis=2) / np.median(swings, axis=2) - 1
     number, mean = counted.sum(axis=1), excess.mean(axis=1, where=counted)
     compared = number >= FEWEST_RELEASES
@@ -280,7 +276,7 @@ class Slowing(NamedTuple):
     dof: Array
 
 
-def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | None:
+def swing_slowing(pendulum: Releases) -> Slowing | None:
     """Return the observed change of the pendulum's period, divided by the predicted change.
 
     The period of a pendulum grows with the square of the amplitude, so it shortens as the swing
@@ -292,21 +288,18 @@ def swing_slowing(record: PendulumRecord, laboratories: int = 1) -> Slowing | No
     * `times` is the ratio. It is NaN if the amplitude does not decay, or if no release is counted.
     * `u` is the standard uncertainty of the ratio.
     * `dof` is the number of degrees of freedom of this uncertainty.
-    * `releases` is the number of releases of the pendulum that are used. The function
-      `counted_releases` selects them.
+    * `releases` is the number of counted releases.
 
-    Return None if the releases have fewer than four swings. `laboratories` is the number of
-    laboratories in the record.
+    Return None if the releases have fewer than four swings.
     """
-    times = record.times.reshape(laboratories, -1, record.times.shape[1])
-    counted = counted_releases(odd_swings(times))
+    times, counted = pendulum.times, pendulum.counted
     releases, passages = counted.sum(axis=1), times.shape[2]
     swings = passages - 1
     if swings < 4:
         return None
     first, last = (
-        np.mean(each.reshape(laboratories, -1), axis=1, keepdims=True, where=counted)
-        for each in (record.first_amplitude, record.last_amplitude)
+        np.mean(each, axis=1, keepdims=True, where=counted)
+        for each in (pendulum.first_amplitude, pendulum.last_amplitude)
     )
     middle = first * (last / first) ** ((np.arange(swings) + 0.5) / swings)
     longer = np.concatenate([np.zeros_like(first), np.cumsum(middle**2 / 16, axis=1)], axis=1)

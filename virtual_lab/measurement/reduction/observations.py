@@ -91,34 +91,73 @@ class ImpactReadings(AlignedArrays):
     aligned: ClassVar = EVERY_FIELD
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Releases:
+    """Releases of the pendulum, arrays (laboratory, release).
+
+    A swing is the time between two passages of the pendulum through its lowest point in the same
+    direction. A swing is odd if it differs by more than 25 % from the median of all swings of its
+    laboratory. If a passage is not recorded, one swing is twice as long. If a passage is recorded
+    twice, one swing is very short. A release without an odd swing is counted. If a laboratory has
+    fewer than two such releases, or if they are fewer than half of its releases, all its releases
+    are counted. The records then do not show which releases are right.
+    """
+
+    times: Array  # times of the passages, (laboratory, release, passage) [s]
+    first_amplitude: Array
+    last_amplitude: Array
+    odd: Mask  # (laboratory, release, swing)
+    counted: Mask
+
+    @classmethod
+    def of(cls, record: PendulumRecord, laboratories: int = 1) -> Releases:
+        """Return the releases in the record of equally many releases per laboratory."""
+        times = record.times.reshape(laboratories, -1, record.times.shape[1])
+        swings = np.diff(times, axis=2)
+        odd = np.abs(swings / np.median(swings, axis=(1, 2), keepdims=True) - 1) > UNEVEN
+        even = ~odd.any(axis=2)
+        too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
+        return cls(
+            times=times,
+            first_amplitude=record.first_amplitude.reshape(laboratories, -1),
+            last_amplitude=record.last_amplitude.reshape(laboratories, -1),
+            odd=odd,
+            counted=even | too_few[:, None],
+        )
+
+
+def pendulum_releases(block: SessionBlock) -> Releases:
+    """Return the releases of the pendulum in a block of laboratories.
+
+    Raises `InputError` for a record that is missing, has fewer than two releases or passages, or
+    has an amplitude that is not positive.
+    """
+    record = _channel(block, "bench", "pendulum", PendulumRecord)
+    releases, passages = len(record.times) // block.laboratories, record.times.shape[1]
+    if releases < 2 or passages < 2:
+        size = f"{releases} releases of {passages} passages"
+        allowed = "needs at least 2 releases of 2 passages"
+        raise InputError("bench/pendulum", "size", size, allowed)
+    for name in ("first_amplitude", "last_amplitude"):
+        if not (getattr(record, name) > 0).all():
+            raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
+    return Releases.of(record, block.laboratories)
+
+
 def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     """Return the mean bench readings of each bat with type A u, keyed by name, (laboratory,) [SI].
 
     The names are ``bat.mass``, ``bat.length``, ``bat.barrel_radius``, ``bat.balance`` (distance of
     the center of mass from the tip), ``bat.period``, ``bat.first_amplitude``,
     ``bat.last_amplitude`` and ``bat.swings``. The period is corrected to small swings by the
-    amplitudes of each release. Releases with a swing that is too long or too short are left out,
-    see `counted_releases`. Raises `InputError` for a record that is missing, has too few readings,
-    or has a reading that is not positive. Raises `KeyError` if the calibration lacks a resolution.
+    amplitudes of each release. Only counted releases are used, see `Releases`. Raises `InputError`
+    for a record that is missing, has too few readings, or has a reading that is not positive.
+    Raises `KeyError` if the calibration lacks a resolution.
     """
-    pendulum = _channel(block, "bench", "pendulum", PendulumRecord)
-    times = _by_laboratory(block, pendulum.times)
-    _, releases, passages = times.shape
-    swings = passages - 1
-    if releases < 2 or swings < 1:
-        raise InputError(
-            "bench/pendulum",
-            "size",
-            f"{releases} releases of {passages} passages",
-            "needs at least 2 releases of 2 passages",
-        )
-    for name in ("first_amplitude", "last_amplitude"):
-        if not (getattr(pendulum, name) > 0).all():
-            raise InputError("bench/pendulum", name, None, "amplitudes must be above 0")
-    counted = counted_releases(odd_swings(times))
+    pendulum = pendulum_releases(block)
+    times, counted = pendulum.times, pendulum.counted
+    first, last, swings = pendulum.first_amplitude, pendulum.last_amplitude, times.shape[2] - 1
     periods = (times[..., -1] - times[..., 0]) / swings
-    first = _by_laboratory(block, pendulum.first_amplitude)
-    last = _by_laboratory(block, pendulum.last_amplitude)
     constants = {
         f"bat.{name}": means_of_readings(
             _read_repeats(block, channel),
@@ -132,33 +171,6 @@ def bench_constants(block: SessionBlock) -> dict[str, Estimates]:
     constants["bat.last_amplitude"] = _exact(last.mean(axis=1, where=counted))
     constants["bat.swings"] = _exact(np.full(block.laboratories, float(swings)))
     return constants
-
-
-def odd_swings(times: Array) -> Mask:
-    """Return a mask of the swings that are too long or too short, (laboratory, release, swing).
-
-    A swing is the time between two passages of the pendulum through its lowest point in the same
-    direction. `times` are the times of these passages, (laboratory, release, passage) [s]. A swing
-    is odd if it differs by more than 25 % from the median of all swings of its laboratory. If a
-    passage is not recorded, one swing is twice as long. If a passage is recorded twice, one swing
-    is very short.
-    """
-    swings = np.diff(times, axis=2)
-    usual = np.median(swings, axis=(1, 2), keepdims=True)
-    return np.asarray(np.abs(swings / usual - 1) > UNEVEN)
-
-
-def counted_releases(odd: Mask) -> Mask:
-    """Return a mask of the releases of the pendulum to use, (laboratory, release).
-
-    These are the releases without an odd swing. `odd` is the mask of the odd swings, (laboratory,
-    release, swing), see `odd_swings`. If a laboratory has fewer than two such releases, or if they
-    are fewer than half of its releases, all its releases are used. The records then do not show
-    which releases are right.
-    """
-    even = ~odd.any(axis=2)
-    too_few = even.sum(axis=1) < max(2, even.shape[1] / 2)
-    return np.asarray(even | too_few[:, None])
 
 
 def _exact(value: Array) -> Estimates:
