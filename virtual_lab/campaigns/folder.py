@@ -1,4 +1,4 @@
-"""The folder of a campaign: study, data sheets that its tests read, and parts made so far."""
+"""The folder of a campaign: study, data sheets that its tests read, and state of its parts."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ import hashlib
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from virtual_lab import catalog
-from virtual_lab.campaigns.account import Account
 from virtual_lab.campaigns.parts import (
     COLUMN_SCHEMA,
     NOT_MADE,
@@ -44,6 +43,41 @@ if TYPE_CHECKING:
     import pandas as pd
 
 STUDY, STAMP, PARTS = "study.toml", "campaign.json", "parts"
+INCOMPLETE = 4  # exit code of the program
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Account:
+    """State of the parts of a campaign. Parts are named by a description of their tests."""
+
+    parts: int
+    tests: int  # number of tests in the parts
+    made: int = 0  # number of parts made by this run
+    again: Mapping[str, str] = field(default_factory=dict)  # faults of parts made again
+    missing: Mapping[str, str] = field(default_factory=dict)  # reasons for missing parts
+    processors: tuple[str, ...] = ()  # families of the processors that made the parts
+
+    @property
+    def code(self) -> int:
+        """Exit code of the program: 0 if no part is missing."""
+        return INCOMPLETE if self.missing else 0
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The account as a JSON object."""
+        return asdict(self)
+
+    @property
+    def text(self) -> str:
+        """The account as text."""
+        present = self.parts - len(self.missing)
+        lines = [f"{present} of {self.parts} parts exist, of which this run made {self.made}"]
+        lines += [f"made again, {why}: {name}" for name, why in self.again.items()]
+        lines += [f"missing, {why}: {name}" for name, why in self.missing.items()]
+        if len(self.processors) > 1:
+            kinds = ", ".join(self.processors)
+            lines.append(f"several kinds of processors, whose results agree to 1e-9: {kinds}")
+        return "\n".join(lines)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

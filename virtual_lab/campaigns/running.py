@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from virtual_lab.campaigns.account import Account
-from virtual_lab.campaigns.folder import Campaign, read_share, read_study
+from virtual_lab.campaigns.folder import Account, Campaign, read_share, read_study
 from virtual_lab.campaigns.parts import parquet
 from virtual_lab.campaigns.study import IN_STUDY, Study
 from virtual_lab.campaigns.workers import make_parts, threads_at

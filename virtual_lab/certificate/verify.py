@@ -41,9 +41,9 @@ from virtual_lab.certificate.document import (
 )
 from virtual_lab.certificate.filling import certificate
 from virtual_lab.certificate.html import certificate_page
-from virtual_lab.certificate.packages import READINGS, descriptors, text_of_descriptor
 from virtual_lab.certificate.pdf import PAPERS, certificate_pdf, text_of_pdf
 from virtual_lab.certificate.printed import printed_result
+from virtual_lab.certificate.result_folder import READINGS, descriptors, text_of_descriptor
 from virtual_lab.certificate.seal import SEAL
 from virtual_lab.certificate.seal import TRUTH as TRUTH_FILE
 from virtual_lab.certificate.signing import SIGNATURE, SUMS, compared_sums, signature_fault
