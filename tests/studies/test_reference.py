@@ -40,8 +40,8 @@ def test_enough_rows_are_represented_and_few_are_inputs_of_a_fit() -> None:
     assert len(REPRESENTED) >= 60
     assert roles["fit"] <= 33
     assert roles["prediction"] >= 29
-    assert len(read_published()) == 143
-    assert len({(row.quantity, row.value) for row in read_published()}) == 143
+    assert len(read_published()) == 144
+    assert len({(row.quantity, row.value) for row in read_published()}) == 144
 
 
 def test_a_prediction_with_a_range_of_our_own_could_have_failed() -> None:

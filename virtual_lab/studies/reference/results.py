@@ -344,6 +344,28 @@ def peak_efficiency(bat: str, speed: float) -> float:
     return peak(Z, _collide(body(bat), speed)[1].collision_efficiency).value
 
 
+def humid_loss(bat: str, first: float, last: float, speed: float) -> float:
+    """Return the loss of the largest v_f [mph] if balls are kept at `last` instead of `first` % RH.
+
+    Only e0 of the nominal baseball depends on its humidity. The positions are 3 to 9 in from the
+    tip. `speed` is the relative speed of ball and bat [mph]. Raises `InputError` for an unknown
+    bat.
+    """
+    ball = paper_ball(BALL)
+    line, law = ball.restitution, ball.humidity
+    assert law is not None
+    dry, humid = (
+        replace(
+            ball, restitution=replace(line, value=factor * line.value, slope=factor * line.slope)
+        )
+        for factor in law.factor([first / 100, last / 100]).tolist()
+    )
+    best = [
+        peak(Z, _collide(body(bat), speed, each)[1].collision_efficiency) for each in (dry, humid)
+    ]
+    return speed * (best[0].value - best[1].value)
+
+
 def peak_contact_time(bat: str, speed: float) -> float:
     """Return the contact time [s] of a ball and a free bat at the position of the largest e_A.
 
