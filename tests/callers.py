@@ -49,7 +49,7 @@ def studies(folder: Path, frames: np.ndarray[tuple[int, ...], np.dtype[np.uint8]
     vl.faults("aim-along", procedures=["bbcor"])
     vl.twin(folder, days=1000, full_days=500).plot("twin.png")
     vl.plan("bbcor", target_u=0.0015, bat=bat, laboratories=200).plot("plan.png")
-    vl.daily(ball=vl.ball("check-ball"), rules=[1, 2], drift=0.001)
+    vl.daily(ball=vl.ball("check-ball"), drift=0.001)
     vl.slope(bats=["r161", bat])
     vl.reference().plot(folder / "reference.png")
     vl.sensitivity(Path("mine.toml"))

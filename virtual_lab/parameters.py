@@ -204,7 +204,6 @@ OperatorSeed = Annotated[int, replace(SEED, python="")]
 Positive = Annotated[int, whole(1)]
 Port = Annotated[int, whole(1024, 65535, "1024 to 65535")]
 Trainees = Annotated[int, whole(1, 50, "1 to 50")]
-Wholes = Annotated[int | Sequence[int], several(WHOLE)]
 Certain = Annotated[float, CERTAIN_NUMBER]
 Numbers = Annotated[float | Sequence[float], several(NUMBER)]
 BoardText = Annotated[
@@ -259,11 +258,6 @@ def paths_of(folders: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
 def values_of(values: float | Sequence[float]) -> tuple[float, ...]:
     """Return a number, or the numbers of a list, as a tuple of floats."""
     return (float(values),) if isinstance(values, int | float) else tuple(map(float, values))
-
-
-def wholes_of(values: int | Sequence[int]) -> tuple[int, ...]:
-    """Return a whole number, or the whole numbers of a list, as a tuple."""
-    return (values,) if isinstance(values, int) else tuple(values)
 
 
 def rule_of(annotation: Any) -> ParameterRule:

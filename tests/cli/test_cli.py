@@ -398,7 +398,7 @@ def test_a_fitted_bat_can_be_profiled(run: Run, tmp_path: Path) -> None:
 def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) -> None:
     """The command prints its table and its folder; by default it takes the next free folder."""
     short = ("daily", "--days", "12", "--baseline", "6", "--hits", "4")
-    code, out, err = run(*short, "--rule", "1")
+    code, out, err = run(*short)
     assert (code, [line for line in err.splitlines() if not line.startswith("…")]) == (0, [])
     assert "cumulative sum (CUSUM)" in out
     pictures = [line for line in out.splitlines() if line.startswith("out/")]
@@ -440,7 +440,6 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["fit-bat", "nowhere.toml", "--out", "mine"], "ends in .toml"),
         (["fit-bat", "r161", "--out", "mine.toml"], "a .toml file"),
         (["daily", "--days", "3"], "days = 3"),
-        (["daily", "--rule", "5"], "1, 2, 3, 4"),
         (["list", "hats"], "bats"),
         (["dance"], "dance"),
     ],

@@ -242,15 +242,15 @@ def test_a_useless_baseline_is_refused(values: list[float]) -> None:
 
 def test_a_chart_begins_after_its_baseline() -> None:
     """Four days of baseline, then two in control and one far from the mean."""
-    charted = control_chart([-1, 1, -1, 1, 0.1, -0.1, 30.0], 4, rules=(1,))
-    assert set(charted.alarms) == {
+    charted = control_chart([-1, 1, -1, 1, 0.1, -0.1, 30.0], 4)
+    sudden = {
         RULES[1].words,
         "moving range",
         "moving average (EWMA)",
         "cumulative sum (CUSUM)",
     }
-    for flags in charted.alarms.values():
-        assert flags.tolist() == [False, False, True]
+    for name, flags in charted.alarms.items():
+        assert flags.tolist() == [False, False, name in sudden], name
     assert charted.ranges * charted.baseline.sigma == pytest.approx([0.9, 0.2, 30.1])
     calm = control_chart([-1, 1, -1, 1, 0.1], 4)
     assert len(calm.alarms) == 7

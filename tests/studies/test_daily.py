@@ -90,7 +90,7 @@ def test_the_first_days_do_not_depend_on_the_number_of_days() -> None:
 
 def test_the_study_saves_table_and_charts(tmp_path: Path) -> None:
     """The study writes days as CSV, charts as PNG, and one JSON document."""
-    played = daily(drift=0.001, rules=(1, 4))
+    played = daily(drift=0.001)
     played.save(tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "daily.csv",
@@ -104,16 +104,16 @@ def test_the_study_saves_table_and_charts(tmp_path: Path) -> None:
     assert [int(row["day"]) for row in rows] == list(range(1, 61))
     assert [row["ewma"] == "" for row in rows] == [True] * 25 + [False] * 35
     document = json.loads(json.dumps(played.document, allow_nan=False))
-    assert len(document["alarms"]) == 5
+    assert len(document["alarms"]) == 7
     for rule in document["alarms"]:
         flagged = [day["day"] for day in document["days"] if rule["rule"] in day["alarms"]]
         assert rule["first_alarm_day"] == (flagged[0] if flagged else None)
 
 
-def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
-    played = daily(days=26, rules=())
+def test_a_calm_laboratory_is_drawn_too(tmp_path: Path) -> None:
+    played = daily(days=26)
     assert played.since is None
-    assert [row.first_alarm_day for row in played.alarms] == [None] * 3
+    assert [row.first_alarm_day for row in played.alarms] == [None] * 7
     played.save(tmp_path / "out")
 
 
@@ -128,7 +128,6 @@ def test_a_calm_laboratory_without_rules_is_drawn_too(tmp_path: Path) -> None:
         ({"drift": float("nan")}, "drift = nan; allowed: 0 to 1"),
         ({"drift": 0.05}, "all 60 days"),
         ({"step": 0.9}, "day = 26; the gates did not detect"),
-        ({"rules": (1, 5)}, "rule = 5; allowed: 1, 2, 3, 4"),
         ({"ball": "check-bal"}, "did you mean check-ball"),
     ],
 )

@@ -14,7 +14,7 @@ from laboratory to laboratory.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, sqrt
 from typing import NamedTuple
@@ -145,9 +145,7 @@ class DayCharts:
     alarms: Mapping[str, Mask]  # days with an alarm, by rule or chart
 
 
-def control_chart(
-    values: ArrayLike, baseline_days: int, rules: Collection[int] = tuple(RULES)
-) -> DayCharts:
+def control_chart(values: ArrayLike, baseline_days: int) -> DayCharts:
     """Return the charts of daily values with limits from the first `baseline_days` values.
 
     The result has one element per day after the baseline. It has the values themselves, their
@@ -164,15 +162,11 @@ def control_chart(
         One value per day, in any unit, shape (day,).
     baseline_days
         Number of days of the baseline, at least 2.
-    rules
-        Western Electric rules to apply, 1 to 4. Range, EWMA and CUSUM are always computed.
 
     Raises
     ------
     ValueError
         The baseline is too short or has equal values, or no day follows it.
-    KeyError
-        A rule is not 1 to 4.
     """
     days = np.asarray(values, dtype=float)
     baseline = Baseline.of(days[:baseline_days])
@@ -181,7 +175,7 @@ def control_chart(
     every = baseline.standardise(days)
     x, ranges = every[baseline_days:], moving_range(every)[baseline_days:]
     average, (up, down) = ewma(x), cusum(x)
-    alarms = {RULES[rule].words: breaks(x, rule) for rule in sorted(rules)}
+    alarms = {RULES[rule].words: breaks(x, rule) for rule in RULES}
     alarms["moving range"] = ranges > RANGE_LIMIT
     alarms["moving average (EWMA)"] = np.abs(average) > EWMA_LIMIT
     alarms["cumulative sum (CUSUM)"] = np.maximum(up, down) > CUSUM_LIMIT

@@ -7,7 +7,7 @@ have a fault; the charts do not use this information.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import sqrt
 from pathlib import Path
@@ -26,7 +26,7 @@ from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
-from virtual_lab.parameters import Seed, Wholes, wholes_of
+from virtual_lab.parameters import Seed
 from virtual_lab.records import GateRecord
 from virtual_lab.sheets import AnyBall, Faults, Instruments, entry_name, words_of
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
@@ -42,7 +42,7 @@ from virtual_lab.simulation.stations.rig import (
     find_rig,
 )
 from virtual_lab.studies.check_cylinder import check_cylinder
-from virtual_lab.studies.control_charts import RULES, DayCharts, control_chart
+from virtual_lab.studies.control_charts import DayCharts, control_chart
 from virtual_lab.studies.daily_chart import draw_control_chart
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import MPH, Array
@@ -188,7 +188,6 @@ def daily(
     step: float = 0.0,
     faults: Faults = (),
     since: int | None = None,
-    rules: Wholes = (1, 2, 3, 4),
     seed: Seed = 1,
     instruments: Instruments = (),
     progress: Progress = quiet,
@@ -220,10 +219,6 @@ def daily(
     since
         First day of drift, step and faults, counted from 1. By default the first day after the
         baseline.
-    rules
-        Western Electric rule to apply, 1 to 4.
-
-        Or a list of rules.
     seed
         Seed of the laboratory. The hits of different days have different random errors.
     instruments
@@ -237,12 +232,12 @@ def daily(
     Raises
     ------
     InputError
-        A number is out of range, or a ball, rule or fault is unknown. The gates do not detect every
+        A number is out of range, or a ball or fault is unknown. The gates do not detect every
         rebound from the wall, because the rebound is too slow. A day has no valid hit at the
         cylinder.
     """
-    ball, faults, rules = entry_name(ball), words_of(faults), wholes_of(rules)
-    _check_counts(days, baseline, hits, rules)
+    ball, faults = entry_name(ball), words_of(faults)
+    _check_counts(days, baseline, hits)
     begin = baseline + 1 if since is None else since
     if not 1 <= begin <= days:
         raise InputError("", "since", begin, f"allowed: 1 to {days}, the last day")
@@ -267,9 +262,9 @@ def daily(
         values=values,
         scatter=scatter,
         wall=wall,
-        charted=control_chart(values, baseline, rules),
+        charted=control_chart(values, baseline),
         cylinder=cylinder,
-        cylinder_charted=control_chart(cylinder, baseline, rules),
+        cylinder_charted=control_chart(cylinder, baseline),
     )
 
 
@@ -308,7 +303,7 @@ def _alarms(standard: str, charted: DayCharts, since: int | None) -> list[AlarmC
     return rows
 
 
-def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -> None:
+def _check_counts(days: int, baseline: int, hits: int) -> None:
     for name, value, low, high in (
         ("days", days, 6, 10_000),
         ("baseline", baseline, 5, days - 1),
@@ -317,9 +312,6 @@ def _check_counts(days: int, baseline: int, hits: int, rules: Collection[int]) -
         if not low <= value <= high:
             most = f"{high}, fewer than the days" if name == "baseline" else f"{high}"
             raise InputError("", name, value, f"allowed: {low} to {most}")
-    for rule in rules:
-        if rule not in RULES:
-            raise InputError("", "rule", rule, f"allowed: {', '.join(map(str, RULES))}")
 
 
 def _daily_checks(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:
