@@ -395,7 +395,7 @@ def test_variants_of_a_sheet_in_one_sweep_are_the_tests_alone() -> None:
     variants = [base.with_(valid_hits=hits, attempts=3 * hits) for hits in (6, 12, 24)]
     said = {"progress": quiet, "laboratories": 1, "seed": 0}
     together = vl.sweep("r161", procedures=variants, **said)
-    assert together["u"].round(5).tolist() == [0.00533, 0.00427, 0.00361]
+    assert together["u"].round(5).tolist() == [0.00537, 0.00431, 0.00367]
     assert together["procedure"].tolist() == [
         f"astm-f1881 (valid_hits={hits}, attempts={3 * hits})" for hits in (6, 12, 24)
     ]
