@@ -75,7 +75,7 @@ def test_the_u_of_a_contact_s_time_includes_alternative_fits() -> None:
     vector = model.fit.vector.copy()
     vector[-3] += 3.0  # second flight 3 px lower: contact 0.2 frames later
     late = 3.0 / (9.0 + 6.3)
-    beside = replace(model, rest=[*model.rest, (model.fit.with_vector(vector), 1.0)])
+    beside = replace(model, rest=[*model.rest, model.fit.with_vector(vector)])
     apart = contact(beside).time.u ** 2 - contact(model).time.u ** 2
     assert np.sqrt(apart) == pytest.approx(late, rel=0.1)
 

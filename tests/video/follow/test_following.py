@@ -3,6 +3,7 @@
 For all twins with other seeds: python -m tests.video.follow.study.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,14 +16,17 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.video.follow.twins import require_contacts, require_flights, run
+from tests.video.scenery.filming import film
 from tests.video.scenery.scene import Made
 from tests.video.scenery.scenes import SCENES, UNSEEN
 from tests.video.scenes import matte
 from virtual_lab.errors import InputError
 from virtual_lab.units import STANDARD_GRAVITY
-from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.calibration_file import ClipCalibration
+from virtual_lab.video.clips.clip import Clip, open_clip
+from virtual_lab.video.find.watching import Watched, watch
 from virtual_lab.video.follow.following import FollowedClip, follow, follow_blobs, measure
-from virtual_lab.video.follow.knowledge import FILE, ClipKnowledge
+from virtual_lab.video.follow.knowledge import FILE, STATED_LEVEL_U, ClipKnowledge
 from virtual_lab.video.follow.searching import FlightsFound
 from virtual_lab.video.show.course import course_of, names_of
 from virtual_lab.video.show.tracked_clip import track_clip
@@ -78,11 +82,13 @@ def test_a_ball_that_does_not_fly_has_no_flight_and_a_reason(name: str, followed
     assert (result.pieces == []) == (name == "empty")
 
 
-def left_out(name: str, seed: int, crf: int, folder: Path) -> tuple[Made, FollowedClip]:
+def left_out(
+    name: str, seed: int, crf: int, folder: Path, readout: float | None = None
+) -> tuple[Made, FollowedClip]:
     """Follow a phone's H.264 that lacks frames, and require its flights and contacts."""
     scene = (SCENES | UNSEEN)[name]
     scene = replace(scene, codec="H264", crf=crf, seed=scene.seed + 100 * seed)
-    made, result = run(scene, folder)
+    made, result = run(scene, folder, readout)
     assert "GRAVITY" not in result.flags
     require_flights(made.truth, result)
     require_contacts(made.truth, result)
@@ -110,22 +116,27 @@ def test_thinned_frames_are_found_by_the_motion(tmp_path: Path) -> None:
 
 
 def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
-    _, result = left_out("stamped", 32, 24, tmp_path)
+    _, result = left_out("stamped", 32, 24, tmp_path, readout=0.0)
     assert "LOST_FRAMES" not in result.flags
 
 
 def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift.
 
-    Six seeds (1700 to 2200) have errors of .002 to .034 and u of .017 to .038, at most 1.05 u.
+    Six seeds (1700 to 2200) have errors of .003 to .030 and u of .085 to .096. If readout, level
+    and mass are stated, errors are .002 to .026 and u .039 to .048, at most .6 u.
     """
     scene = SCENES["against-wall"]
     made, result = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1800), tmp_path)
     assert set(result.flags) == {"DRIFT_UNSEEN", "READOUT_UNKNOWN"}
     require_flights(made.truth, result)
-    restitution, true = result.contacts[0].restitution, made.truth.contacts[0].restitution
-    assert restitution is not None
-    assert abs(restitution.value - true) < 2 * restitution.u < 0.06
+    drag, true = made.truth.drag_per_metre, made.truth.contacts[0].restitution
+    stated = {"readout": 0.0, "level_u": STATED_LEVEL_U, "drag": (drag, drag / 5)}
+    stated_too = follow_blobs(result.clip, result.watched, replace(result.knowledge, **stated))
+    for each, most in ((result, 0.2), (stated_too, 0.1)):
+        restitution = each.contacts[0].restitution
+        assert restitution is not None
+        assert abs(restitution.value - true) < 2 * restitution.u < most
 
 
 @pytest.mark.parametrize(
@@ -144,7 +155,7 @@ def test_a_hand_s_drift_that_a_codec_nearly_hides_is_found(
     )
     assert result.watched.still.drifts
     late = result.watched.blobs["frame"] >= 70
-    assert np.abs(_drift_off(made, result)[late]).max() < 2.0
+    assert np.abs(_drift_off(made, result.watched)[late]).max() < 2.0
     assert result.contacts
     for each in result.contacts:
         true = min(made.truth.contacts, key=lambda other: abs(other.frame - each.frame))
@@ -166,12 +177,20 @@ def test_flights_are_right_if_a_phone_turns_in_the_hand(tmp_path: Path) -> None:
         assert np.abs(off.mean(axis=0)).max() < 0.6
 
 
-def test_flights_are_right_if_the_camera_follows_the_ball(tmp_path: Path) -> None:
-    """The camera turns by more than a picture's width, so that the last samples hardly overlap."""
-    made, result = run(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
+def test_the_drift_of_a_camera_that_follows_the_ball_is_found(tmp_path: Path) -> None:
+    """The picture shifts by more than its width, so that the last samples hardly overlap."""
+    made = film(replace(UNSEEN["turned-after"], codec="H264", crf=24), tmp_path)
+    watched = watch(open_clip(made.path, ClipCalibration(frames_per_second=made.scene.fps)))
+    assert np.abs(_drift_off(made, watched)).max() < 1.0
+
+
+def test_contacts_are_right_if_the_camera_turns_after_the_ball(tmp_path: Path) -> None:
+    """The camera turns by 38 degrees, and its lens is 1.8 times as long as a usual one."""
+    scene = UNSEEN["turned-after"]
+    scene = replace(scene, phone=replace(scene.phone, turns=True), codec="H264", crf=24)
+    made, result = run(scene, tmp_path)
     assert "PANNED" in result.flags
-    assert np.abs(_drift_off(made, result)).max() < 1.0
-    require_flights(made.truth, result)
+    assert len(result.contacts) == 2
     require_contacts(made.truth, result)
 
 
@@ -269,9 +288,9 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
     )
 
 
-def _drift_off(made: Made, result: FollowedClip) -> NDArray[np.float64]:
+def _drift_off(made: Made, watched: Watched) -> NDArray[np.float64]:
     """Return the error of each blob's drift, relative to the first picture, (blob, 2) [px]."""
-    blobs = result.watched.blobs
+    blobs = watched.blobs
     drift = np.stack([blobs["picture_x"] - blobs["x"], blobs["picture_y"] - blobs["y"]], axis=1)
     return drift - (made.drift - made.drift[0])[blobs["frame"]]
 
@@ -292,8 +311,10 @@ def test_a_hand_s_drift_widens_u_along_the_normal(followed: Get) -> None:
         # drift of 2 % of 320 pixels per second, on both velocities along the floor's normal
         fast = by_hand.flights[one.before].speed_out.value * 450 / 2.0
         more = 0.02 * 320 * (1 + other.restitution.value) / fast
-        assert one.restitution.value == other.restitution.value
-        assert one.restitution.u == pytest.approx(np.hypot(other.restitution.u, more), rel=0.3)
+        assert abs(one.restitution.value - other.restitution.value) < one.restitution.u / 3
+        # at least that of a steady drift; a drift that turns back also bends the flights
+        least = np.hypot(other.restitution.u, more)
+        assert least < one.restitution.u < 1.5 * least
 
 
 def test_a_ball_that_leaves_the_picture_and_comes_back_flies_once(tmp_path: Path) -> None:
@@ -329,7 +350,8 @@ def test_a_rolling_shutter_is_found(followed: Get) -> None:
     """The readout is no longer flagged as unknown."""
     made, result = followed("rolling-shutter")
     assert result.flags == ("ROLLING_SHUTTER",)
-    assert "about 0.75 frame intervals" in " ".join(result.warnings)  # 25 ms of 33 ms
+    fitted, u = map(float, re.findall(r"time of (\S+) \(u (\S+)\)", " ".join(result.warnings))[0])
+    assert abs(fitted - 0.75) < 2 * u < 0.1  # 25 ms of 33 ms
     require_contacts(made.truth, result)
 
 

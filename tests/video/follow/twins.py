@@ -15,7 +15,7 @@ from virtual_lab.video.follow.knowledge import ClipKnowledge
 __all__ = ["require_contacts", "require_flights", "run"]
 
 
-def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
+def run(scene: Scene, folder: Path, readout: float | None = None) -> tuple[Made, FollowedClip]:
     made = film(scene, folder)
     rate: float | None = scene.fps
     if scene.true_stamps or not scene.rate_said:
@@ -27,7 +27,8 @@ def run(scene: Scene, folder: Path) -> tuple[Made, FollowedClip]:
     clip = open_clip(made.path, ClipCalibration(frames_per_second=rate))
     diameter = scene.actors[0].ball.diameter if scene.actors else 0.05
     rate = rate or 1 / usual_step(clip.times)
-    return made, follow(clip, ClipKnowledge(rate=rate, ball=diameter, ball_u=0.01 * diameter))
+    ball = {"ball": diameter, "ball_u": 0.01 * diameter}
+    return made, follow(clip, ClipKnowledge(rate=rate, readout=readout, **ball))
 
 
 def require_flights(truth: BallTruth, result: FollowedClip, least: float = 0.8) -> None:

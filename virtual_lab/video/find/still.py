@@ -119,8 +119,8 @@ class Still:
         """
         if not self.drifts:
             return np.zeros(4)
-        grey, last = _soft(small), before[1] / self._full
-        leapt = last + leap_of(_soft(before[0]), grey)
+        grey, last = soft(small), before[1] / self._full
+        leapt = last + leap_of(soft(before[0]), grey)
         return self._full * self.edges.drift(grey, guess / self._full, leapt)
 
     @property
@@ -205,7 +205,7 @@ def still_of(
     halvings = max(0, int(np.ceil(np.log2(rows * columns / _STILL.searched) / 2)))
     shrink = 2**halvings
     small = [_shrunk(each, shrink) for each in pictures]
-    greys, size = [_soft(each) for each in small], small[0].shape[1::-1]
+    greys, size = [soft(each) for each in small], small[0].shape[1::-1]
     drifts: Array = np.zeros((len(small), 4))
     hidden_drift: float | None = 0.0
     if not tripod and len(greys) > 1:
@@ -226,7 +226,7 @@ def still_of(
         small=behind,
         restless=np.minimum(restless, _STILL.most_restless).astype(np.uint8),
         shrink=shrink,
-        edges=edges_of(_soft(behind), size, corner),
+        edges=edges_of(soft(behind), size, corner),
         sampled=full * drifts,
         hidden_drift=None if hidden_drift is None else hidden_drift * shrink / apart,
     )
@@ -395,7 +395,7 @@ def _shrunk(picture: Image, shrink: int) -> Image:
     return picture
 
 
-def _soft(picture: Image) -> Image:
+def soft(picture: Image) -> Image:
     """Return a smoothed gray picture, because noise and the blocks of a codec have steep edges."""
     return np.asarray(cv2.GaussianBlur(grey_of(picture), (5, 5), 1.0), np.uint8)
 

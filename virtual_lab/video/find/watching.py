@@ -36,6 +36,8 @@ class Watched:
     # JPEG of each frame in the searched size, about 30 kB each; empty if the clip has more than
     # 4000 frames
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
+    # (frame, 4), drift of each picture as in `find.drift` [pixels]; empty if there are no pictures
+    drifts: Array = field(default_factory=lambda: np.array([]))
     # surroundings of the whole and clean blobs, by their index; none if there are no thumbs
     views: Mapping[int, BlobView] = field(default_factory=dict)
     interlaced: bool = False  # each frame holds two fields, taken at different moments
@@ -70,7 +72,7 @@ def watch(
     apart = float(np.diff(clip.sampled).max()) if len(clip.sampled) > 1 else 1.0
     still = still_of(list(clip.samples), depth, apart, tripod=tripod)
     first, last = frames or (0, clip.count - 1)
-    change = np.full(clip.count, np.nan)
+    change, drifts = np.full(clip.count, np.nan), np.zeros((clip.count, 4))
     by_frame: list[Blobs] = [np.zeros(0, BLOB)]
     drift, ahead, since = np.zeros(4), np.zeros(4), 1
     latest = still.shrunk(eight_bits(clip.samples[0], depth)), drift
@@ -95,7 +97,7 @@ def watch(
             drift, ahead, since = drift + drifted, drifted / since, 1
         else:
             since += 1
-        before, latest = latest[0], (small, drift)
+        before, latest, drifts[number] = latest[0], (small, drift), drift
         if number < first:
             continue  # only the drift is needed, as the start for the next frame
         if number > first:
@@ -115,6 +117,7 @@ def watch(
         still=still,
         blobs=whole,
         change=change,
+        drifts=drifts,
         leaps=leaps,
         thumbs=thumbs,
         views=views,

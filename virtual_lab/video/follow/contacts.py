@@ -76,8 +76,6 @@ def contacts_of(
     notes: list[Note] = []
     contacts = []
     scene, ways, fit, others = model.scene, model.ways, model.fit, model.rest
-    # Without the line of a floor, a fitted tilt of a few degrees would falsify restitutions.
-    by = model.level or model
     for k, near in meetings(ways, fit):
         t, into, out = _closest(fit, k, near)
         one, other = ways[k], ways[k + 1]
@@ -89,11 +87,11 @@ def contacts_of(
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
             notes.append(_outside(ways, k, t, step))
             continue
-        normal, kind = _normal(by, out - into)
-        frame, ratio = _frame(scene, one, other, t), None
+        normal, kind = _normal(model, out - into)
+        frame, ratio = _frame(scene, one, other, t - late), None
         long_enough = min(len(one.t), len(other.t)) >= (3 if sharp else GROWTH.least_places)
         if long_enough and kind != "other":
-            ratio, flag, why = _restitution(by, k, t, normal, kind, sharp is not None)
+            ratio, flag, why = _restitution(model, k, t, normal, kind, sharp is not None)
             if flag:
                 words = f"contact at frame {frame:.1f}: {why}; no restitution is stated"
                 notes.append((flag, words))
@@ -108,13 +106,16 @@ def contacts_of(
         metres = scale.metres_per_pixel * place
         if sharp:  # the fit is in the plane of the ball
             place, metres = sharp.in_picture(place, frame), metres * [1, sharp.plane.sense]
+        else:  # in the still frame, where a camera that turns does not see the same position
+            last = scene.blobs[one.blobs[-1]]
+            place = place - one.xy[-1] + np.array([last["x"], last["y"]])
         ends = [estimate_of(partial(_place, axis, k, t), fit, others).u for axis in (0, 1)]
         place_u = scale.metres_per_pixel * float(np.sqrt(np.mean(np.square(ends))))
         contacts.append(
             Contact(
                 before=k,
                 t=t - late,
-                frame=frame - late,
+                frame=frame,
                 time=replace(time, value=step * (t - late)),
                 kind="struck" if kind == "other" else kind,
                 restitution=ratio,
@@ -181,19 +182,17 @@ def _restitution(
     """Return the restitution, a flag and a reason; the last two are set if it is None."""
     fit = model.fit
 
-    def ratio_of(turns: bool, some: Fit) -> float:
+    def ratio_of(some: Fit) -> float:
         _, before, after = _closest(some, first, t)
         if normal is None:
             return float(np.hypot(*after) / np.hypot(*before))
         across = complex(*normal)
-        if turns and (some.pull != fit.pull).any():  # a hidden drift does not turn the normal
+        if (some.pull != fit.pull).any():  # a hidden drift does not turn the normal
             across *= some.down / fit.down
         before, after = (each @ [across.real, across.imag] for each in (before, after))
         return float(-after / before)
 
-    ratio = estimate_of(partial(ratio_of, bool(fit.floor)), fit)
-    beside = [share * (ratio.value - ratio_of(True, other)) for other, share in model.rest]
-    ratio = replace(ratio, u=float(np.linalg.norm([ratio.u, *beside])))
+    ratio = estimate_of(ratio_of, fit, model.rest)
     if normal is not None:  # a floor is level, and a wall upright, within `slant_u`
         _, before, after = _closest(fit, first, t)
         side = np.array([-normal[1], normal[0]])

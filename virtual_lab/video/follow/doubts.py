@@ -12,10 +12,10 @@ from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import DEGREE
 from virtual_lab.video.find.watching import Watched
-from virtual_lab.video.follow.contacts import Contact
 from virtual_lab.video.follow.flights import beside, explained_share
+from virtual_lab.video.follow.joint import fit_flights
 from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
-from virtual_lab.video.follow.models import STEEPEST, FittedFlights, refit
+from virtual_lab.video.follow.models import STEEPEST, FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
 from virtual_lab.video.follow.scene import FOCAL, FlightScene
@@ -198,16 +198,23 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
     moved = max(float(np.ptp(ball[f"picture_{axis}"] - ball[axis])) for axis in "xy")
     turn = moved / FOCAL / max(model.scene.size)
     if turn > STEEPEST:
-        words = f"the picture moves by {moved:.0f} pixels during the flights, as if the camera"
-        why = f"turned by {turn / DEGREE:.0f} degrees; the perspective then changes speeds by up to"
-        notes.append(("PANNED", f"{words} {why} {100 * turn**2:.0f} %. Hold the camera still"))
+        words = (
+            f"the picture moves by {moved:.0f} pixels during the flights; a camera that turned by"
+        )
+        how = (
+            f"{turn / DEGREE:.0f} degrees about a usual lens was fitted. Hold another camera still"
+        )
+        notes.append(("PANNED", f"{words} {how}"))
     if model.tilted:
         words = "the camera looks up or down by ten degrees or more; a perspective was fitted, and"
         notes.append(("TILTED", f"{words} scale and speeds refer to the middle of the picture"))
-    if fit.readout and model.longest:
-        words = f"a rolling shutter with a readout time of about {fit.readout:.2g} frame intervals"
-        why = "the u of the speeds covers up to one; state the readout time with --readout"
-        notes.append(("ROLLING_SHUTTER", f"the flights fit {words}; {why}"))
+    if model.scene.readout is None:
+        k = -4 * len(fit.states) - 2
+        value, u = fit.readout, float(np.sqrt(fit.covariance[k, k]))
+        words = f"a rolling shutter with a readout time of {value:.2g} (u {u:.2g}) frame intervals"
+        why = "was fitted, and u covers it; state it with --readout or --global-shutter"
+        sure = value > APART[0] * u
+        notes.append(("ROLLING_SHUTTER" if sure else "READOUT_UNKNOWN", f"{words} {why}"))
     if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():
         words = "the background has too few edges to show whether the camera moves"
         why = "u covers the usual drift of a hand. If the camera stands still, use --tripod"
@@ -226,7 +233,7 @@ def of_drag(model: FittedFlights) -> list[Note]:
     stated, u = model.scene.drag
     if model.scene.in_radii:
         stated = stated / float(np.median([each.radius for each in model.ways]))
-    free = refit(replace(model.scene, drag=None), model.ways, model.fit)
+    free = fit_flights(replace(model.scene, drag=None), model.ways, floor=model.fit.floor)
     apart = float(np.log(free.drag / stated))
     apart_u = float(np.hypot(np.sqrt(free.covariance[2, 2]), u / model.scene.drag[0]))
     if abs(apart) < APART[0] * apart_u:
@@ -236,23 +243,3 @@ def of_drag(model: FittedFlights) -> list[Note]:
     )
     advice = f"a difference of {abs(apart) / apart_u:.2g} u; check --mass and --ball"
     return [("DRAG", f"{words}, {advice}")]
-
-
-def of_readout(contacts: Sequence[Contact], rolled: Sequence[Contact]) -> Note:
-    """Return the note that the readout time of the camera is unknown.
-
-    `contacts` are computed with a readout time of 0, and `rolled` are the same contacts, computed
-    with a readout time of half a frame interval. If a contact has a restitution, the note also
-    states the largest difference of a restitution between the two. A contact that is missing in
-    `rolled` is ignored. Both sequences may be empty.
-    """
-    by = {each.before: each.restitution for each in rolled}
-    pairs = [(each.restitution, by.get(each.before)) for each in contacts]
-    most = max((abs(one.value - other.value) for one, other in pairs if one and other), default=0.0)
-    words = (
-        "neither --readout nor --global-shutter is given; the u of the speeds covers a rolling "
-        "shutter with a readout time of up to one frame interval"
-    )
-    if any(one for one, _ in pairs):
-        words += f"; that of the restitutions does not, half a frame may change one by {most:.2g}"
-    return "READOUT_UNKNOWN", words

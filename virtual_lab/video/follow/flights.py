@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -44,10 +44,6 @@ class FlightSearch:
     # largest length of the first and last blob, minus the motion in a frame [median lengths]
     end_length: float = 1.25
     meeting_radii: float = 0.5  # largest misfit of two flights at a contact [ball radii]
-    # readout times that are tried if none is known [frames], and factor by which one of them must
-    # reduce the misfit of a readout time of 0
-    readouts: tuple[float, ...] = (0.25, 0.5, 0.75, 1.0)
-    readout_gain: float = 4.0
     # smallest contrast of a second ball, relative to the ball; a shadow or mirror image has less
     second_contrast: float = 0.5
 
@@ -66,14 +62,13 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
         return [], None
-    fit_of = partial(fit_flights, scene, readout=readout_of(scene, flights))
     for _ in range(4):
-        flights = _align(scene, flights, fit_of(flights))
-        flights = without_contacts(scene, _refill(scene, flights, fit_of(flights)))
+        flights = _align(scene, flights, fit_flights(scene, flights))
+        flights = without_contacts(scene, _refill(scene, flights, fit_flights(scene, flights)))
         flights = [each for each in flights if len(each.t) >= GROWTH.least_places]
         if not flights:
             return [], None
-    fit = fit_of(flights)
+    fit = fit_flights(scene, flights)
     right, down = fit.pull[0]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
     # The acceleration of a pendulum is to the side.
@@ -308,20 +303,6 @@ def meetings(flights: Sequence[Piece], fit: Fit) -> list[tuple[int, float]]:
     return contacts
 
 
-def readout_of(scene: FlightScene, flights: Sequence[Piece]) -> float:
-    """Return the readout time of the camera's rolling shutter [frames].
-
-    It is the readout time stated in the scene. If none is stated, several readout times are tried.
-    The best one is returned if it fits the flights much better than a readout time of 0. Otherwise
-    0 is returned.
-    """
-    if scene.readout is not None:
-        return scene.readout
-    fits = [fit_flights(scene, flights, readout=each) for each in (0.0, *FLIGHTS.readouts)]
-    best = min(fits, key=lambda each: each.cost)
-    return best.readout if fits[0].cost > FLIGHTS.readout_gain * best.cost else 0.0
-
-
 def _refill(scene: FlightScene, flights: list[Piece], fit: Fit) -> list[Piece]:
     """Return the flights with all positions on their path, and no others.
 
@@ -449,9 +430,11 @@ def without_contacts(scene: FlightScene, flights: list[Piece]) -> list[Piece]:
         return flights
     half = (1.0 if scene.exposure is None else scene.exposure) / 2
     parts = list(flights)
-    for k, t in meetings(flights, fit_flights(scene, flights)):
-        parts[k] = parts[k].part(parts[k].t < t - half)
-        parts[k + 1] = parts[k + 1].part(parts[k + 1].t > t + half)
+    fit = fit_flights(scene, flights)
+    for k, t in meetings(flights, fit):
+        times = [each.t + fit.readout * scene.late(each.blobs) for each in parts[k : k + 2]]
+        parts[k] = parts[k].part(times[0] < t - half)
+        parts[k + 1] = parts[k + 1].part(times[1] > t + half)
     # Flights that do not meet may overlap in time.
     for k, (one, other) in enumerate(pairwise(parts)):
         if len(one.t):

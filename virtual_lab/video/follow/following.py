@@ -22,18 +22,18 @@ from virtual_lab.video.follow.doubts import (
     against_size,
     of_camera,
     of_drag,
-    of_readout,
     require_diameter,
     without_flight,
 )
-from virtual_lab.video.follow.joint import Fit, estimate_of
+from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
 from virtual_lab.video.follow.knowledge import FILE, GRAVITY, ClipKnowledge, Note
-from virtual_lab.video.follow.models import FittedFlights, refit
+from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.registering import register
 from virtual_lab.video.follow.ruler import Ruler, rulers_of
 from virtual_lab.video.follow.searching import FlightsFound, clip_scene, search, step_of
 from virtual_lab.video.follow.sharpening import NotSharpError, SharpBall, sharpen, wants_sharp
+from virtual_lab.video.follow.turning import turn_back
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +184,8 @@ def measure(
         The stated frame rate implies an impossible g or an impossible diameter of the ball. Or the
         user asked to compute the scale from gravity, but no flight is curved enough.
     """
-    scene, pieces, ways = search.scene, search.pieces, search.ways
+    pieces = search.pieces
+    scene, ways = turn_back(search.scene, search.ways, watched)
     notes = [*earlier]
     notes += [("FRAMES_UNREAD" if UNREAD in words else "", words) for words in clip.warnings]
     step, where = step_of(knowledge, scene, ways), str(clip.source.path)
@@ -219,10 +220,6 @@ def measure(
             against += off
         flights = _flights(model, alone, contacts, scale, step)
         notes += against
-        if knowledge.readout is None and not model.fit.readout:
-            rolled = replace(model, fit=refit(scene, ways, model.fit, readout=0.5), level=None)
-            others, _ = contacts_of(rolled, step, scale, None)
-            notes.append(of_readout(contacts, others))
     notes += against_size(rulers)
     if not ways:
         notes.append(("", without_flight(pieces)))
@@ -273,7 +270,7 @@ def _flights(
     step: float,
 ) -> list[Flight]:
     """Return the flights in meters and seconds."""
-    fit, others = model.fit, [*model.rest, *model.longest]
+    fit, others = model.fit, model.rest
     unit = scale.metres_per_pixel / step
     before = {each.before + 1: each.t for each in contacts}
     after = {each.before: each.t for each in contacts}
@@ -302,7 +299,8 @@ def _flights(
 
 def _falls(model: FittedFlights, scale: Ruler, step: float) -> tuple[Estimate, list[Estimate]]:
     """Return the common acceleration of the flights, and that of each flight [m/s²]."""
-    alike = refit(model.scene, model.ways, model.fit, shared=False, tilt=np.zeros(2))
+    readout, tilt = float(model.fit.readout), np.zeros(2)
+    alike = fit_flights(model.scene, model.ways, readout=readout, shared=False, tilt=tilt)
     scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
     shared = estimate_of(partial(_pull, 0), model.fit, (), **scaling)
     alone = [estimate_of(partial(_pull, k), alike, (), **scaling) for k in range(len(model.ways))]

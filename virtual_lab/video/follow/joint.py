@@ -51,6 +51,8 @@ class FlightFit:
     # range of the correlation time of a pattern [durations of the flight]
     lags: tuple[float, float] = (0.02, 30.0)
     slant_u: float = 0.0035  # u of the slope of a floor or wall relative to g, about 4 mm per meter
+    # prior of an unknown readout time, and its u [frames]; phones have 0.3 to 0.95
+    readout: tuple[float, float] = (0.5, 0.3)
 
 
 FLIGHT_FIT = FlightFit()
@@ -70,8 +72,8 @@ class Fit:
     vector: Array
     residuals: list[Array]  # (position, 2) for each flight
     spread: float  # robust standard deviation of a coordinate's residual
-    cost: float  # sum of squares of the residuals, large ones clipped
-    readout: float  # [frames]
+    readout: float  # readout time of a rolling shutter [frames]
+    focal: float  # deviation of the focal length from the usual one [its u]
     floor: Floor  # contacts with a common floor
 
     @property
@@ -122,7 +124,7 @@ class Fit:
 def estimate_of(
     quantity: Callable[[Fit], float],
     fit: Fit,
-    others: Sequence[tuple[Fit, float]] = (),
+    others: Sequence[Fit] = (),
     *,
     unit: float = 1.0,
     relative_u: float = 0.0,
@@ -134,8 +136,7 @@ def estimate_of(
     * For each principal axis of the fit's covariance, the parameters are moved along the axis by
       one standard uncertainty. This is done in both directions. The part is the larger of the two
       changes of the quantity. The changes differ if the quantity is not linear in the parameters.
-    * For each pair (other fit, share) in `others`, the part is the share times the difference of
-      the quantity between the two fits.
+    * For each fit in `others`, the part is the difference of the quantity between the two fits.
     * The last part is `relative_u` times the quantity.
 
     Parameters
@@ -153,7 +154,7 @@ def estimate_of(
     moves = (axes[:, significant] * np.sqrt(powers[significant])).T
     both = [[quantity(fit.with_vector(fit.vector + s * m)) for s in (1, -1)] for m in moves]
     off = [float(np.abs(np.subtract(each, value)).max()) for each in both]
-    off += [share * (value - quantity(other)) for other, share in others]
+    off += [value - quantity(other) for other in others]
     u = float(np.linalg.norm([*off, value * relative_u]))
     return Estimate(value=unit * value, u=unit * u)
 
@@ -180,7 +181,7 @@ def fit_flights(
     ----------
     readout
         Time from the readout of the first row to the readout of the last row [frames]. None: the
-        readout time of the scene, or 0 if it is unknown.
+        readout time of the scene; if it is unknown, it is fitted.
     shared
         Whether all flights have the same g; otherwise each flight has its own.
     tilt
@@ -189,14 +190,19 @@ def fit_flights(
     floor
         Contacts with a common floor, which is assumed to be level within `FLIGHT_FIT.slant_u`.
     """
-    readout = (scene.readout or 0.0) if readout is None else readout
-    times = [each.t + readout * scene.late(each.blobs) for each in flights]
+    readout = scene.readout if readout is None else readout
+    rolled = FLIGHT_FIT.readout if readout is None else (readout, 0.0)  # value and u
+    blobs = np.concatenate([each.blobs for each in flights])
+    late = [scene.late(each.blobs) for each in flights]
+    times = [each.t + rolled[0] * rows for each, rows in zip(flights, late, strict=True)]
     of = np.repeat(np.arange(len(flights)), [len(t) for t in times])
     middles = np.array([t.mean() for t in times])
     radius = float(np.median([each.radius for each in flights]))
     slow = [0.0 if each.sharp else len(each.t) * each.pattern_u**2 for each in flights]
     model = _FlightModel(
-        dt=np.concatenate(times) - middles[of],
+        dt=np.concatenate([each.t for each in flights]) - middles[of],
+        late=np.concatenate(late),
+        lens=np.zeros(()) if scene.lens is None else scene.lens[blobs],
         of=of,
         xy=np.concatenate([each.xy for each in flights]),
         place_u=np.concatenate([each.u for each in flights]),
@@ -208,7 +214,7 @@ def fit_flights(
         floor=floor,
     )
     k = 2 if shared else 2 * len(flights)  # index of the drag in the vector, before the tilt
-    before = np.zeros(k + 3 + 4 * len(flights))
+    before = np.zeros(k + 5 + 4 * len(flights))
     u = np.full(len(before), np.inf)
     if scene.pull is not None:
         before[:k], u[:k] = np.tile(scene.pull, k // 2), 0.0
@@ -220,9 +226,11 @@ def fit_flights(
         u[k + 1 : k + 3] = scene.tilt_u
     else:
         before[k + 1 : k + 3], u[k + 1 : k + 3] = tilt, 0.0
+    before[k + 3], u[k + 3] = rolled
+    u[k + 4] = 0.0 if scene.lens is None else 1.0
     # Drag and tilt are fixed, because a pattern would be mistaken for drag, and the plane is known.
     if model.sharp:
-        u[k : k + 3] = 0.0
+        u[k : k + 4] = 0.0
     alike = 1.0
     # Correlated errors of neighboring positions reduce the weight of each position.
     for _ in range(1 if model.sharp else 2):
@@ -239,15 +247,15 @@ def fit_flights(
     residuals = np.split(left, np.flatnonzero(np.diff(of)) + 1)
     if model.sharp:
         for n, (flight, rest) in enumerate(zip(flights, residuals, strict=True)):
-            added = pattern_covariance(flight, rest, model.dt[of == n])
+            added = pattern_covariance(flight, rest, model.after(vector)[of == n])
             for axis in (0, 1):
-                at = k + 3 + 4 * n + np.array([axis, 2 + axis])
+                at = k + 5 + 4 * n + np.array([axis, 2 + axis])
                 covariance[np.ix_(at, at)] += added
     else:
         covariance *= scatter**2
         # A flight whose positions scatter more than those of all flights gets a larger u.
         wide = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
-        grown = np.concatenate([np.ones(k + 3), np.repeat(np.maximum(wide, 1.0), 4)])
+        grown = np.concatenate([np.ones(k + 5), np.repeat(np.maximum(wide, 1.0), 4)])
         covariance *= np.outer(grown, grown)
     return Fit(
         **_parts(vector, len(flights)),
@@ -257,8 +265,6 @@ def fit_flights(
         vector=vector,
         residuals=residuals,
         spread=scatter * float(np.median(model.place_u)),
-        cost=float(clipped.sum()),
-        readout=readout,
         floor=model.floor,
     )
 
@@ -282,10 +288,10 @@ def _solve(
     """
     free, vector = np.flatnonzero(u > 0), before.copy()
     for n in range(model.of[-1] + 1):
-        vector[k + 3 + 4 * n :][:2] = model.xy[model.of == n].mean(axis=0)
+        vector[k + 5 + 4 * n :][:2] = model.xy[model.of == n].mean(axis=0)
     reach = max(1.0, float(np.abs(model.dt).max()))
     steps = np.tile([0.1, 0.1, 0.1 / reach, 0.1 / reach], model.of[-1] + 1)
-    steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6], steps])
+    steps = np.concatenate([np.full(k, 0.1 / reach**2), [1e-2, 1e-6, 1e-6, 1e-2, 1e-2], steps])
     for turn in range(FLIGHT_FIT.rounds):
         left = (model.xy - model.places(vector)) / model.place_u[:, None]
         off = np.hypot(*left.T)
@@ -358,12 +364,14 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
 
 def _parts(vector: Array, flights: int) -> dict[str, Any]:
     """Return the parts of vectors, (…, parameter), keyed by the names of fields of `Fit`."""
-    some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 3
+    some, k = vector.shape[:-1], vector.shape[-1] - 4 * flights - 5
     return {
         "pull": np.broadcast_to(vector[..., :k].reshape(*some, -1, 2), (*some, flights, 2)),
         "drag": np.exp(vector[..., k]),
         "tilt": vector[..., k + 1 : k + 3],
-        "states": vector[..., k + 3 :].reshape(*some, flights, 4),
+        "readout": vector[..., k + 3][()],  # a number, if `vector` is one vector
+        "focal": vector[..., k + 4][()],
+        "states": vector[..., k + 5 :].reshape(*some, flights, 4),
     }
 
 
@@ -371,7 +379,9 @@ def _parts(vector: Array, flights: int) -> dict[str, Any]:
 class _FlightModel:
     """Observed positions, and the positions predicted by a vector of parameters."""
 
-    dt: Array  # (position,), time from the middle of its flight [frames]
+    dt: Array  # (position,), time of the first row from the middle of its flight [frames]
+    late: Array  # (position,), share of the readout time at the row of the ball
+    lens: Array  # (position, 2), change of positions by u of the focal length; or 0
     of: Ints  # (position,), number of its flight
     xy: Array  # (position, 2)
     place_u: Array  # (position,), u; 1 if it is not known
@@ -383,6 +393,11 @@ class _FlightModel:
     radius: float
     middles: Array  # (flight,) [frames]
     floor: Floor
+
+    def after(self, vector: Array) -> Array:
+        """Return times from the middle of each flight for vectors (…, parameter), (…, position)."""
+        readout = _parts(vector, self.of[-1] + 1)["readout"]
+        return np.asarray(self.dt + readout[..., None] * self.late)
 
     def slants(self, vector: Array) -> Array:
         """Return the slopes of lines from the first floor contact to the others, relative to g.
@@ -406,8 +421,9 @@ class _FlightModel:
         """Return the positions for vectors (…, parameter), (…, place, 2)."""
         parts = _parts(vector, self.of[-1] + 1)
         states, pull = (parts[name][..., self.of, :] for name in ("states", "pull"))
-        flown = _fly(states, pull, parts["drag"], self.dt)
-        return _project(flown[..., :2], parts["tilt"], self.centre)
+        flown = _fly(states, pull, parts["drag"], self.after(vector))
+        seen = _project(flown[..., :2], parts["tilt"], self.centre)
+        return np.asarray(seen - parts["focal"][..., None, None] * self.lens)
 
     def jacobian(self, vector: Array, steps: Array) -> Array:
         """Return the Jacobian of positions by steps of the parameters, (place, 2, parameter)."""

@@ -35,7 +35,7 @@ from virtual_lab.video.calibration.plane import PixelScale
 from virtual_lab.video.find.blobs import Blobs
 from virtual_lab.video.follow.joint import Fit, estimate_of
 from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge
-from virtual_lab.video.follow.models import EVEN_SHARE, FittedFlights
+from virtual_lab.video.follow.models import FittedFlights
 
 SAID = {
     GIVEN: "the length given",
@@ -181,11 +181,10 @@ def _by_gravity(model: FittedFlights, knowledge: ClipKnowledge, step: float) -> 
     # ratio of the density of the air to that of the ball
     air = 8 / 3 / DRAG_COEFFICIENT * model.fit.drag * radius
     tilt = 1 / np.cos(knowledge.level_u) - 1
-    rest = [knowledge.gravity_u / knowledge.gravity, tilt, 1.5 * air * EVEN_SHARE]
+    rest = [knowledge.gravity_u / knowledge.gravity, tilt, 1.5 * air / np.sqrt(3)]
     rest_u = float(np.linalg.norm(rest))
     fall = knowledge.gravity * step**2
-    others = [*model.rest, *model.longest]
-    length = estimate_of(lambda fit: fall / fit.size, model.fit, others, relative_u=rest_u)
+    length = estimate_of(lambda fit: fall / fit.size, model.fit, model.rest, relative_u=rest_u)
     scale, relative_u = length.value, length.u / length.value
     if relative_u > VAGUE:
         return None

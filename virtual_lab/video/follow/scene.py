@@ -32,13 +32,16 @@ class FlightScene:
     in_radii: bool = True
     readout: float | None = 0.0  # [frames]; None: unknown, at most 1
     pull: Array | None = None  # g, if known, (2,) [px/frame²]
-    level_u: float = LEVEL_U  # u of the camera's angle off level, and off square [rad]
+    # u of the camera's angle off level, and off square, a number or (2,) [rad]
+    level_u: Array | float = LEVEL_U
     readout_axis: tuple[int, int] = (1, 1)  # axis of the picture (0: x), and direction along it
+    # (blob, 2), change of positions by u of the focal length; None: the camera does not turn
+    lens: Array | None = None
 
     @property
-    def tilt_u(self) -> float:
-        """Standard uncertainty of the tilt of the perspective [1/px]."""
-        return float(np.tan(self.level_u) / FOCAL / max(self.size))
+    def tilt_u(self) -> Array:
+        """Standard uncertainty of the tilt of the perspective, (2,) or a number [1/px]."""
+        return np.asarray(np.tan(self.level_u) / FOCAL / max(self.size))
 
     def gravity_of(self, radius: float) -> float | None:
         """Return gravity [px/frame²] for a ball of `radius` [pixels], None if it is unknown."""

@@ -64,7 +64,7 @@ class SharpBall:
     plane: Plane
     notes: tuple[Note, ...] = ()
     # fits in which the slope of one flight to the plane is one standard uncertainty larger
-    aside: tuple[tuple[Fit, float], ...] = ()
+    aside: tuple[Fit, ...] = ()
 
     def in_picture(self, place: Array, frame: float) -> Array:
         """Return the approximate position in the picture of a position (2,) of the fit [pixels]."""
@@ -262,7 +262,7 @@ def _reject_outliers(scene: FlightScene, way: Piece) -> Piece:
 
 def _flatten(
     scene: FlightScene, ways: list[Piece], ball: SharpBall, knowledge: ClipKnowledge
-) -> tuple[list[Piece], tuple[tuple[Fit, float], ...], list[Note]]:
+) -> tuple[list[Piece], tuple[Fit, ...], list[Note]]:
     """Return the flights projected to the plane, fits with other slopes to the plane, and notes.
 
     A ball at the height h above the plane, seen by a camera at the distance Z, looks larger and
@@ -304,7 +304,7 @@ def _flatten(
             pieces.append(replace(way, xy=foot + (way.xy - foot) / (1 + nearer)))
         return pieces
 
-    aside = [(fit_flights(scene, flat(k)), 1.0) for k, (_, u) in enumerate(climbs) if u]
+    aside = [fit_flights(scene, flat(k)) for k, (_, u) in enumerate(climbs) if u]
     return flat(), tuple(aside), notes
 
 

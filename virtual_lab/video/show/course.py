@@ -73,7 +73,8 @@ def course_of(track: FollowedClip) -> Places:
     places = places[np.argsort(places["frame"], kind="stable")]
     if track.fit and track.scale:
         for k, way in enumerate(track.ways):
-            rows, states = np.isin(places["frame"], way.frames), track.fit.at(k, way.t)
+            rows = np.isin(places["frame"], way.frames)
+            states = track.fit.at(k, way.t + track.fit.readout * track.scene.late(way.blobs))
             middle = states[len(way.t) // 2, 2:]
             right, down = middle / max(float(np.hypot(*middle)), 1e-12)
             speeds = unit / track.seconds * states[:, 2:]
@@ -82,7 +83,7 @@ def course_of(track: FollowedClip) -> Places:
             places["across_px"][rows] = track.fit.residuals[k] @ [-down, right]
             places["right_m_per_s"][rows], places["up_m_per_s"][rows] = speeds.T * [[1], [-1]]
             if not sharp:  # in the plane of the speeds, not in the picture
-                flown = unit * track.fit.in_plane(spots(places)[rows])
+                flown = unit * track.fit.in_plane(way.xy)
                 places["x_m"][rows], places["y_m"][rows] = flown.T
     return places
 
