@@ -42,7 +42,7 @@ def test_a_function_that_only_kernels_call_has_no_cache() -> None:
         if isinstance(callee := kernel.py_func.__globals__.get(name), CPUDispatcher)
     }
     assert len(every) > 60
-    assert {"_approach", "pass_gate", "_fill"} <= inner
+    assert {"_step", "pass_gate", "_fill"} <= inner
     cached = {kernel.py_func.__name__ for kernel in every.values() if is_cached(kernel)}
-    assert {"collide", "collide_lanes", "sector_sums"} <= cached
+    assert {"collide", "sector_sums"} <= cached
     assert inner & cached == CALLED_BY_TESTS

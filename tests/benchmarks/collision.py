@@ -1,7 +1,8 @@
 """Benchmark of the collision solver: ``python -m tests.benchmarks.collision``.
 
-It measures speed against peers on the same core in the same run, largest errors on very many
-scenes, the surrogate, and memory. Rows state the target and whether it was reached.
+It measures speed against peers on the same core in the same run, largest errors on many scenes
+(which takes a quarter of an hour), the surrogate, and memory. Rows state the target and whether it
+was reached.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from tests.benchmarks.accuracy import SCENES, accuracy
-from tests.benchmarks.machine import seconds, vectors
+from tests.benchmarks.machine import seconds
 from tests.benchmarks.rows import Row, line, write_csv
 from tests.benchmarks.scenes import default_model
 from tests.benchmarks.speed import speed
@@ -41,7 +42,7 @@ def main() -> None:
         "memory": memory,
     }
     used = ", ".join(f"{package} {version(package)}" for package in ("numpy", "scipy", "numba"))
-    print(f"collision solver, {datetime.now(UTC):%Y-%m-%d}, one core, {vectors()}; {used}")
+    print(f"collision solver, {datetime.now(UTC):%Y-%m-%d}, one core; {used}")
     print("columns: value and unit, largest error of e_A in the same run, figure to reach, note")
     rows, last = [], ""
     for name, measure in parts.items():

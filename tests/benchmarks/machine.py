@@ -1,4 +1,4 @@
-"""Speed of the machine: its vector instructions, timers, and the rate of matrix products."""
+"""Speed of the machine: its vector instructions, and timers."""
 
 from __future__ import annotations
 
@@ -9,18 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["GEMM_FLOPS", "Work", "gemm", "in_turn", "processor_seconds", "seconds", "vectors"]
+__all__ = ["Work", "in_turn", "processor_seconds", "seconds", "vectors"]
 
 Floats = NDArray[np.float64]
 Work = Callable[[], object]
 
 REPEATS = 7
-GEMM = 1024
-GEMM_FLOPS = 2.0 * GEMM**3
 
 
 def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, Floats]:
-    """Return the times [s] of several works, each (rounds,), which are run in turn.
+    """Return the processor times [s] of several works, each (rounds,), which are run in turn.
 
     A neighbor that takes the processor for a second then slows all of them. Each work runs once
     before, because it may compile.
@@ -30,14 +28,14 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, Floats]:
         work()
     for _ in range(rounds):
         for name, work in works.items():
-            start = time.perf_counter()
+            start = time.process_time()
             work()
-            times[name].append(time.perf_counter() - start)
+            times[name].append(time.process_time() - start)
     return {name: np.array(values) for name, values in times.items()}
 
 
 def seconds(work: Work, repeats: int = REPEATS) -> float:
-    """Return the median time of a work [s]."""
+    """Return the median processor time of a work [s]."""
     return float(np.median(in_turn({"": work}, repeats)[""]))
 
 
@@ -52,13 +50,6 @@ def processor_seconds(work: Work, rounds: int) -> float:
         work()
         times.append(time.process_time() - start)
     return float(np.median(times[1:]))
-
-
-def gemm() -> Work:
-    """Return a product of matrices, the usual measure of a core's speed."""
-    a = np.random.default_rng(1).standard_normal((GEMM, GEMM))
-    out = np.empty_like(a)
-    return lambda: np.dot(a, a, out=out)
 
 
 def vectors() -> str:

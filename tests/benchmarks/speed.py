@@ -1,27 +1,27 @@
-"""Time per collision: by model and stepper, by peers, and their ratios.
+"""Time per collision: by model, by peers, and their ratios.
 
 Everything runs on one core, on scenes of one bat (R161). Compared works are timed in turn, because
 ratios of times from different minutes compare the load of the machine. Peers start with the mode
-shapes at the impact, as our steppers do.
+shapes at the impact, as our stepper does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tests.benchmarks.compiled_peers import by_compiled_dop853, numbalsoda_peers
-from tests.benchmarks.machine import GEMM_FLOPS, Work, gemm, in_turn, seconds, vectors
+from tests.benchmarks.machine import Work, in_turn, seconds
 from tests.benchmarks.peers import Peer, Scaled, by_solve_ivp
 from tests.benchmarks.rows import Row
 from tests.benchmarks.scenes import NARROW, default_model, eight_modes, struck
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.collision.stepping import FINE, WINDOW, CollisionBatch, InStep, OneByOne
+from virtual_lab.simulation.collision.stepping import STAYS, STEPPER, WINDOW, CollisionBatch
 
 __all__ = ["speed"]
 
@@ -30,11 +30,9 @@ Peers = Iterator[tuple[str, Peer]]
 PART = "speed: R161, z 1-12 in, 40-180 mph, e0 0.4-0.6, exponent 1-2, wall contact 0.6-1 ms"
 BATCH, PEER_SCENES, SEED = 16_384, 60, 7
 ROUNDS, PEER_REPEATS, SHORT_LIST = 15, 5, 3
-AGAINST_SOLVE_IVP = {"AVX-512": 2500.0, "AVX2": 1500.0}
-AGAINST_NUMBALSODA = 30.0
+AGAINST_SOLVE_IVP = 250.0
+AGAINST_NUMBALSODA = 3.0
 GOOD = 1e-6  # largest error of a peer that is compared
-# flops per mode and power, counted from the loops, without step planning, idle lanes and padding
-A_MODE, A_POWER = 8, 45
 SOLVE_IVP = {
     "DOP853": (1e-5, 1e-6, 3e-7, 2e-7, 1e-7, 1e-8),
     "RK45": (1e-5, 1e-6, 3e-7, 1e-7, 1e-8),
@@ -47,11 +45,10 @@ COMPILED = (1e-4, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Setting:
-    """A model, a stepper, and scenes for them."""
+    """A model and scenes for it."""
 
     what: str
     model: ModalModel
-    stepper: InStep
     scenes: Scenes
 
     def works(self) -> dict[str, Work]:
@@ -61,24 +58,18 @@ class _Setting:
         scenes; "all" is `ModalModel.collide`, from scenes to energies.
         """
         batch = struck(self.model, self.scenes)
-        model = replace(self.model, stepper=self.stepper)
         return {
-            "kernel": lambda: self.stepper._try(batch, WINDOW),
-            "stepper": lambda: self.stepper.follow(batch, WINDOW),
-            "all": lambda: model.collide(self.scenes),
+            "kernel": lambda: STEPPER.one_pass(batch, WINDOW),
+            "stepper": lambda: STEPPER.follow(batch, WINDOW),
+            "all": lambda: self.model.collide(self.scenes),
         }
 
 
 def speed(batch: int = BATCH) -> Iterator[Row]:
-    """Yield times and errors of our steppers, then of the peers."""
+    """Yield times and errors of our stepper, then of the peers."""
     scenes = NARROW.draw(batch, SEED)
-    rate = GEMM_FLOPS / seconds(gemm())
-    yield Row(part=PART, what="product of matrices, 1024 x 1024", value=rate / 1e9, unit="Gflop/s")
     models = (("8 modes", eight_modes("r161")), ("20 + residual", default_model("r161")))
-    settings = [
-        _Setting(what=f"FINE, {label}", model=model, stepper=FINE, scenes=scenes)
-        for label, model in models
-    ]
+    settings = [_Setting(what=label, model=model, scenes=scenes) for label, model in models]
     for setting in settings:
         yield from _ours(setting)
     for kind, aim, peers in _kinds():
@@ -86,11 +77,11 @@ def speed(batch: int = BATCH) -> Iterator[Row]:
 
 
 def _ours(setting: _Setting) -> Iterator[Row]:
-    stepper, scenes = setting.stepper, setting.scenes
+    scenes = setting.scenes
     batch = struck(setting.model, scenes)
-    times = in_turn(setting.works() | {"gemm": gemm()}, ROUNDS)
+    times = in_turn(setting.works(), ROUNDS)
     us = {name: float(np.median(values)) / len(scenes) * 1e6 for name, values in times.items()}
-    followed, exact = (way.follow(batch, WINDOW) for way in (stepper, OneByOne()))
+    followed, exact = (way.follow(batch) for way in (STEPPER, STEPPER.divided(12.0)))
     error = _error(batch, scenes, followed.states[:, -1], exact.states[:, -1])
     redone = f"{np.mean(followed.redone > 0):.2%} of the scenes again"
 
@@ -100,13 +91,9 @@ def _ours(setting: _Setting) -> Iterator[Row]:
     yield row("kernel", us["kernel"], unit="us")
     yield row("stepper", us["stepper"], unit="us", note=redone)
     yield row("all", us["all"], unit="us")
-    yield row("largest error", error, at_most=stepper.tolerance)
-    steps = float(stepper._try(batch, WINDOW)[0].steps.mean())
-    stages, powers = stepper.splitting.drifts.size, 2 if batch.compliance.any() else 1
-    flops = steps * stages * (A_MODE * batch.shapes.shape[1] + powers * A_POWER)
-    yield row("flops", flops / 1e3, unit="kflop", note=f"{steps:.1f} steps of {stages} evaluations")
-    share = flops * len(scenes) / GEMM_FLOPS * np.median(times["gemm"] / times["kernel"])
-    yield row("kernel, of the rate of gemm", float(share) * 100, unit="%")
+    yield row("largest error", error, at_most=STAYS)
+    steps = float(STEPPER.one_pass(batch)[0].steps.mean())
+    yield row("steps of 11 evaluations", steps)
 
 
 def _kinds() -> Iterator[tuple[str, float | None, Callable[[], Peers]]]:
@@ -127,7 +114,7 @@ def _kinds() -> Iterator[tuple[str, float | None, Callable[[], Peers]]]:
         for tolerance in COMPILED:
             yield f"numbalsoda DOP853, tolerance {tolerance:g}", of(tolerance)
 
-    yield "solve_ivp", AGAINST_SOLVE_IVP.get(vectors()), scipy
+    yield "solve_ivp", AGAINST_SOLVE_IVP, scipy
     yield "compiled DOP853", None, compiled
     yield "numbalsoda", AGAINST_NUMBALSODA, fortran
 
@@ -139,7 +126,7 @@ def _against(
     scenes = NARROW.draw(PEER_SCENES, SEED)
     batch = struck(ours.model, scenes)
     scaled = Scaled.of(batch)
-    exact = OneByOne(refinement=4).follow(batch, WINDOW).states[:, -1]
+    exact = STEPPER.divided(12.0).follow(batch).states[:, -1]
     good: list[tuple[float, str, Peer]] = []
     try:
         for what, peer in peers():
@@ -160,7 +147,7 @@ def _against(
         ratio = np.median(times[best] / times[part]) * len(ours.scenes) / PEER_SCENES
         yield Row(
             part=PART,
-            what=f"best {kind} over FINE's {part}",
+            what=f"best {kind} over our {part}",
             value=float(ratio),
             unit="x",
             at_least=aim,

@@ -1,10 +1,10 @@
 """Maps of the conditions under which the integration of the modal model is accurate.
 
 A cell consists of a few collisions with a wooden and a hollow bat, integrated in a single pass
-without repeats. The reference of e_A has the same modes and is integrated one collision at a time.
-The step is stated as a factor on the default steps of modes and ball. One more line of each map
-shows the default integration, which repeats doubtful collisions. Steps that the program rejects are
-computed too, to test the rejection. A column without a reference result stays empty.
+without repeats. The reference of e_A has the same modes and is integrated with finer steps. The
+step is stated as a factor on the default steps of modes and ball. One more line of each map shows
+the default integration, which repeats doubtful collisions. A column without a reference result
+stays empty.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cache, cached_property, partial
-from math import inf, isfinite
+from functools import cache, partial
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -26,15 +26,13 @@ from virtual_lab.fidelity.drawing import State, draw_maps, maps_text
 from virtual_lab.fidelity.results import StabilityMap
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.simulation.collision.modal import BENDING_MODES, ModalModel, collide_bats
-from virtual_lab.simulation.collision.scene import Collisions, Scenes
-from virtual_lab.simulation.collision.splitting import Splitting
+from virtual_lab.simulation.collision.scene import Collisions, Failure, Scenes
 from virtual_lab.simulation.collision.stepping import (
-    FINE,
+    STAYS,
+    STEPPER,
     WINDOW,
     CollisionBatch,
     FinalStates,
-    InStep,
-    OneByOne,
     Stepper,
 )
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
@@ -82,25 +80,15 @@ AXES: dict[CollisionAxis, tuple[Any, ...]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OnePass:
-    """A stepper that makes only the first pass."""
-
-    stepper: InStep
+class OnePass(Stepper):
+    """A stepper that makes only the first pass and accepts every result."""
 
     def follow(self, struck: CollisionBatch, window: float = WINDOW) -> FinalStates:
-        """Integrate all contacts that begin within `window` [s] of the first contact."""
-        followed, doubted = self.stepper.one_pass(struck, window)
-        none = np.zeros_like(followed.failure)
-        return replace(followed, redone=doubted.astype(np.int64), failure=none)
-
-
-class Boundless(Splitting):
-    """An integration scheme without the stability limit, to test the limit."""
-
-    @cached_property
-    def limit(self) -> float:
-        return inf
+        """Return the states after one pass; `redone` is 1 for a doubtful, 2 for a failed scene."""
+        final, doubtful = self.one_pass(struck, window)
+        failed = final.failure != Failure.SOUND
+        redone = doubtful.astype(np.int64) + failed
+        return replace(final, redone=redone, failure=np.zeros_like(redone))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +98,7 @@ class ColumnOutcome:
     efficiency: Array
     leak: Array  # error of the energy balance [share of the energy]
     doubted: Mask  # scenes that the default would repeat
-    given_up: Mask  # scenes in which the first contact did not end
+    failed: Mask  # scenes without an energy balance, or in which a contact did not end
 
     @classmethod
     def of(cls, parts: list[Collisions]) -> ColumnOutcome:
@@ -121,7 +109,7 @@ class ColumnOutcome:
             efficiency=whole(lambda each: each.collision_efficiency),
             leak=whole(lambda each: np.abs(each.energy.total - 1)),
             doubted=whole(lambda each: each.redone > 0),
-            given_up=whole(lambda each: each.contacts == 0),
+            failed=whole(lambda each: each.redone > 1),
         )
 
 
@@ -137,22 +125,22 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
       is not finite or the cell has no result;
     * the number of collisions, the number with a large error of e_A (``off``), and the number that
       the default integration would repeat (``doubted``);
-    * whether the program rejects the step (``refused``).
+    * whether at least one collision has no energy balance or no end (``refused``).
     """
     rows = []
     for axis, values in AXES.items():
         progress(axis)
         columns = [_column(axis, value) for value in values]
         exact = [_exact(column) for column in columns]
-        for step, stepper, refused in _steppers():
+        for step, stepper in _steppers():
             for value, column, true in zip(values, columns, exact, strict=True):
                 outcome = _outcome(column, stepper) if true else None
-                row = {"map": axis.value, "value": value, "step": step, "refused": refused}
+                row = {"map": axis.value, "value": value, "step": step}
                 rows.append(row | _cell(outcome, true, step == SHIPPED))
     down = "step / default step"
     title = (
         "Integration of the modal model: up to 24 scenes per cell in one pass, and as shipped; "
-        f"good: error of e_A at most {FINE.tolerance:.0e}; numbers: scenes with a larger error"
+        f"good: error of e_A at most {STAYS:.0e}; numbers: scenes with a larger error"
     )
     return StabilityMap(
         title="stability of the collision",
@@ -162,15 +150,11 @@ def collision_stability(progress: Progress = quiet) -> StabilityMap:
     )
 
 
-def _steppers() -> Iterator[tuple[str, Stepper, bool]]:
-    """Yield the name of each stepper, the stepper, and whether the program rejects it."""
-    scheme = FINE.splitting
-    boundless = Boundless(order=scheme.order, kicks=scheme.kicks, drifts=scheme.drifts)
+def _steppers() -> Iterator[tuple[str, Stepper]]:
+    """Yield the name of each stepper, and the stepper."""
     for factor in FACTORS:
-        refused = FINE.mode_step * factor > scheme.limit
-        stepper = replace(FINE, splitting=boundless) if refused else FINE
-        yield f"{factor:g}", OnePass(stepper=stepper.finer(1 / factor)), refused
-    yield SHIPPED, FINE, False
+        yield f"{factor:g}", OnePass().divided(1 / factor)
+    yield SHIPPED, STEPPER
 
 
 def _column(axis: CollisionAxis, value: Any) -> Column:
@@ -243,7 +227,7 @@ def _model(bat: str, support: str, count: int) -> ModalModel:
 def _exact(column: Column) -> ColumnOutcome | None:
     """Return the reference results of a column; None if the model rejects it."""
     try:
-        return _outcome(column, OneByOne())
+        return _outcome(column, STEPPER.divided(4.0))
     except InputError:
         return None
 
@@ -261,21 +245,22 @@ def _cell(
     if outcome is None or true is None:
         counts = dict.fromkeys(("scenes", "off", "doubted"), 0)
         worst = dict.fromkeys(("worst_error", "worst_unnoticed_error", "worst_leak"))
-        return {"state": State.NO_RESULT.value} | counts | worst
+        return {"state": State.NO_RESULT.value, "refused": True} | counts | worst
     error = np.abs(outcome.efficiency - true.efficiency)
     # Larger values of e_A or of the leak are a sign of instability; comparisons are False for NaN.
-    stable = (np.abs(outcome.efficiency) <= 2.0) & (outcome.leak <= 0.1) | outcome.given_up
-    good = error <= FINE.tolerance  # tolerance of the default
+    stable = (np.abs(outcome.efficiency) <= 2.0) & (outcome.leak <= 0.1)
+    good = error <= STAYS
     unnoticed = ~good if shipped else ~good & ~outcome.doubted
     state = State.GOOD if good.all() else State.INACCURATE if unnoticed.any() else State.NOTICED
     return {
         "state": (state if stable.all() else State.UNSTABLE).value,
+        "refused": bool((outcome.failed & ~shipped).any()),
         "scenes": len(error),
         "off": int((~good).sum()),
         "doubted": int(outcome.doubted.sum()),
         "worst_error": _worst(error),
         "worst_unnoticed_error": _worst(error[~outcome.doubted | shipped]),
-        "worst_leak": _worst(outcome.leak[~outcome.given_up]),
+        "worst_leak": _worst(outcome.leak),
     }
 
 

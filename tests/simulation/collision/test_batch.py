@@ -1,4 +1,4 @@
-"""A batch keeps its tolerance all over the bat, and no scene depends on its neighbors."""
+"""No scene depends on its neighbors in a batch; splines of the mode shapes are accurate."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from tests.benchmarks.scenes import WIDE
 from virtual_lab.catalog import load_bat
 from virtual_lab.simulation.collision.modal import ModalModel, collide_bats
 from virtual_lab.simulation.collision.patch import patch_shape
-from virtual_lab.simulation.collision.scene import Collisions, Scenes
-from virtual_lab.simulation.collision.stepping import OneByOne
+from virtual_lab.simulation.collision.scene import Collisions
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned
 from virtual_lab.units import INCH
 
@@ -43,19 +42,8 @@ def bats() -> list[ModalModel]:
     ]
 
 
-@pytest.mark.parametrize("which", range(4))
-def test_the_default_keeps_its_tolerance_all_over_the_bat(which: int) -> None:
-    model, scenes = bats()[which], WIDE.draw(2000, 20 + which)
-    collisions, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
-    gap = np.abs(collisions.collision_efficiency - slow.collision_efficiency)
-    print(f"worst {gap.max():.1e}, closing to {np.abs(total(collisions) - 1).max():.1e}")
-    assert gap.max() <= 1e-6
-    assert np.abs(total(collisions) - 1).max() <= 1e-6
-    assert set(collisions.redone) == {0, 1, 2, 3}
-
-
 def test_a_scene_does_not_depend_on_its_batch() -> None:
-    """The results are the same bits in any order, in any lane and beside any neighbors."""
+    """The results are the same bits in any order and beside any neighbors."""
     model, scenes = bats()[1], WIDE.draw(500, 30)
     whole, order = columns(model.collide(scenes)), np.random.default_rng(31).permutation(500)
     shuffled = columns(model.collide(scenes.part(order)))
@@ -63,7 +51,7 @@ def test_a_scene_does_not_depend_on_its_batch() -> None:
     for name, values in whole.items():
         assert np.array_equal(values[order], shuffled[name]), name
         assert np.array_equal(shuffled[name], np.concatenate([h[name] for h in halves])), name
-    assert set(whole["redone"]) == {0, 1, 2, 3}
+    assert set(whole["redone"]) == {0, 1}
 
 
 def test_a_bat_in_a_batch_gives_the_same_bits_as_alone() -> None:
@@ -71,29 +59,27 @@ def test_a_bat_in_a_batch_gives_the_same_bits_as_alone() -> None:
     batch = [(model, WIDE.draw(400, 40 + i)) for i, model in enumerate(bats())]
     for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
         alone = columns(model.collide(scenes))
-        assert set(alone["redone"]) == {0, 1, 2, 3}
+        assert set(alone["redone"]) == {0, 1}
         for name, values in columns(together).items():
             assert np.array_equal(values, alone[name]), name
 
 
 def test_a_bat_of_few_modes_is_unchanged_beside_one_of_many() -> None:
-    """Scenes stepped together give the same bits; scenes followed one by one agree to 1e-9."""
+    """The number of modes of one bat does not change the bits of another."""
     few = ModalModel.of(load_bat("r161").spec.body, Free(), 7)
     bare = replace(few, stiff=few.stiff.above(few.stiff.count))  # no residual flexibility
-    batch = [(model, WIDE.draw(400, 50 + i)) for i, model in enumerate([bats()[1], few, bare])]
+    many = ModalModel.of(load_bat("ea70").spec.body, Free(), 40)
+    batch = [(model, WIDE.draw(200, 50 + i)) for i, model in enumerate([many, few, bare])]
     for (model, scenes), together in zip(batch, collide_bats(batch), strict=True):
-        alone, beside = columns(model.collide(scenes)), columns(together)
-        stepped = alone["redone"] < 3
-        assert np.array_equal(alone["redone"], beside["redone"])
-        for name, values in beside.items():
-            assert np.array_equal(values[stepped], alone[name][stepped]), name
-            assert values == pytest.approx(alone[name], rel=1e-9, abs=1e-9), name
+        alone = columns(model.collide(scenes))
+        for name, values in columns(together).items():
+            assert np.array_equal(values, alone[name]), name
 
 
 @pytest.mark.parametrize("which", range(4))
 def test_splines_of_the_mode_shapes_change_e_a_only_within_the_stated_error(which: int) -> None:
-    """The oracle has exact mode shapes; in all other tests, every stepper has the same splines."""
-    model, scenes = replace(bats()[which], stepper=OneByOne()), WIDE.draw(300, 60 + which)
+    """The oracle has exact mode shapes; in all other tests, the oracle has the same splines."""
+    model, scenes = bats()[which], WIDE.draw(300, 60 + which)
 
     def shapes(z: np.ndarray) -> np.ndarray:
         stiff = patch_shape(model.stiff, z, model.patch) / model.stiff.angular_frequencies
@@ -106,28 +92,3 @@ def test_splines_of_the_mode_shapes_change_e_a_only_within_the_stated_error(whic
     print(f"worst {error.max():.1e}, of 95 in 100 {np.quantile(error, 0.95):.1e}")
     assert 0 < error.max() < TABLE_ERROR
     assert np.quantile(error, 0.95) < MOSTLY
-
-
-@pytest.mark.parametrize(
-    ("which", "z", "speed", "e0", "stiffness", "exponent"),
-    [
-        (1, 0.6298974330236085, 56.75869133629618, 0.383760322709, 198352702.773, 1.86869395402),
-        (3, 0.534214198658705, 30.09602348039845, 0.337094863262, 583718281.405, 1.80876662943),
-    ],
-)
-def test_one_step_does_not_hide_a_second_peak(
-    which: int, z: float, speed: float, e0: float, stiffness: float, exponent: float
-) -> None:
-    """The ball is compressed slightly deeper the second time; one-by-one stepping is the oracle."""
-    scenes = Scenes.of(
-        impact_position=z,
-        relative_speed=speed,
-        ball_mass=0.145,
-        ball_restitution=e0,
-        stiffness=stiffness,
-        exponent=exponent,
-    )
-    model = bats()[which]
-    collisions, slow = model.collide(scenes), replace(model, stepper=OneByOne()).collide(scenes)
-    assert collisions.collision_efficiency == pytest.approx(slow.collision_efficiency, abs=1e-6)
-    assert collisions.redone[0] > 0

@@ -16,7 +16,7 @@ from virtual_lab.simulation.collision import stepping
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.reference import ReferenceModel
 from virtual_lab.simulation.collision.scene import Scenes
-from virtual_lab.simulation.collision.stepping import FINE, WINDOW, OneByOne
+from virtual_lab.simulation.collision.stepping import STEPPER, WINDOW, Stepper
 from virtual_lab.simulation.physics.beam import Clamped, Free, Pinned, Support
 from virtual_lab.simulation.physics.modes import modes_of
 from virtual_lab.units import INCH
@@ -33,31 +33,17 @@ def wood(support: Support = Free()) -> ModalModel:  # noqa: B008 frozen
 HELD = {"free": Free(), "pinned at 0.7112 m": Pinned(28 * INCH), "clamped at 0.7874 m": CLAMPED}
 
 
-@pytest.mark.parametrize(
-    ("held", "key", "value", "said"),
-    [
-        ("free", "ball_restitution", 0.003, "e0 0.003,"),
-        ("free", "stiffness", 1e20, "k 1e+20 N/m^1"),
-        *((held, "ball_restitution", 0.005, "e0 0.005,") for held in HELD),
-        *((held, "stiffness", 1e14, "k 1e+14 N/m^1") for held in HELD),
-    ],
-)
-def test_a_scene_without_energy_balance_or_end_is_an_error(
-    held: str, key: str, value: float, said: str
-) -> None:
-    """Without the check, these scenes gave an e_A of 3e156, 2e17, 2e19 and 151."""
-    usually = {"ball_restitution": 0.5, "stiffness": 3.5e6}[key]
-    odd = usual([6.0, 6.0], relative_speed=50.0, **{key: np.array([usually, value])})
-    for stepper in (FINE, OneByOne()):
-        model = replace(wood(HELD[held]), stepper=stepper)
-        with pytest.raises(InputError) as refused:
-            model.collide(odd)
-        text = str(refused.value)
-        assert text.startswith("collision: ")
-        assert "\n" not in text
-        assert said in text
-        assert "struck 0.1524 m from its tip at 50 m/s by a ball of 0.145291 kg" in text
-        assert f"no result for a bat {held}, " in text
+@pytest.mark.parametrize("held", HELD)
+def test_a_scene_without_end_is_an_error(held: str) -> None:
+    odd = usual([6.0, 6.0], relative_speed=50.0, stiffness=np.array([3.5e6, 1e18]))
+    with pytest.raises(InputError) as refused:
+        wood(HELD[held]).collide(odd)
+    text = str(refused.value)
+    assert text.startswith("collision: no end is found")
+    assert "\n" not in text
+    assert "k 1e+18 N/m^1" in text
+    assert "struck 0.1524 m from its tip at 50 m/s by a ball of 0.145291 kg" in text
+    assert f"no result for a bat {held}, " in text
 
 
 def test_the_reference_refuses_a_scene_it_cannot_follow() -> None:
@@ -71,17 +57,17 @@ def test_the_reference_refuses_a_scene_it_cannot_follow() -> None:
 
 
 def test_disagreement_of_finer_steps_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The check applies to scenes that are followed one by one, and to no others."""
+    """The check applies to doubtful scenes, and to no others."""
     hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
-    assert wood().collide(hard).redone[0] == 3
-    one_pass = OneByOne.follow
+    assert wood().collide(hard).redone[0] > 0
+    one_pass = Stepper.one_pass
 
-    def trembling(self: OneByOne, *arguments: object) -> object:
-        result = one_pass(self, *arguments)  # type: ignore[arg-type]
-        result.states[:, -1] *= 1 + 1e-3 / self.refinement
-        return result
+    def trembling(self: Stepper, *arguments: object) -> object:
+        result, doubtful = one_pass(self, *arguments)  # type: ignore[arg-type]
+        result.states[:, -1] *= 1 + 1e-3 * self.mode_step
+        return result, doubtful
 
-    monkeypatch.setattr(OneByOne, "follow", trembling)
+    monkeypatch.setattr(Stepper, "one_pass", trembling)
     with pytest.raises(
         InputError, match="collision: finer steps disagree; no result for a bat free"
     ):
@@ -89,7 +75,7 @@ def test_disagreement_of_finer_steps_is_an_error(monkeypatch: pytest.MonkeyPatch
     assert wood().collide(usual([6.0])).redone[0] == 0
 
 
-def test_the_energy_of_scenes_followed_one_by_one_is_checked(
+def test_the_energy_balance_is_checked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     hard = usual([1.0], stiffness=3.5e8, ball_restitution=0.45)
@@ -113,21 +99,9 @@ def test_slow_balls_are_right_or_refused(speed: float) -> None:
             model.collide(creeping)
 
 
-@pytest.mark.parametrize("z", [20.0, 31.0])
-def test_heavy_balls_on_clamped_bats_settle(z: float) -> None:
-    """With a contact window of 20 ms there were up to 12 contacts and errors of up to 0.08."""
-    model = ModalModel.of(ALUMINIUM, Clamped(z * INCH))
-    scenes = scattered(100, 0.5, z - 1, seed=3)
-    scenes = replace(scenes, ball_mass=np.repeat([3.0, 30.0], 50) * scenes.ball_mass)
-    collisions = model.collide(scenes)
-    exact = replace(model, stepper=OneByOne(refinement=2.0)).collide(scenes)
-    assert collisions.contacts.max() <= 6
-    assert np.abs(collisions.collision_efficiency - exact.collision_efficiency).max() < 1e-6
-
-
 def followed(model: ModalModel, scenes: Scenes, window: float) -> np.ndarray:
     """Return the remaining speed of the ball, as a share of the approach speed, per scene."""
-    return FINE.follow(struck(model, scenes), window).states[:, -1] / scenes.relative_speed
+    return STEPPER.follow(struck(model, scenes), window).states[:, -1] / scenes.relative_speed
 
 
 @pytest.mark.parametrize("body", [WOOD, ALUMINIUM])

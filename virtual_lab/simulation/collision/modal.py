@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numba import config
 
 from virtual_lab.catalog.specs import BatBody
 from virtual_lab.simulation.collision.patch import PATCH, PatchTable, patch_shapes
 from virtual_lab.simulation.collision.scene import Collisions, EnergySplit, Scenes, concatenate
-from virtual_lab.simulation.collision.stepping import FINE, CollisionBatch, FinalStates, Stepper
+from virtual_lab.simulation.collision.stepping import STEPPER, CollisionBatch, FinalStates, Stepper
 from virtual_lab.simulation.physics.ball import unloading_exponent
 from virtual_lab.simulation.physics.beam import Support, support_words
 from virtual_lab.simulation.physics.modes import Modes, modes_of
@@ -39,7 +40,7 @@ class ModalModel:
     modes: Modes
     stiff: Modes  # modes that deflect statically
     patch: float = PATCH  # full width of the patch [m]
-    stepper: Stepper = FINE
+    stepper: Stepper = STEPPER
     held: str = ""  # description of the support for error messages
     name: str = "modal"
 
@@ -118,7 +119,7 @@ def collide_bats(
 
 def _struck(model: ModalModel, scenes: Scenes, table: Array, most: int) -> CollisionBatch:
     rigid, flexible = model.modes.rigid, model.modes.count - model.modes.rigid
-    squares, shapes = np.ones((1, most)), np.zeros((len(scenes), most))
+    squares, shapes = np.zeros((1, most)), np.zeros((len(scenes), most))
     squares[0, :flexible] = model.modes.angular_frequencies[rigid:] ** 2
     shapes[:, :flexible] = table[:, rigid:-1] ** 2
     return CollisionBatch(
@@ -214,9 +215,8 @@ def kernel_is_compiled() -> bool:
 
     The result is also True if numba's compiler is disabled.
     """
-    from virtual_lab.simulation.collision.batch_kernel import collide_lanes
-    from virtual_lab.simulation.collision.powers import COMPILES
+    from virtual_lab.simulation.collision.modal_kernel import collide
 
-    if not COMPILES or collide_lanes.overloads:
+    if config.DISABLE_JIT or collide.overloads:  # type: ignore[attr-defined]
         return True
-    return any(Path(str(collide_lanes.stats.cache_path)).glob("batch_kernel.*collide_lanes-*.nbi"))
+    return any(Path(str(collide.stats.cache_path)).glob("modal_kernel.collide-*.nbi"))

@@ -159,7 +159,7 @@ class Collisions:
     impulse: Array  # (n,), impulse on the bat [N s]
     contacts: NDArray[np.int64]  # (n,), number of contacts, usually 1
     reloads: NDArray[np.int64]  # (n,), number of times the compression grew again before release
-    redone: NDArray[np.int64]  # (n,), 0: first try, 1 and 2: finer steps, 3: one scene at a time
+    redone: NDArray[np.int64]  # (n,), number of repetitions with finer steps
     energy: EnergySplit
 
 
