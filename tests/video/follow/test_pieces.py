@@ -84,6 +84,14 @@ def test_a_shadow_that_a_low_sun_moves_across_the_ground_is_no_ball() -> None:
     assert all((each.xy[:, 0] < 500).all() for each in flights)
 
 
+@pytest.mark.parametrize("lost", [1, 5])
+def test_frames_lost_during_a_flight_are_counted(lost: int) -> None:
+    late = np.delete(np.arange(80.0), np.s_[20 : 20 + lost])
+    y = 420 - 10 * late + PULL * late**2 / 2
+    (flight,) = flights_in(blobs_of(np.stack([100 + 4 * late, y], axis=1)))
+    np.testing.assert_array_equal(flight.t, late)
+
+
 def test_leaves_that_sail_down_slowly_are_not_the_falling_ball() -> None:
     """The leaves are more and move alike; over so many frames, gravity would show."""
     late = np.arange(16.0)

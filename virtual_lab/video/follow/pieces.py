@@ -1,7 +1,7 @@
 """Pieces of smooth motion, made of blobs.
 
 Each further blob of a piece is at the position that constant acceleration predicts. A piece may
-have no blob in some frames. Up to three frames between two of its positions may be missing from the
+have no blob in some frames. Up to five frames between two of its positions may be missing from the
 file although the time stamps are even. The time of the later position is then increased by the
 number of missing frames.
 """
@@ -30,7 +30,7 @@ class PieceGrowth:
     """Thresholds for the blobs that make a piece."""
 
     gap_frames: int = 4  # largest number of frames in a row that need not show the ball
-    lost_frames: int = 3  # largest number of successive frames that are missing from the file
+    lost_frames: int = 5  # largest number of successive frames that are missing from the file
     least_places: int = 5
     recent_places: int = 6  # number of positions from which the next one is predicted
     # largest distance of a position from its prediction, as a sum of ball radii and steps. If g is
