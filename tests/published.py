@@ -28,6 +28,7 @@ from tests.studies.coverage import bat_of
 from virtual_lab.lab import RoundRobin
 from virtual_lab.output.progress import quiet
 from virtual_lab.studies.coverage import coverage_table, sample
+from virtual_lab.studies.operating import POINTS
 
 ROOT = Path(__file__).parents[1]
 TABLE = Path(__file__).parent / "published.csv"
@@ -84,7 +85,7 @@ def share(count: float, of: int) -> tuple[float, float]:
 
 def operating(procedure: str, seed: int, size: int) -> Figures:
     found = vl.operating(
-        "r161", procedures=[procedure], laboratories=size, seed=seed, progress=quiet
+        "ea70", procedures=[procedure], laboratories=size, seed=seed, progress=quiet
     )
     limit = found.limits[procedure]
     figures: Figures = {}
@@ -98,7 +99,7 @@ def operating(procedure: str, seed: int, size: int) -> Figures:
             figures[f"{words}, {over} % over"] = share(p * size, size)
         p, u = figures[f"one test, {over} % over"]
         figures[f"best of 3 laboratories, {over} % over"] = 1 - (1 - p) ** 3, 3 * (1 - p) ** 2 * u
-    one = [row for row in found if row.best_of == 1][:21]
+    one = [row for row in found if row.best_of == 1][:POINTS]
     true, passes = np.array([[row.true, row.pass_probability] for row in one]).T
     for accepted, words in zip(
         found.acceptance_limits[procedure], ("one test", "best of 3 laboratories"), strict=True
