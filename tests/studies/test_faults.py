@@ -17,7 +17,7 @@ from virtual_lab.studies.faults import PROCEDURES, Bias, FaultOutcome, faults
 
 FEW = ("gate-moved", "wrong-lot", "encoder-slip", "ball-out-of-round")
 LABORATORIES = 4
-TABLE = Path(__file__).with_name("faults-2026-11-27.csv")
+TABLE = Path(__file__).with_name("faults-2026-11-28.csv")
 
 
 def test_a_few_faults_come_out_as_predicted(tmp_path: Path) -> None:

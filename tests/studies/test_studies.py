@@ -18,6 +18,9 @@ from virtual_lab.studies.score import score
 from virtual_lab.units import INCH
 
 LABORATORIES = 30
+BASEBALL_BATS = tuple(
+    name for name in catalog.names("bats") if catalog.load_bat(name).spec.sport == "baseball"
+)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +81,8 @@ def test_effects_need_laboratories() -> None:
 
 
 @pytest.mark.parametrize(
-    ("procedure", "bats"), [("astm-f1881", ()), ("asa", ("softball-34", "softball-wood-34"))]
+    ("procedure", "bats"),
+    [("astm-f1881", BASEBALL_BATS), ("asa", ("softball-34", "softball-wood-34"))],
 )
 def test_the_slope_agrees_with_the_sheet_of_its_procedure(
     procedure: str, bats: tuple[str, ...]
