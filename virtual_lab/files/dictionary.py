@@ -119,6 +119,7 @@ COLUMNS: dict[str, ColumnMeaning] = {
     "as_predicted": _M("whether the outcome is the predicted one", WORDS),
     # probability of PASS
     "best_of": _M("number of tests of which one must pass", WORDS),
+    "errors_of": _M("simulated bat whose errors the row has", WORDS),
     "pass_probability": _M("probability of PASS"),
     "pass_probability_if_valid": _M("probability of PASS of tests that are not INVALID"),
     # bats ranked by a procedure and in the field
