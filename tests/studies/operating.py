@@ -19,7 +19,7 @@ import virtual_lab as vl
 from virtual_lab.output.progress import quiet
 
 LIMIT, TESTS, SEED = 0.5, 3_000, 4_000
-MODULI = {"youngs_modulus": 16.521, "shear_modulus": 0.965}  # of r161 [GPa]
+MODULI = {"youngs_modulus": 16.521, "shear_modulus": 0.965}  # nominal elastic moduli of r161 [GPa]
 BATS = {
     "r161": [
         {f"body.material.{key}": f"{factor * at:.6g} GPa" for key, at in MODULI.items()}

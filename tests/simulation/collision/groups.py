@@ -1,6 +1,6 @@
 """Groups of scenes whose reference e_A is stored, from usual ones to the edges of the ranges.
 
-``python -m tests.simulation.collision.groups`` computes the references anew, which takes a minute.
+``python -m tests.simulation.collision.groups`` recomputes the stored references in one minute.
 """
 
 from __future__ import annotations

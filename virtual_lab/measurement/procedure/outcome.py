@@ -49,7 +49,7 @@ class HitWeights:
 
     weights: Array  # (shot,), with the sum 1 in a laboratory; NaN without a result
     # derivative of the result with respect to the metric of a hit, (shot,): the weight of the hit,
-    # plus its effect by shifting the impact position
+    # plus its effect by shifting the impact position, which is scaled as `_curve_maxima` describes
     effects: Array
     position: Array  # impact position of the result, from the tip, (laboratory,) [m]
     reasons: tuple[str, ...]  # reason why a test gives no result, or empty, (laboratory,)

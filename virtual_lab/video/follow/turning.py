@@ -1,4 +1,4 @@
-"""Positions of the ball as a camera sees them that does not turn.
+"""Positions of the ball in the picture of a camera that does not turn.
 
 A camera that follows the ball turns about its lens, which moves objects at the rim farther than
 those in the middle, unlike a shift. Each picture is therefore aligned with an earlier one by a
@@ -28,7 +28,7 @@ FAR = 0.1  # largest shift between two pictures that are aligned [focal lengths]
 
 
 def turn_back(
-    scene: FlightScene, ways: Sequence[Piece], watched: Watched
+    scene: FlightScene, flights: Sequence[Piece], watched: Watched
 ) -> tuple[FlightScene, list[Piece]]:
     """Return scene and flights with the positions in a camera that does not turn.
 
@@ -36,26 +36,26 @@ def turn_back(
     pictures were kept.
     """
     size, frames = np.array(scene.size), scene.blobs["frame"]
-    used = np.concatenate([frames[:0], *(way.frames for way in ways)])
-    if not (used.size and watched.thumbs) or ways[0].sharp:
-        return scene, list(ways)
+    used = np.concatenate([frames[:0], *(flight.frames for flight in flights)])
+    if not (used.size and watched.thumbs) or flights[0].sharp:
+        return scene, list(flights)
     moved = np.ptp(watched.drifts[used, :2], axis=0)
     if moved.max() < TURNS * size.max():
-        return scene, list(ways)
+        return scene, list(flights)
     middle, focal = (size - 1) / 2, FOCAL * float(size.max())
-    seen = np.stack([scene.blobs[f"picture_{axis}"] for axis in "xy"], axis=1) - middle
+    offsets = np.stack([scene.blobs[f"picture_{axis}"] for axis in "xy"], axis=1) - middle
 
-    def places(focal: float) -> Array:
-        rays = np.column_stack([seen, np.full(len(seen), focal)])[..., None]
+    def positions(focal: float) -> Array:
+        rays = np.column_stack([offsets, np.full(len(offsets), focal)])[..., None]
         back = np.linalg.solve(_turns(watched, used, focal)[frames], rays)[..., 0]
         return np.asarray(middle + focal * back[:, :2] / back[:, 2:])
 
-    xy = places(focal)
-    lens = places((1 + FOCAL_U) * focal) - xy
+    xy = positions(focal)
+    lens = positions((1 + FOCAL_U) * focal) - xy
     # any direction of the camera may be the one that is square to the flight
     level_u = np.hypot(scene.level_u, moved / focal / np.sqrt(3))
     turned = replace(scene, lens=lens, level_u=level_u)
-    return turned, [replace(way, xy=xy[way.blobs]) for way in ways]
+    return turned, [replace(each, xy=xy[each.blobs]) for each in flights]
 
 
 def _turns(watched: Watched, used: NDArray[np.intp], focal: float) -> Array:
@@ -82,8 +82,8 @@ def _turns(watched: Watched, used: NDArray[np.intp], focal: float) -> Array:
             turns[k] = _turn(step, focal) @ turns[last]
             for _ in range(3):  # a drift is a rotation only if it is small
                 between = turns[k] @ np.linalg.inv(turns[key])
-                seen, flags = lens @ between @ np.linalg.inv(lens), cv2.WARP_INVERSE_MAP
-                view = cv2.warpPerspective(grey, seen, size, flags=flags | cv2.INTER_LINEAR)
+                warp, flags = lens @ between @ np.linalg.inv(lens), cv2.WARP_INVERSE_MAP
+                view = cv2.warpPerspective(grey, warp, size, flags=flags | cv2.INTER_LINEAR)
                 drift = edges.drift(np.asarray(view, np.uint8), np.zeros(4))
                 turns[k] = between @ _turn(drift, focal) @ turns[key]
         if edges is None or far:
