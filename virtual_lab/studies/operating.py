@@ -163,8 +163,8 @@ def operating(
 
         Example: ``[vl.instrument("pivot-gates").with_(distance_u="0.2 mm")]``.
     progress
-        Function that is called with a message, the number of tests done, and the total. If it is
-        not given, the functions of `virtual_lab` and the commands show the progress on stderr.
+        Function that is called with a message, the number of simulated bats, and the total. If it
+        is not given, the functions of `virtual_lab` and the commands show the progress on stderr.
 
     Raises
     ------
@@ -183,7 +183,8 @@ def operating(
         rules = round_robin.setup.rules.spec
         if rules.metric_limit is None:
             raise InputError("", "procedure", rules.name, "has no limit; allowed: one with a limit")
-        variants = _Variants(round_robin, laboratories, seed, progress)
+        total = POINTS + len(OVER) + len(true)
+        variants = _Variants(round_robin, laboratories, seed, total, progress)
         errors, valid, _ = variants.errors(rules.metric_limit)
         printed = METRICS[rules.metric]
         limits[rules.name] = printed.in_unit(rules.metric_limit)
@@ -284,10 +285,10 @@ class _Variants:
     """Variants of a bat with other true metrics, and the errors of their tests."""
 
     def __init__(
-        self, round_robin: RoundRobin, laboratories: int, seed: int, progress: Progress
+        self, round_robin: RoundRobin, laboratories: int, seed: int, total: int, progress: Progress
     ) -> None:
         self.setup, self.laboratories, self.seed = round_robin.setup, laboratories, seed
-        self.progress = progress
+        self.total, self.progress = total, progress  # number of bats at most
         self.tests: dict[float, tuple[Array, Mask]] = {}  # errors and valid tests, by factor
         self.known: dict[float, float] = {}  # true metric of variants [SI], by factor
         self.metrics = np.array([self._metric(factor) for factor in FACTORS.tolist()])
@@ -305,7 +306,7 @@ class _Variants:
             low, high = FACTORS[at : at + 2].tolist()
             factor = float(brentq(lambda f: self._metric(f) - metric, low, high, rtol=1e-3))
         if factor not in self.tests:
-            self.progress("bats", len(self.tests), POINTS + len(OVER))
+            self.progress("bats", len(self.tests), self.total)
             tests = [self._test(factor, test) for test in range(max(TESTS))]
             errors, valid = (np.stack(each, axis=1) for each in zip(*tests, strict=True))
             self.tests[factor] = errors, valid
