@@ -61,7 +61,7 @@ def test_the_first_command_and_the_common_jobs_run_in_turn(
 
 
 def test_the_readme_is_short_and_begins_with_a_certificate() -> None:
-    assert len(README.splitlines()) <= 130
+    assert len(README.splitlines()) <= 90
     assert README.index("data/figures/certificate.png") < README.index("```")
     for name, most in (("certificate", 150_000), ("rehearse", 180_000)):
         assert (ROOT / "data" / "figures" / f"{name}.png").stat().st_size <= most

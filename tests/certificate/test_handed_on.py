@@ -48,7 +48,7 @@ def test_traces_are_kept_by_those_who_ask_for_them_and_for_folders(tmp_path: Pat
 
 
 def test_reports_with_hidden_faults_are_handed_on_without_the_truth(tmp_path: Path) -> None:
-    """As in how-do-i.md: nothing is altered, and only the truth names the fault."""
+    """As in rules.md: nothing is altered, and only the truth names the fault."""
     hidden = set(Random(5).sample(range(MANY), 1))
     (tmp_path / "kept").mkdir()
     for number in range(MANY):
