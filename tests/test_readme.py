@@ -19,7 +19,10 @@ from virtual_lab.lab.measurand import STANDARD_BALL
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text("utf-8")
-STUDIES = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
+STUDIES = "\n".join(
+    path.read_text("utf-8")
+    for path in sorted((ROOT / "virtual_lab" / "docs" / "studies").glob("*.md"))
+)
 FIDELITY = (ROOT / "virtual_lab" / "fidelity" / "README.md").read_text("utf-8")
 BENCHMARKS = (ROOT / "tests" / "benchmarks" / "README.md").read_text("utf-8")
 WAYS = ("first", "draws")  # methods of evaluation: first order, and draws

@@ -351,8 +351,8 @@ def test_the_shipped_table_is_that_of_the_stored_study() -> None:
 
 def test_the_page_states_the_stored_study() -> None:
     """Every number of the first table, to its last printed digit."""
-    page = (Path(vl.__file__).parent / "studies" / "README.md").read_text("utf-8")
-    lines = page.split("## Laboratories compared")[1].split("\n\n")[2].splitlines()[2:]
+    page = (Path(vl.__file__).parent / "docs" / "studies" / "laboratories.md").read_text("utf-8")
+    lines = page.split("# Laboratories compared")[1].split("\n\n")[2].splitlines()[2:]
     with STORED.open(encoding="utf-8", newline="") as file:
         rows = {tuple(row[key] for key in KEYS): row["simulated"] for row in csv.DictReader(file)}
     for line in lines:

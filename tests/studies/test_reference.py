@@ -85,8 +85,8 @@ def test_every_row_says_what_it_is() -> None:
 
 
 def test_the_page_has_the_counts_and_every_known_disagreement() -> None:
-    page = (ROOT / "virtual_lab" / "studies" / "README.md").read_text("utf-8")
-    section = page.partition("## Published measurements")[2].partition("\n## ")[0]
+    page = (ROOT / "virtual_lab" / "docs" / "studies" / "published.md").read_text("utf-8")
+    section = page.partition("# Published measurements")[2].partition("\n## ")[0]
     words = " ".join(section.split())
     roles = Counter(row.role for row in read_published())
     assert f"{len(REPRESENTED)} are represented: {roles['prediction']} are predicted" in words

@@ -354,8 +354,7 @@ def test_the_page_states_the_stored_laboratories() -> None:
     stored = sorted(Path(__file__).parent.glob("twin-2*.csv"))[-1]
     with stored.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    page = (Path(vl.__file__).parent / "studies" / "README.md").read_text("utf-8")
-    page = page.split("## A laboratory beside its twin")[1].split("\n## ")[0]
+    page = (Path(vl.__file__).parent / "docs" / "studies" / "twin.md").read_text("utf-8")
     lines = lines_of(rows)
     assert [line for line in lines if line not in page] == []
     assert stored.name in page
