@@ -19,9 +19,9 @@ import pytest
 from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.scenario import Scenario, load_scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
-from virtual_lab.bench.web import server as web
 from virtual_lab.bench.web.server import application
 from virtual_lab.catalog import Entry
+from virtual_lab.web import door
 
 __all__ = ["FOCUSED", "SEED", "chromium", "enter", "faults_of", "free_port", "opened", "served"]
 
@@ -80,7 +80,7 @@ def served(
     app = application({"token": day}, hosts=frozenset({f"127.0.0.1:{port}"}), exam=exam)
     server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error"))
     thread = threading.Thread(target=server.run)
-    with mock.patch.object(web, "MOST_A_SECOND", 1000):  # no person presses keys so fast
+    with mock.patch.object(door, "MOST_A_SECOND", 1000):  # no person presses keys so fast
         thread.start()
         while not server.started:
             time.sleep(0.005)

@@ -83,7 +83,7 @@ def test_a_code_readmits_a_trainee_and_ends_the_lost_session(
     stranger = again.ask("/")
     assert stranger.status == 403
     assert 'name="token"' in stranger.text
-    assert again.ask("/bench.css").status == 200
+    assert again.ask("/base.css").status == 200
     assert "This code does not exist" in again.ask("/?token=guessed").text
     assert "signed in again" not in trainer.ask("/").text
     assert again.open().status == 303

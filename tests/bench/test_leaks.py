@@ -28,6 +28,7 @@ PAGES = (
     "/progress",
     "/instruments",
     "/film",
+    "/base.css",
     "/bench.css",
     "/bench.js",
     "/certificate",

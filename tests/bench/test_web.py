@@ -206,12 +206,12 @@ def test_too_many_requests_are_refused_for_a_second(browser: Browser) -> None:
     assert [browser.ask("/bench.css").status for _ in range(25)].count(429) >= 4
 
 
-@pytest.mark.parametrize("path", ["/", "/bench.css", "/nowhere", "/certificate", "/debrief"])
+@pytest.mark.parametrize("path", ["/", "/base.css", "/nowhere", "/certificate", "/debrief"])
 def test_every_answer_has_the_security_headers(browser: Browser, path: str) -> None:
     for host in (HOST, "evil.example"):
         headers = browser.ask(path, host=host).headers
         assert headers["x-content-type-options"] == "nosniff"
-        if path != "/bench.css" or host != HOST:
+        if path != "/base.css" or host != HOST:
             assert headers["cache-control"] == "no-store"
         policy = headers["content-security-policy"]
         assert policy.startswith("default-src 'self'; base-uri 'none'; form-action 'self'")

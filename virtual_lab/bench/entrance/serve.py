@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import secrets
-import socket
 import sys
-import threading
-import time
 import webbrowser
 from collections.abc import Callable, Mapping
-from ipaddress import ip_address
 from pathlib import Path
-from typing import Any
 
 from virtual_lab.bench.day.exam import Hall
 from virtual_lab.bench.day.log import LOG
@@ -19,8 +14,8 @@ from virtual_lab.bench.day.scenario import Scenario
 from virtual_lab.bench.entrance.served_day import ServedDay
 from virtual_lab.catalog import Entry
 from virtual_lab.errors import InputError
+from virtual_lab.web.serving import LOOPBACK, find_address, listen, server_of, start
 
-LOOPBACK = "127.0.0.1"
 MOST_TRAINEES = 50
 
 
@@ -66,12 +61,10 @@ def serve(
         The scenario, a folder, the number of folders or `tls` cannot be used. The port is in use.
         The host is unknown, or needs `tls`.
     """
-    import uvicorn
-
     from virtual_lab.bench.web.server import application
 
     _require(tls, len(folders))
-    family, numbers = _address(host, port, secure=tls is not None)
+    family, numbers = find_address(host, port, secure=tls is not None)
     url_host = f"[{host}]" if ":" in host else host  # notation of IPv6 in an address, RFC 3986
     is_fixed = scenario is None or len(folders) > 1 or bool(exam)
     days = {
@@ -81,30 +74,9 @@ def serve(
     doors = {secrets.token_urlsafe(24): day for day in days.values()}
     hall = (secrets.token_urlsafe(24), Hall(exam, days)) if exam else None
     names = {f"{name}:{port}" for name in {url_host, *(["localhost"] if host == LOOPBACK else [])}}
-    certificate, key = tls or (None, None)
-    settings = uvicorn.Config(
-        application(doors, hosts=frozenset(names), secure=tls is not None, exam=hall),
-        log_level="warning",
-        access_log=False,
-        server_header=False,
-        ws="none",
-        lifespan="off",
-        backlog=64,
-        limit_concurrency=4 * MOST_TRAINEES,
-        ssl_certfile=certificate,
-        ssl_keyfile=key,
-    )
-    try:
-        settings.load()
-    except OSError as fault:  # includes SSLError
-        raise InputError(str(certificate), "tls", None, f"cannot be used ({fault})") from fault
-    server = uvicorn.Server(settings)
-    thread = threading.Thread(
-        target=server.run, kwargs={"sockets": [_listening(family, numbers)]}, daemon=True
-    )
-    thread.start()
-    while not server.started:
-        time.sleep(0.005)
+    application_served = application(doors, hosts=frozenset(names), secure=bool(tls), exam=hall)
+    server = server_of(application_served, tls)
+    thread = start(server, listen(family, numbers))
     scheme = "https" if tls else "http"
     page = "" if scenario else "replay"
     addresses = [f"{scheme}://{url_host}:{port}/{page}?token={token}" for token in doors]
@@ -141,35 +113,6 @@ def _require(tls: tuple[Path, Path] | None, trainees: int) -> None:
             raise InputError(str(path), "tls", None, "no such file")
     if not 1 <= trainees <= MOST_TRAINEES:
         raise InputError("", "trainees", trainees, f"allowed: 1 to {MOST_TRAINEES}")
-
-
-def _address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any, ...]]:
-    """Return address family and address of a host.
-
-    Raises `InputError` if it has no address, or if it is another computer and not `secure`.
-    """
-    try:
-        addresses = socket.getaddrinfo(host, port, proto=socket.IPPROTO_TCP)
-    except (OSError, UnicodeError) as fault:
-        raise InputError("", "host", host, f"has no address ({fault})") from fault
-    if not (secure or all(ip_address(address[0]).is_loopback for *_, address in addresses)):
-        allowed = "beyond this computer the page needs --tls-certificate and --tls-key"
-        raise InputError("", "host", host, allowed)
-    family, *_, address = addresses[0]
-    return family, address
-
-
-def _listening(family: int, address: tuple[Any, ...]) -> socket.socket:
-    # without the protocol an answer in two parts takes 40 ms
-    listener = socket.socket(family, proto=socket.IPPROTO_TCP)
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        listener.bind(address)
-    except OSError as fault:
-        listener.close()
-        allowed = f"cannot be served at {address[0]} ({fault.strerror}); try another"
-        raise InputError("", "port", address[1], allowed) from fault
-    return listener
 
 
 def _warm(scenario: Scenario) -> None:

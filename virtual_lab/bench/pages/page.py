@@ -28,7 +28,7 @@ from virtual_lab.files.tables import quote
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.template import page_template
 
-PACKAGE = "virtual_lab.bench.pages"
+PACKAGE, WEB = "virtual_lab.bench.pages", "virtual_lab.web"
 PARTS = {
     "bench": "Bench",
     "wall": "Wall rig",
@@ -127,7 +127,7 @@ def day_page(
         *ready_steps(day),
         "fire",
     )  # steps of the button that fires several balls
-    return page_template(PACKAGE, "day.html").render(
+    return page_template(PACKAGE, "day.html", WEB).render(
         **_display_variables(desk, briefing, hits, shot, true_motion),
         briefing=briefing,
         scenarios_offered=scenarios_offered,
@@ -173,7 +173,7 @@ def replay_page(day: Day, briefing: Mapping[str, Any], number: int) -> str:
     `number` is larger than the number of entries. It must not be negative.
     """
     desk, entries = Desk(day.until(number)), _entries(day, briefing)
-    return page_template(PACKAGE, "replay.html").render(
+    return page_template(PACKAGE, "replay.html", WEB).render(
         briefing=briefing,
         number=number,
         entries=entries,
@@ -216,7 +216,7 @@ def notebook_page(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
     It lists all entries and all hits of the day, in order.
     """
-    return page_template(PACKAGE, "notebook.html").render(
+    return page_template(PACKAGE, "notebook.html", WEB).render(
         briefing=briefing,
         day=desk.day,
         rules=desk.rules.spec,
@@ -245,7 +245,9 @@ def notebook_table(desk: Desk, briefing: Mapping[str, Any]) -> str:
 
 def hall_page(hall: Hall) -> str:
     """Return the HTML page for the trainer of an exam. It shows the progress of each trainee."""
-    return page_template(PACKAGE, "hall.html").render(hall=hall, trainees=list(hall.trainees()))
+    return page_template(PACKAGE, "hall.html", WEB).render(
+        hall=hall, trainees=list(hall.trainees())
+    )
 
 
 def refusal_sentence(fault: InputError) -> str:
@@ -262,15 +264,6 @@ def refusal_sentence(fault: InputError) -> str:
         words = f"“{sheets[fault.where].title}”: {words}"
     sentence = in_buttons(f"{words}{fault.allowed}")
     return f"{sentence[0].upper()}{sentence[1:]}."
-
-
-def plain_page(title: str, sentence: str, *, by_code: bool = False) -> str:
-    """Return an HTML page with a title and one sentence, both plain text.
-
-    If `by_code`, the page also has a field in which the trainee enters a code.
-    """
-    page = page_template(PACKAGE, "plain.html")
-    return page.render(title=title, sentence=sentence, by_code=by_code)
 
 
 def _steps(desk: Desk) -> list[Step]:
@@ -313,7 +306,7 @@ def wall_page(desk: Desk, briefing: Mapping[str, Any], name: str) -> str:
 
     `name` is "rules" or "instruments". Any other name raises jinja2's `TemplateNotFound`.
     """
-    return page_template(PACKAGE, f"{name}.html").render(
+    return page_template(PACKAGE, f"{name}.html", WEB).render(
         briefing=briefing, metric=METRICS[desk.rules.spec.metric], **wall_pages(desk, briefing)
     )
 

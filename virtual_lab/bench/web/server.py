@@ -1,32 +1,24 @@
 """The web server, which shows the pages of days and carries out the actions of their forms.
 
 The server receives each day as a `TraineeDay` and opens no file, so it can show only what that day
-shows. Every request is checked first. Its host name must be allowed, its origin must be a page of
-this server, and it must have the cookie. The first address contains a one-time token, and the
-server sets the cookie when this address is opened.
+shows.
 """
 
 from __future__ import annotations
 
-import secrets
 import threading
-import time
-from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Protocol
 from urllib.parse import parse_qsl
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
-from starlette.datastructures import MutableHeaders
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from virtual_lab.bench.day.actions import Action, action_of
 from virtual_lab.bench.day.day import DayEvent, ready_steps
@@ -37,31 +29,22 @@ from virtual_lab.bench.pages.page import (
     hall_page,
     notebook_page,
     notebook_table,
-    plain_page,
     refusal_sentence,
     replay_page,
     wall_page,
 )
 from virtual_lab.bench.pages.slow_motion import Motion
 from virtual_lab.errors import InputError
+from virtual_lab.web import door
+from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 
 if TYPE_CHECKING:
     from virtual_lab.bench.day.desk import Desk
     from virtual_lab.bench.day.exam import Hall
 
 PATIENCE = 1.0  # longest wait for a debrief before a page asks for patience [s]
-LARGEST_BODY = 64 * 1024  # largest request [B]
-MOST_A_SECOND = 20  # largest rate of requests per session [1/s]
-KEPT = {"Cache-Control": "private, max-age=600"}  # header of responses that do not change
 STATES = {"not begun": "has not begun yet", "begun": "has begun", "over": "is over"}
-OPEN_TO_ALL = {"/bench.css", "/icon.svg"}
-HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'self'; "
-    "frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-store",
-    "Referrer-Policy": "same-origin",  # with no-referrer a browser's POST has the origin null
-}
+STARTS = ("/replay",)
 
 
 class TraineeDay(Protocol):
@@ -115,12 +98,11 @@ class TraineeDay(Protocol):
 
 
 @dataclass(kw_only=True)
-class Seat:
-    """A signed-in browser: its day, a lock for one action at a time, and its request times."""
+class DaySeat(door.Seat):
+    """A signed-in browser: its day, and a lock for one action at a time."""
 
     day: TraineeDay | None  # None for a trainer
     lock: threading.Lock = field(default_factory=threading.Lock)
-    request_times: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_A_SECOND))
 
 
 def application(
@@ -153,7 +135,7 @@ def application(
             do_in_thread, request.scope["seat"], await _form_fields(request)
         )
 
-    def do_in_thread(seat: Seat, fields: dict[str, str]) -> Response:
+    def do_in_thread(seat: DaySeat, fields: dict[str, str]) -> Response:
         name, number = fields.pop("do", ""), fields.pop("entry_number", "")
         day = seat.day
         assert day is not None  # the door redirects a trainer
@@ -172,12 +154,12 @@ def application(
     ) -> Callable[[Request], Any]:
         """Return the request handler that moves a trainee to the day that `to` returns."""
 
-        def switch_in_thread(seat: Seat, fields: dict[str, str]) -> Response:
+        def switch_in_thread(seat: DaySeat, fields: dict[str, str]) -> Response:
             with seat.lock:
                 try:
                     seat.day = to(seat.day, fields) if seat.day else None
                 except InputError as fault:
-                    return _sentence_page(422, refusal_sentence(fault))
+                    return sentence_page(422, refusal_sentence(fault))
             return RedirectResponse("/", status_code=303)
 
         async def move(request: Request) -> Response:
@@ -186,10 +168,6 @@ def application(
             )
 
         return move
-
-    def static(name: str, kind: str) -> Route:
-        content = files("virtual_lab.bench.pages").joinpath("templates", name).read_bytes()
-        return Route(f"/{name}", lambda _: Response(content, media_type=kind, headers=KEPT))
 
     routes = [
         Route("/", _with_lock(lambda day, request: _day(day, _query(request, "shot")))),
@@ -220,16 +198,24 @@ def application(
         ),
         Route("/certificate", _with_lock(lambda day, _: _sandbox(day.certificate))),
         Route("/debrief", _with_lock(_debrief)),
-        static("bench.css", "text/css"),
-        static("bench.js", "text/javascript"),
-        static("icon.svg", "image/svg+xml"),
     ]
-    door = Door(Starlette(routes=routes), days, hosts=hosts, secure=secure)
-    if exam is not None:
-        token, door.hall = exam
-        door.codes[token] = Seat(day=None)
-        door.hall_inside = Starlette(routes=[*_hall_routes(door.hall), *routes[-3:]])
-    return door
+    static = [
+        *static_routes("virtual_lab.bench.pages", "bench.css", "bench.js"),
+        *static_routes("virtual_lab.web", "base.css", "icon.svg"),
+    ]
+    inside, seats = Starlette(routes=[*routes, *static]), {}
+    for token, day in days.items():
+        seats[token] = DaySeat(day=day)
+    if exam is None:
+        return door.Door(inside, seats, hosts=hosts, secure=secure, starts=STARTS)
+    trainer, hall = exam
+    in_hall = Starlette(routes=[*_hall_routes(hall), *static])
+
+    async def by_seat(scope: Scope, receive: Receive, send: Send) -> None:
+        await (inside if scope["seat"].day else in_hall)(scope, receive, send)
+
+    seats[trainer] = DaySeat(day=None)
+    return ExamDoor(hall, by_seat, seats, hosts=hosts, secure=secure, starts=STARTS)
 
 
 def _branch(day: TraineeDay, fields: Mapping[str, str]) -> TraineeDay:
@@ -286,9 +272,9 @@ def _day(day: TraineeDay, shot_asked: int = -1, refusal: Refusal | None = None) 
 def _replay(day: TraineeDay, request: Request) -> Response | str:
     state, entry = day.desk.day, max(_query(request, "entry"), 0)
     if not day.open_book:
-        return _sentence_page(409, "A day can be replayed after the hand-in, and not in an exam.")
+        return sentence_page(409, "A day can be replayed after the hand-in, and not in an exam.")
     if entry > len(state.events):
-        return _sentence_page(
+        return sentence_page(
             404, f"There is no such entry. Entries are numbered from 0 to {len(state.events)}."
         )
     return replay_page(state, day.briefing, entry)
@@ -304,7 +290,7 @@ def _film(request: Request) -> Response:
     true = request.query_params.get("as") == "it-was"
     picture = request.scope["seat"].day.film(_query(request, "shot"), true=true)
     if not picture:
-        return _sentence_page(404, "There are no camera frames.")
+        return sentence_page(404, "There are no camera frames.")
     return Response(picture, media_type="image/png", headers=KEPT)
 
 
@@ -313,19 +299,18 @@ def _debrief(day: TraineeDay, _: Request) -> Response:
     try:
         return _sandbox(partial(day.debrief, PATIENCE))
     except TimeoutError as late:
-        page = plain_page(
-            "The debrief is being prepared", f"This page reloads automatically. {late}."
+        page = sentence_page(
+            202, f"This page reloads automatically. {late}.", title="The debrief is being prepared"
         )
-        return HTMLResponse(page, status_code=202, headers={"Refresh": "1"})
+        page.headers["Refresh"] = "1"
+        return page
 
 
 def _sandbox(page: Callable[[], str]) -> Response:
-    policy = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; "
-    policy += "sandbox allow-same-origin"  # otherwise a link back has no cookie
     try:
-        return HTMLResponse(page(), headers={"Content-Security-Policy": policy})
+        return HTMLResponse(page(), headers=SANDBOX)
     except InputError as fault:
-        return HTMLResponse(plain_page("Not yet", refusal_sentence(fault)), status_code=409)
+        return sentence_page(409, refusal_sentence(fault), title="Not yet")
 
 
 def _hall_routes(hall: Hall) -> list[Route]:
@@ -335,7 +320,7 @@ def _hall_routes(hall: Hall) -> list[Route]:
         try:
             hall.turn((await _form_fields(request)).get("do", ""))
         except InputError as fault:
-            return _sentence_page(422, str(fault))
+            return sentence_page(422, str(fault))
         return RedirectResponse("/", status_code=303)
 
     return [
@@ -392,136 +377,33 @@ def _fire_shots(day: TraineeDay, fields: Mapping[str, str]) -> None:
             day.do(action_of("accept", {"shot": len(day.desk.day.fired)}))
 
 
-class Door:
-    """Access control in front of the application, which also adds headers to each response."""
+class ExamDoor(door.Door):
+    """The door of an exam: a trainee's token stays valid, and the exam must be in progress."""
 
-    def __init__(
-        self,
-        inside: ASGIApp,
-        days: Mapping[str, TraineeDay],
-        *,
-        hosts: frozenset[str],
-        secure: bool,
-    ) -> None:
-        self.inside, self.hosts, self.secure = inside, hosts, secure
-        self.codes = {token: Seat(day=day) for token, day in days.items()}
-        self.hall: Hall | None = None
-        self.hall_inside = inside  # application for the trainer
-        self.seats: dict[str, Seat] = {}  # seats by cookie
-        self.cookie = (
-            "bench-" + min(hosts).rpartition(":")[2]
-        )  # browsers share cookies between ports
+    def __init__(self, hall: Hall, *inside_and_seats: Any, **more: Any) -> None:
+        super().__init__(*inside_and_seats, **more)
+        self.hall = hall
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            if scope["type"] == "lifespan":
-                await self.inside(scope, receive, send)
-            return
-        request = Request(scope)
+    def readmits(self, seat: Any) -> bool:
+        """Return whether the token of a seat stays valid: it does for a trainee."""
+        return seat.day is not None
 
-        async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for key, value in HEADERS.items():
-                    headers.setdefault(key, value)
-            await send(message)
+    def replaced(self, seat: Any) -> None:
+        """Take note that a trainee continues in another browser."""
+        self.hall.join_again(seat.day)
 
-        refused = (
-            self._refuse_request(request)
-            or self._enter(request)
-            or self._refuse_session(request)
-            or self._refuse_by_exam(request)
-        )
-        if refused is None:
-            trainer = request.scope["seat"].day is None
-            inside = self.hall_inside if trainer else self.inside
-            with suppress(ClientDisconnect):  # the client no longer waits
-                await inside(scope, receive, send_with_headers)
-        else:
-            await refused(scope, receive, send_with_headers)
+    def refuse_seat(self, request: Request) -> Response | None:
+        """Return the rejection of a trainee while the exam is not in progress, too."""
+        refused = super().refuse_seat(request)
+        seat = request.scope.setdefault("seat", DaySeat(day=None))
+        if refused or seat.day is None or request.url.path in door.OPEN_TO_ALL or self.hall.is_open:
+            return refused
+        return sentence_page(409, f"The exam {STATES[self.hall.state]}.", title=self.hall.title)
 
-    def _refuse_request(self, request: Request) -> Response | None:
-        """Return the rejection of a wrong host or origin, or of too long a request; else None."""
-        if request.headers.get("host", "") not in self.hosts:
-            return _sentence_page(403, "This address is not served here.")
-        if request.method == "POST":
-            scheme = "https" if self.secure else "http"
-            if request.headers.get("origin") not in {f"{scheme}://{name}" for name in self.hosts}:
-                return _sentence_page(403, "A request must come from a page of this server.")
-            length = request.headers.get("content-length", "")
-            if "transfer-encoding" in request.headers:  # the length is unknown in advance
-                return _sentence_page(411, "A request must state its length, and come whole.")
-            if not length.isdigit() or int(length) > LARGEST_BODY:
-                return _sentence_page(413, f"A request may have at most {LARGEST_BODY} bytes.")
-        return None
-
-    def _enter(self, request: Request) -> Response | None:
-        """Return the answer to a request with a token, or None without one.
-
-        A token is valid once. In an exam the token of a trainee stays valid. A request that only
-        looks at the address, or fetches the page in advance, does not use the token.
-        """
-        token = _find_key(self.codes, request.query_params.get("token", ""))
-        early = "prefetch" in request.headers.get("sec-purpose", "")
-        if token is None or early or request.method != "GET":
-            return None
-        seat = self.codes[token]
-        if self.hall is None or seat.day is None:
-            del self.codes[token]
-        for earlier in [session for session, occupied in self.seats.items() if occupied is seat]:
-            del self.seats[earlier]  # the earlier browser must not continue
-            if self.hall is not None:
-                self.hall.join_again(seat.day)
-        session = secrets.token_urlsafe(32)
-        self.seats[session] = seat
-        to = "/replay" if request.url.path == "/replay" else "/"
-        answer = RedirectResponse(to, status_code=303)
-        answer.set_cookie(
-            self.cookie, session, httponly=True, samesite="strict", secure=self.secure
-        )
-        return answer
-
-    def _refuse_session(self, request: Request) -> Response | None:
-        """Return the rejection of a request without a cookie, or of too many; else None."""
-        session = _find_key(self.seats, request.cookies.get(self.cookie, ""))
-        if session is None:
-            request.scope["seat"] = Seat(day=None)
-            return None if request.url.path in OPEN_TO_ALL else self._stranger(request)
-        seat = request.scope["seat"] = self.seats[session]
-        now = time.monotonic()
-        if len(seat.request_times) == MOST_A_SECOND and now - seat.request_times[0] < 1:
-            return _sentence_page(429, "Too many requests. Wait a second, then go back.")
-        seat.request_times.append(now)
-        return None
-
-    def _stranger(self, request: Request) -> Response:
-        if self.hall is None:
-            return _sentence_page(
-                403, "Open the address that the command printed. It works once, in one browser."
-            )
+    def stranger(self, request: Request) -> Response:
+        """Return the page on which a trainee enters the code."""
         wrong = "This code does not exist. " if "token" in request.query_params else ""
         opens = (
             "Enter your code to open your day. If it is open in another browser, it closes there."
         )
-        sentence = f"{wrong}{opens}"
-        return _sentence_page(403, sentence, title=self.hall.title, by_code=True)
-
-    def _refuse_by_exam(self, request: Request) -> Response | None:
-        """Return the rejection of a trainee while the exam is not in progress; else None."""
-        trainer = request.scope["seat"].day is None
-        free = trainer or request.url.path in OPEN_TO_ALL
-        if free or self.hall is None or self.hall.is_open:
-            return None
-        return _sentence_page(409, f"The exam {STATES[self.hall.state]}.", title=self.hall.title)
-
-
-def _find_key(keys: Mapping[str, object], text: str) -> str | None:
-    """Return the key that equals `text`, or None. The comparison takes constant time."""
-    matches = [key for key in keys if secrets.compare_digest(key.encode(), text.encode())]
-    return matches[0] if matches else None
-
-
-def _sentence_page(
-    status: int, sentence: str, *, title: str = "Not available", by_code: bool = False
-) -> Response:
-    return HTMLResponse(plain_page(title, sentence, by_code=by_code), status_code=status)
+        return sentence_page(403, f"{wrong}{opens}", title=self.hall.title, by_code=True)
