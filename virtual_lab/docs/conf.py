@@ -25,10 +25,12 @@ extensions = [
     "myst_nb",
     "sphinx.ext.autodoc",
     "numpydoc",
+    "sphinx_copybutton",
     "sphinx_gallery.gen_gallery",
     "building.commands",
     "building.formulas",
     "building.generated",
+    "building.kinds",
     "building.offline",
     "building.streams",
 ]
@@ -44,12 +46,13 @@ html_theme = "pydata_sphinx_theme"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_js_files = ["site.js"]
-html_title = "Virtual lab"
+html_title = f"Virtual lab {VERSION}"
+html_logo = html_favicon = str(HERE.parent / "bench" / "pages" / "templates" / "icon.svg")
 html_copy_source = False
 html_show_sourcelink = False
 html_theme_options = {
+    "logo": {"text": html_title, "alt_text": "Virtual lab, first page"},
     "navigation_with_keys": False,
-    "show_prev_next": False,
     "secondary_sidebar_items": ["page-toc"],
     "footer_start": ["copyright"],
     "footer_end": [],
@@ -65,7 +68,8 @@ nb_execution_raise_on_error = True
 nb_execution_timeout = 280  # s
 nb_output_stderr = "remove"  # lines of progress
 
-autodoc_typehints = "none"  # the Parameters sections say what is allowed
+autodoc_typehints = "none"  # the Parameters sections have the types
+python_maximum_signature_line_length = 80  # else one parameter per line
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 

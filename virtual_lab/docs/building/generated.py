@@ -18,7 +18,6 @@ from sphinx.application import Sphinx
 
 import virtual_lab as vl
 from virtual_lab import catalog
-from virtual_lab.api import PLACES
 from virtual_lab.bench.day.actions import ARGUMENTS
 from virtual_lab.bench.day.arguments import Argument
 from virtual_lab.bench.day.doubts import fault_sheets
@@ -44,11 +43,6 @@ PAGES = {  # pages beside the code, by their page of the site
     "structure": "virtual_lab/README.md",
     "contributing": "CONTRIBUTING.md",
     "by-hand": "tests/foreign_laboratory/worked_by_hand.md",
-}
-OTHERS = {  # headings of public names without a command, by their module
-    "virtual_lab.api.entries": "Sheets of the catalog",
-    "virtual_lab.uncertainty": "Uncertainty and decisions",
-    "virtual_lab": "Others",
 }
 LINK = re.compile(r"\]\(([^)#:]*)(#[^)]*)?\)")
 
@@ -97,32 +91,26 @@ def pages() -> Iterator[tuple[str, str]]:
 def functions() -> Iterator[tuple[str, str]]:
     """Yield name and text of the reference pages of the public functions and classes.
 
-    There is one page per group of functions, and one page for the classes.
+    There is a page for each section of `help(vl)`, in its order, and one that lists them all.
     """
-    groups: dict[str, list[str]] = {}
-    for section, commands in cli.sections.items():
-        names = [
-            each.place if isinstance(each.place, str) else ""
-            for command in commands
-            for each in (
-                command.commands.values() if isinstance(command, click.Group) else [command]
-            )
-            if isinstance(each, FunctionCommand)
-        ]
-        groups[section] = list(dict.fromkeys(name for name in names if name in PLACES))
-    groups["Test a bat"].append("rehearse")
-    groups["Classes"] = [name for name in PLACES if name[0].isupper()]
-    with_page = {name for names in groups.values() for name in names}
-    for name in PLACES.keys() - with_page:
-        title = next(OTHERS[top] for top in OTHERS if PLACES[name][0].startswith(top))
-        groups.setdefault(title, []).append(name)
-    for title, names in groups.items():
-        if names:
-            kind = "class" if title == "Classes" else "function"
-            members = "\n   :members:" if title == "Classes" else ""
-            parts = [f"{title}\n{'=' * len(title)}\n"]
-            parts += [f".. auto{kind}:: virtual_lab.{name}{members}\n" for name in sorted(names)]
-            yield f"generated/functions/{slug(title)}.rst", "\n".join(parts)
+    links, lines = [], []
+    for title, listed in re.findall(r"^(\w.*)\n((?: {4}\w.*\n?)+)", str(vl.__doc__), re.MULTILINE):
+        rows = [line.split(maxsplit=1) for line in listed.splitlines()]
+        classes = title.startswith("Classes")
+        kind, members = ("class", "\n   :members:") if classes else ("function", "")
+        parts = [f"{title}\n{'=' * len(title)}\n"]
+        parts += [f".. auto{kind}:: virtual_lab.{name}{members}\n" for name, _ in rows]
+        links.append(slug(title))
+        yield f"generated/functions/{links[-1]}.rst", "\n".join(parts)
+        cells = [(f"[{name}](#virtual_lab.{name})", words) for name, words in rows]
+        lines += [f"## {title}\n", table(("name", "what it does"), cells)]
+    parts = [
+        "# Functions\n",
+        "Every function is called as `vl.NAME` after `import virtual_lab as vl`.\n",
+        *lines,
+        "\n".join(["```{toctree}", ":hidden:", "", *links, "```", ""]),
+    ]
+    yield "generated/functions/index.md", "\n".join(parts)
 
 
 def slug(title: str) -> str:

@@ -18,8 +18,8 @@ order = ["barrel-loaded", "knob-loaded", *names.values()]  # from fast to slow i
 table["pair"] = ["\n> ".join(sorted(x, key=order.index)) for x in table.to_numpy()[:, :2]]
 grid = 100 * table.pivot(index="pair", columns="procedure")["opposite_probability"]
 figure, axes = plt.subplots(figsize=(4.8, 4), subplot_kw={"ylabel": "batted-ball speed in play"})
-axes.imshow(grid, cmap="cividis_r", vmin=0, vmax=100, aspect="auto", zorder=2)
+axes.imshow(grid, cmap="Oranges", vmin=0, vmax=100, aspect="auto", zorder=2)
 for at, value in enumerate(grid.to_numpy().ravel()):
-    axes.text(at % 5, at // 5, f"{value:.0f}", ha="center", color="k" if value < 50 else "w")
+    axes.text(at % 5, at // 5, f"{value:.0f}", ha="center", color="k" if value < 80 else "w")
 axes.set_xticks(range(5), [x.replace("-", "\n").upper() for x in grid], fontsize=9)
 axes.set_yticks(range(6), grid.index, fontsize=8.5)
