@@ -322,13 +322,15 @@ def _rigs_at_bats() -> list[str]:
 
 
 def _instrument(value: Any) -> Sheet:
+    if isinstance(value, str) and "=" in value:
+        return _instrument_in_file(value)
     if not isinstance(value, Sheet) or value.kind not in ("instruments", "rigs"):
         raise TypeError(value)
     return value
 
 
 def _instruments(value: Any) -> tuple[Sheet, ...]:
-    return tuple(map(_instrument, [value] if isinstance(value, Sheet) else value))
+    return tuple(map(_instrument, [value] if isinstance(value, Sheet | str) else value))
 
 
 def _instrument_in_file(text: str) -> Sheet:

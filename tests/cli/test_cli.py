@@ -528,7 +528,7 @@ def test_a_closed_pipe_is_no_error(run: Run, monkeypatch: pytest.MonkeyPatch) ->
     def closed(*_: object, **__: object) -> None:
         raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
-    monkeypatch.setattr("virtual_lab.cli.plumbing.click.echo", closed)
+    monkeypatch.setattr("virtual_lab.cli.commands.click.echo", closed)
     assert run("list")[0] == 0
 
 

@@ -9,7 +9,6 @@ import shlex
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -25,6 +24,8 @@ from virtual_lab import api
 from virtual_lab.api.describing import first_line
 from virtual_lab.cli import cli
 from virtual_lab.cli.commands import FunctionCommand
+from virtual_lab.commands.command import Command
+from virtual_lab.commands.table import every_command
 from virtual_lab.errors import InputError
 from virtual_lab.sheets import settings_text
 
@@ -43,20 +44,16 @@ LOADED = """if True:
 """
 
 
-def commands_of(group: click.Group, above: str = "") -> Iterator[tuple[str, FunctionCommand]]:
-    """Yield the words of every command that is made from a function, and the command."""
-    for name, each in group.commands.items():
-        if isinstance(each, click.Group):
-            yield from commands_of(each, f"{above}{name} ")
-        elif isinstance(each, FunctionCommand):
-            yield f"{above}{name}", each
-
-
-COMMANDS = dict(commands_of(cli))
+COMMANDS = every_command()
 
 
 def parameters_of(words: str) -> dict[str, Any]:
     """Return the values of a command's parameters, as parsed from a line; nothing runs."""
+    return context_of(words).params
+
+
+def context_of(words: str) -> click.Context:
+    """Return the context of a parsed line; nothing runs."""
     context: click.Context = click.Context(cli)
     command: click.Command = cli
     rest = shlex.split(words)
@@ -65,7 +62,7 @@ def parameters_of(words: str) -> dict[str, Any]:
         if subcommand is None:
             break
         command, rest = subcommand, rest[1:]
-    return command.make_context(words, rest).params
+    return command.make_context(words, rest)
 
 
 def test_help_and_docstrings_load_no_numpy() -> None:
@@ -96,7 +93,7 @@ def test_a_signature_read_from_the_source_is_that_of_the_function(name: str) -> 
 def test_every_parameter_of_a_command_is_an_option_with_words() -> None:
     """The option has the parameter's name, in the singular if it may be given several times."""
     for words, command in COMMANDS.items():
-        options = {str(each.name): each for each in command.params}
+        options = {str(each.name): each for each in FunctionCommand(command).params}
         assert command.parameters.keys() <= options.keys(), words
         for key in command.parameters:
             option = options[key]
@@ -109,8 +106,7 @@ def test_every_parameter_of_a_command_is_an_option_with_words() -> None:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_the_example_of_a_command_is_valid(name: str) -> None:
     """The options of the example exist, and their values are allowed."""
-    example = COMMANDS[name].example
-    assert example.startswith(name if name != "rehearse" else "rehearse")
+    example = COMMANDS[name].example_line
     assert parameters_of(example)
 
 
@@ -311,14 +307,15 @@ def test_a_rule_follows_from_the_annotation_of_another_package(
     """Choices, numbers, lists and paths have a rule; a command of another type is refused."""
     (tmp_path / "sided.py").write_text(TYPED)
     monkeypatch.syspath_prepend(tmp_path)
-    command = FunctionCommand("sides", ("sided", "sides"))
-    command.require_rules()
+    row = Command("sides", ("sided", "sides"))
+    row.require_rules()
+    command = FunctionCommand(row)
     values = command.make_context("sides", ["left", "2", "3e1", "--file", "a.csv"]).params
     assert values == {"side": "left", "size": (2, 30), "file": Path("a.csv"), "as_json": False}
     for wrong, allowed in ((["lefd"], "did you mean left"), (["left", "x"], "a number")):
         with pytest.raises(click.BadParameter, match=allowed):
             command.make_context("sides", wrong)
-    other = FunctionCommand("tables", ("sided", "tables"))
+    other = Command("tables", ("sided", "tables"))
     with pytest.raises(ValueError, match=r"the type of of has no rule \(DataFrame\)"):
         other.require_rules()
 

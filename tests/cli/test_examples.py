@@ -13,9 +13,8 @@ from tests.cli.test_cli import MEASURED
 from tests.cli.test_commands import COMMANDS
 from tests.video.scenes import Film, write_video
 from virtual_lab.cli import cli
-from virtual_lab.cli.rehearse import DAY
 
-EXAMPLES = {name: each.example for name, each in COMMANDS.items()} | {"rehearse": DAY.example}
+EXAMPLES = {name: each.example_line for name, each in COMMANDS.items()}
 # examples that take a quarter of a second and less, beside the files that several of them read
 FAST = ("score", "reduce", "verify", "template", "list", "show", "profile", "slope")
 SCENARIO = Path(__file__).parents[2] / "data/bench/scenarios/plain-day.toml"

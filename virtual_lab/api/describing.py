@@ -51,9 +51,9 @@ class ParameterDescription:
     """A parameter of a public function, as its signature and docstring describe it."""
 
     name: str
-    annotation: str
+    annotation: str = "Path"
     rule: ParameterRule
-    optional: bool  # whether None is allowed
+    optional: bool = True  # whether None is allowed
     default: Any  # REQUIRED, a literal, or `Unread`
     keyword: bool
     words: str

@@ -1,4 +1,4 @@
-"""Commands made from the signatures and docstrings of public functions.
+"""Commands of the command line, made from the rows of the table of commands.
 
 An option has the name, the default, the rule and the description of its parameter. Only options
 that the user gives are passed on, so defaults are defined in the function alone. The help of a
@@ -7,10 +7,8 @@ command does not import the module of its function.
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -18,28 +16,19 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from virtual_lab import api
-from virtual_lab.api.describing import (
-    REQUIRED,
-    Description,
-    ParameterDescription,
-    advice,
-    describe,
-    first_line,
-)
-from virtual_lab.api.door import LABORATORY, SEALED, public, with_settings
-from virtual_lab.cli.plumbing import Output
-from virtual_lab.errors import InputError, nearest
-from virtual_lab.output.progress import Progress
-from virtual_lab.parameters import ANYTHING, SETTINGS, ParameterRule
+from virtual_lab.api.describing import REQUIRED, ParameterDescription
+from virtual_lab.commands.call import Call, read_value, settings_in
+from virtual_lab.commands.command import Command
+from virtual_lab.commands.output import Answer
+from virtual_lab.commands.rehearse import ExcludedError
+from virtual_lab.commands.running import Outcome, carry_out
+from virtual_lab.errors import IncompleteError, InputError
+from virtual_lab.output.progress import show_progress
+from virtual_lab.parameters import ParameterRule
 
 GIVEN = (ParameterSource.COMMANDLINE, ParameterSource.DEFAULT_MAP)
-OUTPUT = ("as_json", "out", "csv", "plot")
-UNSAVED = ("self", "folder", "overwrite")  # parameters of a result's `save` that are not options
-HIDDEN = ("progress",)  # parameters that the shell provides itself
+JSON = "Print the result as one JSON document."
 GENERAL = ("FILE", "FOLDER", "NAME", "TEXT", "NUMBER")  # value names that several parameters share
-TYPED = "bool, int, float, str, Path, Literal of texts, Sequence of one, or virtual_lab.parameters"
-Place = str | tuple[str, str]  # a public name, or module and name of another function
 
 
 class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click 8.2 on only
@@ -51,11 +40,11 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return a word of the command line or a value of a file as the function's argument."""
         try:
-            return self.rule.read(self.rule.parse(value) if isinstance(value, str) else value)
+            return read_value(self.rule, value)
         except InputError:
             raise
-        except (TypeError, ValueError, OverflowError):
-            self.fail(f"{value!r}; {advice(self.rule, value)}", param, ctx)
+        except ValueError as fault:
+            self.fail(str(fault), param, ctx)
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
         """Return the placeholder of a value in the help; None for the name of the argument."""
@@ -88,58 +77,27 @@ class Flag(click.Option):
         return self.opts[0], str(self.help)
 
 
-NOTHING: Mapping[str, Any] = {}
-PRINTED = Output()
-
-
 class FunctionCommand(click.Command):
-    """The command of a public function, described by its signature and docstring.
+    """A command of the table, with its options and its help.
 
-    Parameters
-    ----------
-    name
-        Name of the command.
-    place
-        Public name of the function, or its module and its name in this module. By default the name
-        of the command, with underscores.
-    example
-        Arguments of an example, which is printed at the end of the help.
-    fixed
-        Arguments that the command sets itself.
-    options
-        Positional parameters that are options of the command.
-    saving
-        Method that saves the result, as ``Class.method``. Its parameters are options too.
-    output
-        Options and actions for printing and saving the result.
+    These are made at their first use, because most runs use only one command.
     """
 
-    def __init__(
-        self,
-        name: str,
-        place: Place = "",
-        *,
-        example: str = "",
-        fixed: Mapping[str, Any] = NOTHING,
-        options: Sequence[str] = (),
-        saving: str = "",
-        output: Output = PRINTED,
-    ) -> None:
-        words = f"\b\nExample:\n  virtual-lab {example}" if example else None
-        super().__init__(name, callback=self._run, epilog=words)
-        self.example = example
+    def __init__(self, command: Command) -> None:
+        line = command.example_line
+        words = f"\b\nExample:\n  virtual-lab {line}" if line else None
+        super().__init__(command.name.split()[-1], callback=self._run, epilog=words)
         del self.params, self.help  # __getattr__ makes them at their first use
-        self.place, self.fixed, self.options = place or name.replace("-", "_"), fixed, options
-        self.saving, self.output = saving, output
+        self.command = command
 
     def __getattr__(self, name: str) -> Any:
-        """Make options or help at their first use, because most runs use only one command."""
+        """Make options or help at their first use."""
         if name == "help":
-            self.help = for_shell(_description(self.place).words)
+            self.help = for_shell(self.command.description.words)
         elif name == "params":
             self.params = [
-                *(_parameter(each, self.options) for each in self.parameters.values()),
-                *self.output.options(self.parameters),
+                *(_parameter(each, self.command) for each in self.command.fields.values()),
+                click.Option(["--json", "as_json"], is_flag=True, help=JSON),
                 self._config(),
             ]
         else:
@@ -148,12 +106,12 @@ class FunctionCommand(click.Command):
 
     def get_short_help_str(self, limit: int = 45) -> str:
         """Return the first line of the docstring."""
-        return for_shell(first_line(*_place(self.place)))
+        return for_shell(self.command.first_line)
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a table of the arguments before that of the options."""
         rows = [
-            (each.make_metavar(ctx), help_text(self.parameters[str(each.name)]))
+            (each.make_metavar(ctx), help_text(self.command.parameters[str(each.name)]))
             for each in self.params
             if isinstance(each, click.Argument)
         ]
@@ -162,62 +120,35 @@ class FunctionCommand(click.Command):
                 formatter.write_dl(rows)
         super().format_options(ctx, formatter)
 
-    @cached_property
-    def parameters(self) -> dict[str, ParameterDescription]:
-        """The parameters that are arguments or options, by their names in Python."""
-        left_out = (*HIDDEN, self.output.into, *self.fixed)
-        every = dict(_description(self.place).parameters)
-        every |= self._saving
-        return {key: each for key, each in every.items() if key not in left_out}
-
-    def require_rules(self) -> None:
-        """Raise `ValueError` for a function without docstring, or a parameter without a rule."""
-        self.get_short_help_str()
-        for key, each in self.parameters.items():
-            if (each.rule.several or each.rule) is ANYTHING:
-                annotation = each.annotation or "missing"
-                raise ValueError(f"the type of {key} has no rule ({annotation}); allowed: {TYPED}")
-
-    @cached_property
-    def _saving(self) -> Mapping[str, ParameterDescription]:
-        """The parameters of the method that saves the result."""
-        if not self.saving:
-            return {}
-        module, _ = api.PLACES[self.saving.split(".")[0]]
-        every = describe(module, self.saving).parameters
-        return {key: each for key, each in every.items() if key not in UNSAVED}
-
-    def _run(self, **values: Any) -> int:
-        """Call the function with the user's arguments, and write its result."""
-        context = click.get_current_context()
-        request = {
+    def call(self, context: click.Context) -> Call:
+        """Return the call that a line states, which click has read."""
+        given = {
             key: value
-            for key, value in values.items()
-            if key in self.parameters and context.get_parameter_source(key) in GIVEN
+            for key, value in context.params.items()
+            if key in self.command.fields and context.get_parameter_source(key) in GIVEN
         }
-        place = self.place
-        how = {key: request.pop(key) for key in self._saving if key in request}
-        _check_saving(how)
+        return Call(self.command, given)
 
-        def call(progress: Progress, **more: Any) -> Any:
-            function = getattr(api, place) if isinstance(place, str) else public(place[1], place)
-            if "progress" in _description(place).parameters:
-                more["progress"] = progress
-            result = function(**self.fixed, **request, **more)
-            words = f"virtual-lab {_words(context)} --config {SETTINGS}"
-            result = replace(result, **how) if how else result
-            return with_settings(result, words, request | how, sealed=self.name in SEALED)
-
-        defaults = {key: each.default for key, each in self.parameters.items()}
-        shared = {key: value for key, value in values.items() if key in OUTPUT}
-        return self.output.execute(call, request, defaults, **shared)
+    def _run(self, *, as_json: bool, **_: Any) -> int:
+        """Call the function with the user's arguments, print its result, return the exit code."""
+        context = click.get_current_context()
+        try:
+            with show_progress() as progress:
+                outcome = carry_out(self.call(context), progress)
+        except ExcludedError as fault:
+            raise click.UsageError(str(fault), context) from fault
+        _print(outcome, self.command, as_json=as_json)
+        if outcome.missing:
+            raise IncompleteError(str(outcome.target), [*outcome.missing])
+        return int(getattr(outcome.result, "code", 0))
 
     def _config(self) -> click.Option:
         """Return the option of a file that contains values for the other options."""
 
         def load(context: click.Context, _param: click.Parameter, path: Path | None) -> None:
             if path is not None:
-                context.default_map = settings_in(path, str(self.name), self.parameters)
+                parameters = self.command.parameters
+                context.default_map = settings_in(path, str(self.name), parameters)
 
         return click.Option(
             ["--config"],
@@ -231,26 +162,36 @@ class FunctionCommand(click.Command):
         )
 
 
-def _words(context: click.Context) -> str:
-    """Return the full name of a command after the program's name, such as ``campaign summary``."""
-    above = context.parent
-    return f"{_words(above)} {context.info_name}".strip() if above else ""
+def click_command(command: Command) -> click.Command:
+    """Return the command of a row of the table. Its variants become a group."""
+    variants = [*map(click_command, command.variants)]
+    if not variants:
+        return FunctionCommand(command)
+    if command.words:
+        return click.Group(command.name, commands=variants, help=command.words)
+    alone = FunctionCommand(command)
+
+    @click.pass_context
+    def run(context: click.Context, /, **values: Any) -> int | None:
+        """Run the command itself if no variant is named."""
+        return None if context.invoked_subcommand else alone._run(**values)
+
+    return click.Group(
+        command.name,
+        callback=run,
+        commands=variants,
+        params=alone.params,
+        help=alone.help,
+        epilog=alone.epilog,
+        invoke_without_command=True,
+    )
 
 
-def _place(place: Place) -> tuple[str, str]:
-    """Return module and name of a function."""
-    return api.PLACES[place] if isinstance(place, str) else place
-
-
-def _description(place: Place) -> Description:
-    return describe(*_place(place))
-
-
-def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Parameter:
+def _parameter(each: ParameterDescription, command: Command) -> click.Parameter:
     """Return the argument or option of a parameter."""
     rule = each.rule.several or each.rule
     required = each.default is REQUIRED
-    if not each.keyword and each.name not in options:
+    if command.takes_position(each.name):
         nargs = -1 if each.rule.several else 1
         return click.Argument([each.name], type=RuleType(rule), nargs=nargs, required=required)
     name = each.name.removesuffix("s") if each.rule.several else each.name
@@ -258,54 +199,43 @@ def _parameter(each: ParameterDescription, options: Sequence[str]) -> click.Para
     if rule.flag:
         forms = f"{form}/--no-{form.removeprefix('--')}"
         return Flag([forms, each.name], default=bool(each.default), help=words)
+    written = each.name not in command.parameters  # a folder or file of the result
     return click.Option(
         [form, each.name],
-        type=RuleType(rule),
+        type=click.Path(path_type=Path) if written else RuleType(rule),
+        metavar=rule.metavar if written else None,
         multiple=each.rule.several is not None,
         required=required,
         help=words,
     )
 
 
-def _check_saving(how: Mapping[str, Any]) -> None:
-    """Refuse impossible options for saving a certificate, before the test begins."""
-    if how.get("pdf"):
-        from virtual_lab.certificate.pdf import require_pdf
+def _print(outcome: Outcome, command: Command, *, as_json: bool) -> None:
+    """Print the result, and the paths of all written files.
 
-        require_pdf(how.get("paper", "a4"))
-    if how.get("sign"):
-        from virtual_lab.certificate.signing import require_key
-
-        require_key(how["sign"], private=True)
-
-
-def settings_in(
-    path: Path, name: str, parameters: Mapping[str, ParameterDescription]
-) -> dict[str, Any]:
-    """Return the values in a file of settings, keyed by parameter name.
-
-    If a parameter takes several values, a single value becomes a list. The values of the key
-    ``instruments`` are not checked. `name` is the name of the command in the error message.
-
-    Raises `InputError` if the file is missing or not TOML, and for an unknown key or a value that
-    is not allowed. The message names file and key.
+    If JSON is printed, the path of the folder is the key `folder` of the document, or a line on
+    stderr if the document is not an object.
     """
-    from virtual_lab.files import parse_toml, read_text
-
-    settings = parse_toml(read_text(path), str(path))
-    for key, value in settings.items():
-        if key not in parameters:
-            allowed = f"unknown key, {nearest(key, parameters)}keys of {name}: "
-            raise InputError(str(path), key, None, allowed + ", ".join(parameters))
-        rule = parameters[key].rule
-        try:
-            if key != LABORATORY:  # a string NAME=FILE in a file, a sheet in Python
-                rule.read(value)
-        except (TypeError, ValueError, OverflowError) as fault:
-            raise InputError(str(path), key, value, advice(rule, value)) from fault
-        if rule.several and not isinstance(value, list):
-            settings[key] = [value]
-    return settings
+    result, output, written = outcome.result, command.output, [*outcome.files]
+    folder = None if output.file else outcome.target
+    if not as_json:
+        if isinstance(result, Answer) and result.files:
+            written = [*result.files, *written]
+        elif outcome.target:
+            page = outcome.target / output.page
+            shown = folder and not outcome.missing and page.exists()
+            written.insert(len(written) if output.file else 0, page if shown else outcome.target)
+        parts = [result.text, "\n".join(map(str, written))]
+        click.echo("\n\n".join(part for part in parts if part))
+        return
+    document = result.document
+    if folder and isinstance(document, dict):
+        document = {**document, "folder": str(folder)}
+    elif folder:
+        written.insert(0, folder)
+    click.echo(json.dumps(document, indent=2, allow_nan=False))
+    for path in written:
+        click.echo(str(path), err=True)
 
 
 def help_text(each: ParameterDescription) -> str:

@@ -146,12 +146,15 @@ def command_parts(command: click.Command, name: str) -> Iterator[str]:
     for each in command.params:
         record = each.get_help_record(context)
         if isinstance(each, click.Argument) and isinstance(command, FunctionCommand):
-            record = each.make_metavar(context), help_text(command.parameters[str(each.name)])
+            record = (
+                each.make_metavar(context),
+                help_text(command.command.parameters[str(each.name)]),
+            )
         if record:
             rows.append((f"`{record[0]}`", record[1].replace("<", "&lt;").replace("*", "\\*")))
     yield table(("option", "meaning"), rows)
-    if isinstance(command, FunctionCommand) and command.example:
-        yield f"```\nvirtual-lab {command.example}\n```\n"
+    if isinstance(command, FunctionCommand) and command.command.example:
+        yield f"```\nvirtual-lab {command.command.example_line}\n```\n"
 
 
 def shelves() -> Iterator[tuple[str, str]]:

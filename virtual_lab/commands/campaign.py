@@ -1,15 +1,15 @@
-"""Commands that read the folder of a campaign."""
+"""Functions of the commands that read the folder of a campaign."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from virtual_lab import api
-from virtual_lab.output.progress import Progress
+from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import Folder
 
 
-def check(folder: Folder, *, progress: Progress) -> Any:
+def check(folder: Folder, *, progress: Progress = quiet) -> Any:
     """List damaged and missing parts of the campaign in FOLDER (exit code 4 if there are any)."""
     return api.Campaign.open(folder).check(progress)
 

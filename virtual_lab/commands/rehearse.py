@@ -1,15 +1,13 @@
-"""The command of the rehearsal bench."""
+"""Functions of the rehearsal bench's commands."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
-from virtual_lab.cli.commands import FunctionCommand
-from virtual_lab.cli.plumbing import STUDY, Answer, Output, usage
+from virtual_lab.commands.output import Answer
 from virtual_lab.parameters import (
     OUT,
     File,
@@ -25,6 +23,10 @@ from virtual_lab.sheets import AnyName
 if TYPE_CHECKING:
     from virtual_lab.bench.entrance.operated_day import RehearsedDay
     from virtual_lab.output.result import StudyResult
+
+
+class ExcludedError(ValueError):
+    """Parameters of a call that exclude each other, or need each other."""
 
 
 def day(
@@ -43,6 +45,7 @@ def day(
     exam: File | None = None,
     replay: File | None = None,
     open: bool = False,
+    out: Folder | None = None,
 ) -> RehearsedDay | StudyResult | Answer:
     """Carry out a test day action by action, and learn the cost of each decision.
 
@@ -83,12 +86,14 @@ def day(
         printed. With --open, a page shows each entry instead.
     open
         Open the page in a browser.
+    out
+        Folder into which the caller saves the result.
     """
     scenario = str(scenario)
     script, day, exam, replay = map(_path, (script, day, exam, replay))
     tls_certificate, tls_key = _path(tls_certificate), _path(tls_key)
     if sum(map(bool, (operator, script, replay))) > 1:
-        usage("--operator, --script and --replay exclude each other")
+        raise ExcludedError("--operator, --script and --replay exclude each other")
     if replay and not open:
         from virtual_lab.bench.entrance.review import replay as played_back
 
@@ -103,10 +108,12 @@ def day(
             seed=seed,
             operator_seed=operator_seed,
         )
-    if click.get_current_context().params.get("out"):
-        usage("--out needs --operator or --script; the page saves its day in the folder of --day")
+    if out:
+        raise ExcludedError(
+            "--out needs --operator or --script; the page saves its day in the folder of --day"
+        )
     if (tls_certificate is None) != (tls_key is None):
-        usage("--tls-certificate and --tls-key are needed together")
+        raise ExcludedError("--tls-certificate and --tls-key are needed together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": open}
     if replay:
@@ -117,7 +124,7 @@ def day(
         names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
         return _serve_page(scenario, day, names, seed=seed, **served)
     if trainees > 1:
-        usage("--trainees cannot be used with --exam, whose file names the trainees")
+        raise ExcludedError("--trainees cannot be used with --exam, whose file names the trainees")
     from virtual_lab.bench.day.exam import load_class
 
     exam_class = load_class(exam)
@@ -146,7 +153,7 @@ def _serve_page(
     serve(
         each or {"": target},
         load_scenario(scenario) if scenario else None,
-        say=lambda text: click.echo(text, err=True),
+        say=lambda text: print(text, file=sys.stderr, flush=True),
         **served,
     )
     return Answer(document={"day": str(target)}, text=str(target))
@@ -188,37 +195,3 @@ def check(scenario: AnyName) -> StudyResult:
 
 def _path(path: File | None) -> Path | None:
     return None if path is None else Path(path)
-
-
-def _command(name: str, example: str, output: Output = STUDY) -> click.Command:
-    return FunctionCommand(name, (__name__, name), example=f"rehearse {example}", output=output)
-
-
-DAY = FunctionCommand(
-    "rehearse",
-    (__name__, "day"),
-    output=Output(keeps=True, page="debrief.html"),
-    example="rehearse --operator expert --seed 3 --out day",
-)
-
-
-@click.pass_context
-def _day_or_more(context: click.Context, /, **request: object) -> object:
-    """Run a day if no command of the group is named."""
-    assert DAY.callback is not None
-    return None if context.invoked_subcommand else DAY.callback(**request)
-
-
-rehearse = click.Group(
-    "rehearse",
-    callback=_day_or_more,
-    commands=[
-        _command("summary", "summary days"),
-        _command("branch", "branch day 4 again", Output()),
-        _command("check", "check mine.toml"),
-    ],
-    params=DAY.params,
-    help=DAY.help,
-    epilog=DAY.epilog,
-    invoke_without_command=True,
-)

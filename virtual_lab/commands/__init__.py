@@ -1,0 +1,1 @@
+"""The commands of this program, for the command line and the page: table, calls, results."""

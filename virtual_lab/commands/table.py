@@ -1,0 +1,172 @@
+"""The table of commands, in the sections of the help."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.commands.command import Command
+from virtual_lab.commands.output import DRAWN, STUDY, TABLE, Answer, Output
+from virtual_lab.errors import InputError
+
+CAMPAIGN, REHEARSE = "virtual_lab.commands.campaign", "virtual_lab.commands.rehearse"
+CALIBRATION = "New calibration file, .toml. A picture of the residuals is beside it."
+CHARTED = Output(table=True, picture=True)
+
+
+def _beside_the_clip(values: Mapping[str, Any]) -> Path:
+    clip = Path(values["clip"])
+    return clip.parent / f"{clip.absolute().stem or 'clip'}-track"
+
+
+def _board(folder: Path) -> Answer:
+    """Return the answer for the folder of a board's pictures."""
+    document = {"pictures": str(folder / "pictures"), "truth": str(folder / "truth")}
+    return Answer(document=document, text="", files=[folder / "pictures"])
+
+
+def _form(path: Path) -> Answer:
+    """Return the answer for the path of an empty form."""
+    return Answer(document={"folder" if path.is_dir() else "file": str(path)}, text=str(path))
+
+
+def _answer_sweep(table: Any) -> Answer:
+    """Return the answer for the table of a sweep: text, JSON and files."""
+    document = json.loads(table.to_json(orient="records"))
+    return Answer(document=document, text=table.to_string(index=False), table=table)
+
+
+SECTIONS: Mapping[str, Sequence[Command]] = {
+    "Test a bat": (
+        Command(
+            "certify",
+            example="r161 --procedure bbcor --seed 7",
+            saving="Certificate.save",
+            output=Output(folder="{bat}-{procedure}", page="certificate.html"),
+        ),
+        Command("score", example="out/r161-bbcor-seed-7", output=DRAWN),
+        Command(
+            "reduce",
+            example="out/r161-bbcor-seed-7/records",
+            saving="Certificate.save",
+            output=Output(keeps=True),
+        ),
+        Command("verify", example="out/r161-bbcor-seed-7", output=TABLE),
+        Command("report", example="out/r161-bbcor-seed-7 out/other", output=DRAWN),
+        Command("template", example="astm-f1881 forms", output=Output(answer=_form)),
+        Command(
+            "rehearse",
+            (REHEARSE, "day"),
+            example="--operator expert --seed 3 --out day",
+            output=Output(keeps=True, page="debrief.html"),
+            variants=(
+                Command("rehearse summary", (REHEARSE, "summary"), example="days", output=STUDY),
+                Command("rehearse branch", (REHEARSE, "branch"), example="day 4 again"),
+                Command("rehearse check", (REHEARSE, "check"), example="mine.toml", output=STUDY),
+            ),
+        ),
+    ),
+    "Bats and the catalog": (
+        Command("list", "shelf", example="bats", output=TABLE),
+        Command("show", example="r161"),
+        Command("profile", example="r161 ea70 --swing 0.3", output=DRAWN),
+        Command(
+            "fit-bat",
+            example="measured.toml --out mine.toml",
+            output=Output(table=True, file="New bat file, .toml.", method="write"),
+        ),
+        Command("sensitivity", example="r161", output=DRAWN),
+        Command("slope", example="r161 ea70", output=DRAWN),
+    ),
+    "Studies of laboratories and procedures": (
+        Command(
+            "sweep",
+            example="r161 ea70 --laboratories 2",
+            output=Output(table=True, frame="", answer=_answer_sweep),
+        ),
+        Command("coverage", example="r161 --summed --laboratories 20", output=DRAWN),
+        Command("operating", example="r161 --laboratories 20", output=DRAWN),
+        Command("interlab", example="laboratories.toml --predict", output=DRAWN),
+        Command("bias", example="--procedure bbcor", options=("procedure",), output=DRAWN),
+        Command("faults", example="gate-moved --laboratories 2", output=DRAWN),
+        Command("plan", example="bbcor --target-u 0.0015", output=DRAWN),
+        Command("twin", example="out/r161-bbcor-seed-7", output=DRAWN),
+        Command("critique", example="r161 ea70 --laboratories 2", output=DRAWN),
+        Command("daily", example="--days 12 --baseline 6", output=replace(CHARTED, folder="daily")),
+        Command(
+            "campaign",
+            words="Test bats in very many laboratories; store one row per test, no certificate.",
+            variants=(
+                Command(
+                    "campaign run",
+                    "campaign",
+                    example="study.toml --out campaign",
+                    output=Output(into="folder"),
+                ),
+                Command("campaign resume", "campaign", example="campaign", fixed={"study": None}),
+                Command("campaign check", (CAMPAIGN, "check"), example="campaign"),
+                Command(
+                    "campaign summary", (CAMPAIGN, "summary"), example="campaign", output=STUDY
+                ),
+            ),
+        ),
+        Command("paper", example="--csv claims.csv", output=DRAWN),
+        Command("reference", example="--csv reference.csv", output=DRAWN),
+    ),
+    "Camera": (
+        Command(
+            "track",
+            example="clip.mp4 --ball 73mm --phone",
+            output=Output(folder=_beside_the_clip),
+        ),
+        Command(
+            "calibrate",
+            example="pictures --board chessboard:9x6:40mm --out camera.toml",
+            output=Output(file=CALIBRATION),
+        ),
+        Command(
+            "board",
+            example="--board chessboard:9x6:40mm --views 3",
+            output=Output(folder="board", into="folder", answer=_board),
+        ),
+    ),
+    "Speed and accuracy": (
+        Command("chart", example="motion", output=replace(CHARTED, folder="chart-{part}")),
+        Command("stability", example="camera", output=replace(CHARTED, folder="stability-{part}")),
+    ),
+}
+
+
+def every_command() -> dict[str, Command]:
+    """Return the commands that call a function, keyed by name."""
+    rows = [row for rows in SECTIONS.values() for each in rows for row in (each, *each.variants)]
+    return {each.name: each for each in rows if not each.words}
+
+
+def of_other_packages(taken: Collection[str], name: str = "") -> Iterator[Command | InputError]:
+    """Yield one command per entry point of other packages, or only the command called `name`.
+
+    An entry point is a function that carries out a study. An error takes the place of a function
+    that cannot be a command, or whose name is among the names `taken`.
+    """
+    from importlib.metadata import entry_points
+
+    used = set(taken)
+    for each in entry_points(group="virtual_lab.commands"):
+        if name not in ("", each.name):
+            continue
+        command = Command(each.name, (each.module, each.attr), output=DRAWN)
+        try:
+            if each.name in used:
+                raise ValueError("another command has this name")
+            command.require_rules()
+        except (AssertionError, OSError, SyntaxError, ValueError) as fault:
+            refusal = InputError(each.value, each.name, None, f"is not a command: {fault}")
+            refusal.__cause__ = fault
+            yield refusal
+        else:
+            used.add(each.name)
+            yield command
