@@ -43,6 +43,7 @@ Studies of laboratories and procedures
     bias             systematic error of the method, without randomness
     faults           detection and bias of faults, beside predictions
     plan             hits, balls and instruments that reach a target u
+    laboratory       data sheets of a laboratory from its own records
     twin             simulate a laboratory's day again, and check its uncertainty
     critique         ranking of bats by procedures, compared with the field
     daily            control charts of the daily checks

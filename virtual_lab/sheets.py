@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 NAMED = ("bats", "balls", "procedures")  # kinds of sheet with a new name after a change
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
+PARTICULARS = "particulars.toml"  # file of particulars in the folder of a laboratory
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
 OMITTED = ("progress", "sign")  # arguments that no settings file has; a key is private
 REVEALING = ("seed", "faults", "instruments")  # arguments that would reveal the truth of a test

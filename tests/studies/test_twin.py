@@ -23,6 +23,7 @@ from virtual_lab.simulation.faults.catalogue import CATALOGUE
 from virtual_lab.simulation.faults.size import blend, resize
 from virtual_lab.simulation.instruments import RecordDetail
 from virtual_lab.simulation.stations.rig import Reality, Stage
+from virtual_lab.studies.foreign import certify_records
 from virtual_lab.studies.twin import noticing, readings
 from virtual_lab.studies.twin.days import TwinDays
 from virtual_lab.studies.twin.improving import changes_to_simulate, improvements
@@ -34,7 +35,7 @@ from virtual_lab.studies.twin.readings import (
     largest_deviation,
 )
 from virtual_lab.studies.twin.statement import Statement
-from virtual_lab.studies.twin.twin import Twin, certify_records
+from virtual_lab.studies.twin.twin import Twin
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
 SCALE = "impact.encoder.scale"

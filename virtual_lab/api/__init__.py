@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from virtual_lab.studies.inventory import shelf as shelf
     from virtual_lab.studies.inventory import show as show
     from virtual_lab.studies.operating import operating as operating
+    from virtual_lab.studies.own_laboratory.own_laboratory import laboratory as laboratory
     from virtual_lab.studies.paper.findings import paper as paper
     from virtual_lab.studies.place_slope import slope as slope
     from virtual_lab.studies.plan.planning import plan as plan

@@ -38,6 +38,7 @@ PACKAGE = Path(__file__).parents[1]
 # folder of the data sheets: in the installed package, or beside it in a clone
 DATA = next(path for path in (PACKAGE / "data", PACKAGE.parent / "data") if path.is_dir())
 KINDS: tuple[Kind, ...] = get_args(Kind)
+LABELS = ("name", "title")  # keys of a sheet whose text is for people
 T = TypeVar("T")
 Key = tuple[str, str]  # kind and name of an entry
 
@@ -98,6 +99,11 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in (DATA / kind).glob("*.toml")))
 
 
+def has(kind: str, name: str) -> bool:
+    """Return whether the catalog has an entry, or one is in place of its files."""
+    return name in names(kind) or (kind, name) in texts_in_place()
+
+
 def title(kind: str, name: str) -> str:
     """Return the `title` of a catalog entry, or of the user's file if `name` ends in .toml.
 
@@ -148,6 +154,22 @@ def sheet(kind: str, name: str) -> tuple[dict[str, Any], tuple[Datum, ...]]:
     return _parse(text, where), numbers
 
 
+def rig_instruments(rig: str) -> dict[str, str]:
+    """Return the names of the instruments of a rig, keyed by part, such as ``gates``.
+
+    The mapping is empty for a rig without a data sheet: another package supplies it. Raises
+    `InputError` for a sheet that is not TOML.
+    """
+    if not has("rigs", rig):
+        return {}
+    document = _parse(*source("rigs", rig))
+    return {
+        part: name
+        for part, name in document.items()
+        if part not in LABELS and isinstance(name, str) and has("instruments", name)
+    }
+
+
 def count_unverified(kind: str, name: str) -> dict[str, str]:
     """Return the numbers of unverified values of a catalog entry and of a rig's instruments.
 
@@ -155,13 +177,11 @@ def count_unverified(kind: str, name: str) -> dict[str, str]:
     values are unverified. A sheet without unverified values is left out. Raises the errors of
     `sheet`.
     """
-    document, numbers = sheet(kind, name)
+    numbers = sheet(kind, name)[1]
     doubtful = sum(not datum.verified for datum in numbers)
     counts = {f"{kind}/{name}": f"{doubtful} of {len(numbers)}"} if doubtful else {}
-    instruments = names("instruments") if kind == "rigs" else ()
-    for part in document.values():
-        if part in instruments:
-            counts |= count_unverified("instruments", part)
+    for instrument in rig_instruments(name).values() if kind == "rigs" else ():
+        counts |= count_unverified("instruments", instrument)
     return counts
 
 

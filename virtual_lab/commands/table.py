@@ -93,6 +93,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
         Command("bias", example="--procedure bbcor", options=("procedure",), output=DRAWN),
         Command("faults", example="gate-moved --laboratories 2", output=DRAWN),
         Command("plan", example="bbcor --target-u 0.0015", output=DRAWN),
+        Command("laboratory", example="out/r161-bbcor-seed-7 --out ours", output=STUDY),
         Command("twin", example="out/r161-bbcor-seed-7", output=DRAWN),
         Command("critique", example="r161 ea70 --laboratories 2", output=DRAWN),
         Command("daily", example="--days 12 --baseline 6", output=replace(CHARTED, folder="daily")),

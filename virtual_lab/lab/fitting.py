@@ -132,7 +132,7 @@ def unverified_rigs(rigs: Iterable[str]) -> dict[str, str]:
     """
     counts: dict[str, str] = {}
     for rig in rigs:
-        if rig in catalog.names("rigs"):
+        if catalog.has("rigs", rig):
             counts |= catalog.count_unverified("rigs", rig)
     return counts
 
@@ -148,11 +148,9 @@ def identities(rigs: Iterable[str]) -> dict[str, InstrumentIdentity]:
 
     Raises `InputError` for an identity with a wrong entry.
     """
-    instruments, stated = catalog.names("instruments"), {}
+    stated = {}
     for rig in rigs:
-        if rig not in catalog.names("rigs"):
-            continue
-        for name in filter(instruments.__contains__, catalog.sheet("rigs", rig)[0].values()):
+        for name in catalog.rig_instruments(rig).values():
             where = f"instruments/{name}"
             if identity := catalog.sheet("instruments", name)[0].get("identity"):
                 stated[name] = validate(identity, f"{where} [identity]", InstrumentIdentity)

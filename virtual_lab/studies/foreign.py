@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from virtual_lab.catalog import load, names
@@ -15,8 +16,10 @@ from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
 from virtual_lab.measurement.reduction.gates import THICKNESS
 from virtual_lab.records import BoardRecord, GateRecord, Record
 from virtual_lab.records.foreign.laboratory import FORM, load_laboratory, procedure_name
+from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import SESSION, Session, load_session
 
+RECORDS = "records"  # folder of the records in a result folder
 LOGGER_TABLES = ("climate", "store")  # channels of the bench that need the logger's constants
 
 
@@ -158,3 +161,42 @@ def _require_constants(
 
 def _without_number(key: str) -> str:
     return re.sub(r"_\d+$", "", key)
+
+
+def certify_records(folder: Path) -> Certification:
+    """Certify the records in a folder again, and return the certification.
+
+    `folder` is a result folder or a folder of records. Raises `InputError` if it has no records, or
+    if they cannot be reduced.
+    """
+    inner = folder / RECORDS
+    return certify_folder(inner if (inner / SESSION).exists() else folder, lambda each: each)
+
+
+def with_installed_rigs(session: Session, impact: str) -> Session:
+    """Return the session of another laboratory with the rigs that stand for its own.
+
+    A laboratory describes its rigs in words of its own. The usual rig of the stage stands for a rig
+    that is not installed here. `impact` is the name of the procedure's rig for the bat.
+    """
+    from virtual_lab.lab.setup import rigs_of
+    from virtual_lab.simulation.stations.rig import installed_rigs
+
+    if isinstance(session.origin, Simulated):
+        return session
+    usual = {stage.value: name for stage, name in rigs_of(impact).items()}
+    rigs = {
+        stage: name if name in installed_rigs() else usual.get(stage, name)
+        for stage, name in session.rigs.items()
+    }
+    return replace(session, rigs=rigs)
+
+
+def replaced_rigs(theirs: Session, ours: Session) -> list[str]:
+    """Return a sentence for each rig of the records that another rig stands for."""
+    return [
+        f"The records describe the rig of the stage {stage} as '{name}'; {ours.rigs[stage]} stands "
+        "for it."
+        for stage, name in theirs.rigs.items()
+        if name != ours.rigs[stage]
+    ]

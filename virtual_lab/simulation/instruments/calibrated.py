@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from math import inf
-from typing import Annotated, Any, ClassVar, Generic, Self, TypeVar, cast
+from math import inf, sqrt
+from typing import Annotated, Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast
 
 import numpy as np
 from annotated_types import Gt
@@ -33,6 +33,25 @@ TrueConstant = Any  # true value: a float for one laboratory, an array for a blo
 Stated = Estimate | Estimates  # value on the certificate
 
 Freedom = Annotated[float, Gt(0), Dimension("number")]  # degrees of freedom, inf if not stated
+
+
+class StandardDeviation(NamedTuple):
+    """A standard deviation estimated from repeated readings, and its degrees of freedom."""
+
+    value: float
+    dof: float
+
+    @classmethod
+    def of(cls, values: Array, share: float = 1.0) -> Self:
+        """Return `share` times the standard deviation of `values`, (n,), with n at least 2."""
+        return cls(share * float(values.std(ddof=1)), values.size - 1)
+
+    @classmethod
+    def pool(cls, spreads: Sequence[StandardDeviation], known: float = 0.0) -> Self:
+        """Return the pooled standard deviation, without a part of the `known` variance."""
+        dof = sum(each.dof for each in spreads)
+        variance = sum(each.dof * each.value**2 for each in spreads) / max(dof, 1) - known
+        return cls(sqrt(max(variance, 0.0)), dof)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,14 +81,18 @@ class CalibratedSpec(Spec):
         Names of `constants` that are not on the sheet are ignored.
         """
         names = {part.name for part in fields(cast("Any", self))}
-        values = {name: value for name, value in constants.items() if name in names}
-        numbers = {**values, **self.numbers_in(records, constants)}
-        return cast("Self", replace(cast("Any", self), **numbers))
+        values: dict[str, object] = {key: each for key, each in constants.items() if key in names}
+        for name, each in self.numbers_in(records, constants).items():
+            values[name] = each.value if isinstance(each, StandardDeviation) else each
+        return cast("Self", replace(cast("Any", self), **values))
 
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return numbers of the sheet that are estimated from raw records [SI], keyed by name."""
+        """Return numbers of the sheet that raw records show [SI], keyed by name.
+
+        A standard deviation is a `StandardDeviation`.
+        """
         return {}
 
     def certificate(self) -> dict[str, Estimate]:

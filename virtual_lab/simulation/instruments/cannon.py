@@ -17,6 +17,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    StandardDeviation,
 )
 from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.streams import Draws, Slots, owners_and_slots
@@ -51,14 +52,14 @@ class CannonSpec(CalibratedSpec):
         numbers: dict[str, object] = {}
         for marks in records:
             if isinstance(marks, AimMarks) and marks.along.size > 1:
-                across = float(marks.across.std(ddof=1))
+                across = StandardDeviation.of(marks.across)
                 numbers = {
                     "marks": marks.along.size,
                     "mark_resolution": 0.0,
-                    "along_scatter": float(marks.along.std(ddof=1)),
+                    "along_scatter": StandardDeviation.of(marks.along),
                     "across_scatter": across,
                     "across": float(marks.across.mean()),
-                    "across_u": across / sqrt(marks.across.size),
+                    "across_u": across.value / sqrt(marks.across.size),
                 }
         return numbers
 

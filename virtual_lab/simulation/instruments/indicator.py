@@ -17,6 +17,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    StandardDeviation,
 )
 from virtual_lab.streams import Draws, Slots, owners_and_slots
 from virtual_lab.uncertainty.estimate import Estimate
@@ -44,12 +45,14 @@ class IndicatorSpec(CalibratedSpec):
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
         """Return the repeatability, the scatter of the readings without rounding."""
-        squares = [
-            float(each.readings.var(axis=1, ddof=1).mean()) - constants["resolution"] ** 2 / 12
+        items = [
+            StandardDeviation.of(item)
             for each in records
             if isinstance(each, MassReadings | LengthReadings)
+            for item in each.readings
         ]
-        return {"repeatability": float(np.sqrt(np.maximum(squares, 0)).mean())} if squares else {}
+        rounding = constants["resolution"] ** 2 / 12
+        return {"repeatability": StandardDeviation.pool(items, known=rounding)} if items else {}
 
 
 S = TypeVar("S", bound=IndicatorSpec)

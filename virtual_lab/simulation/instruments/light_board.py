@@ -22,6 +22,7 @@ from virtual_lab.simulation.instruments.indicator import quantise
 from virtual_lab.simulation.instruments.light_gate import (
     BallGates,
     GateSheet,
+    LengthsU,
     WatchedBatch,
     per_shot,
 )
@@ -46,7 +47,7 @@ class LightBoardSpec(GateSheet):
     beams: Annotated[int, Gt(3), Dimension("number")]
     pitch: Annotated[float, Gt(0), Dimension("length")]
     lowest: Annotated[float, Dimension("length")]  # height of the lowest beam above line of fire
-    height_u: Length  # standard uncertainty of the height of each board
+    height_u: LengthsU  # standard uncertainty of the height of each board
     trip_spread: Length  # standard deviation of the depth at which a beam trips, between beams
     sabot_rate: Annotated[float, Ge(0), Lt(1), Dimension("number")]  # share of shots with fragments
     heights: Annotated[
@@ -58,6 +59,7 @@ class LightBoardSpec(GateSheet):
         GateSheet.__post_init__(self)  # a class with slots has no `super` of its own
         if self.heights and len(self.heights) != len(self.distances):
             raise ValueError(f"{len(self.heights)} heights of {len(self.distances)} boards")
+        self.of_each_gate(self.height_u)
         if not self.lowest < 0 < self.highest:
             raise ValueError(
                 f"beams from {self.lowest:g} to {self.highest:g} m: none at the line of fire"
@@ -66,8 +68,10 @@ class LightBoardSpec(GateSheet):
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
     ) -> Mapping[str, object]:
-        """Return the distances of the `constants` boards, and the number of beams in the record."""
-        numbers = dict(GateSheet.numbers_in(self, records, constants)) | {"heights": ()}
+        """Return distances and heights of the `constants` boards, and their number of beams."""
+        numbers = dict(GateSheet.numbers_in(self, records, constants))
+        count = sum(key.startswith("height_") for key in constants)
+        numbers["heights"] = tuple(constants[f"height_{at}"] for at in range(count))
         beams = [each.times.shape[3] for each in records if isinstance(each, BoardRecord)]
         return numbers | {"beams": beams[0]} if beams else numbers
 
@@ -87,13 +91,13 @@ class LightBoardSpec(GateSheet):
 
     def certificate(self) -> dict[str, Estimate]:
         """Return distance and height of each board, and clock: recorded = clock x true time."""
-        stated = {"clock": stated_constant(1 + self.clock_fast, self.clock_u)}
+        distances = GateSheet.certificate(self)
+        stated = {"clock": distances["clock"]}  # random numbers are drawn in this order
         heights = self.heights or (0.0,) * len(self.distances)
-        for index, (distance, height) in enumerate(zip(self.distances, heights, strict=True)):
-            stated[f"distance_{index}"] = stated_constant(
-                distance, self.distance_u, self.distance_dof
-            )
-            stated[f"height_{index}"] = stated_constant(height, self.height_u, self.height_dof)
+        each = zip(heights, self.of_each_gate(self.height_u), strict=True)
+        for index, (height, u) in enumerate(each):
+            stated[f"distance_{index}"] = distances[f"distance_{index}"]
+            stated[f"height_{index}"] = stated_constant(height, u, self.height_dof)
         return stated
 
 

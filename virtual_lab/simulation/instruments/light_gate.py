@@ -24,6 +24,7 @@ from virtual_lab.simulation.instruments.calibrated import (
     CalibratedInstrument,
     CalibratedSpec,
     Freedom,
+    StandardDeviation,
     TrueConstant,
     stated_constant,
 )
@@ -34,6 +35,8 @@ from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
 
 Time = Annotated[float, Ge(0), Dimension("time")]
+# a standard uncertainty of all gates, or one of each gate
+LengthsU = Annotated[float | tuple[float, ...], Dimension("length", low=0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +46,7 @@ class GateSheet(CalibratedSpec):
     kind: str
     title: str
     distances: Annotated[tuple[float, ...], MinLen(2), Dimension("length")]
-    distance_u: Annotated[float, Ge(0), Dimension("length")]
+    distance_u: LengthsU
     tick: Time
     edge_jitter: Time
     clock_u: Annotated[float, Ge(0), Dimension("number")]
@@ -54,6 +57,14 @@ class GateSheet(CalibratedSpec):
         falling = sorted(set(self.distances), reverse=True)
         if list(self.distances) != falling or falling[-1] <= 0:
             raise ValueError("distances must fall from the cannon's to the target's, all above 0")
+        self.of_each_gate(self.distance_u)
+
+    def of_each_gate(self, u: float | tuple[float, ...]) -> tuple[float, ...]:
+        """Return the standard uncertainty of each gate. Raises `ValueError` for another number."""
+        values = u if isinstance(u, tuple) else (u,) * len(self.distances)
+        if len(values) != len(self.distances):
+            raise ValueError(f"{len(values)} uncertainties of {len(self.distances)} gates")
+        return values
 
     def numbers_in(
         self, records: Sequence[Record], constants: Mapping[str, float]
@@ -65,9 +76,10 @@ class GateSheet(CalibratedSpec):
 
     def certificate(self) -> dict[str, Estimate]:
         """Return the distance of each gate, and the clock: recorded time = clock x true time."""
+        each = zip(self.distances, self.of_each_gate(self.distance_u), strict=True)
         return {
-            f"distance_{index}": stated_constant(distance, self.distance_u, self.distance_dof)
-            for index, distance in enumerate(self.distances)
+            f"distance_{index}": stated_constant(distance, u, self.distance_dof)
+            for index, (distance, u) in enumerate(each)
         } | {"clock": stated_constant(1 + self.clock_fast, self.clock_u)}
 
 
@@ -170,16 +182,22 @@ class LightGateSpec(GateSheet):
     ) -> Mapping[str, object]:
         """Return the distances of the `constants` gates, and the jitter that the edges show.
 
-        The chords of an incoming ball at two gates differ by the jitter of four edges.
+        The chords of an incoming ball at two gates differ by the jitter of four edges, and by the
+        drag between the gates, which is proportional to the chord.
         """
         numbers = dict(GateSheet.numbers_in(self, records, constants))
         for record in records:
             if isinstance(record, GateRecord):
                 chords = np.diff(record.times[:, 0], axis=-1)[..., 0]
-                apart = chords[:, 0] - chords[:, -1]
-                apart = apart[np.isfinite(apart)]
-                if apart.size > 1:
-                    numbers |= {"edge_jitter": float(apart.std(ddof=1)) / 2, "tick": 0.0}
+                first, last = chords[np.isfinite(chords).all(axis=1)][:, [0, -1]].T
+                if first.size > 2:
+                    apart = last - first
+                    apart = apart - np.polynomial.Polynomial.fit(first, apart, 1)(first)
+                    jitter = sqrt(float(apart @ apart) / (first.size - 2)) / 2
+                    numbers |= {
+                        "edge_jitter": StandardDeviation(jitter, first.size - 2),
+                        "tick": 0.0,
+                    }
         return numbers
 
     @property

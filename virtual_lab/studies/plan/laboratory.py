@@ -141,12 +141,13 @@ def better_instruments(rigs: Collection[str]) -> dict[str, Sheet]:
     """
     exchanges: dict[str, Sheet] = {}
     for rig in rigs:
-        base = Sheet.of("rigs", rig)
-        named = [each for each in base.document.values() if each in catalog.names("instruments")]
+        base, named = Sheet.of("rigs", rig), catalog.rig_instruments(rig).values()
         for sheet in (base, *(Sheet.of("instruments", name) for name in named)):
             stated = {datum.key: datum.value for datum in catalog.datums(sheet.document)}
             half = {
-                key: value / 2 for key, value in stated.items() if key.endswith(("_u", SCATTER))
+                key: np.divide(value, 2)
+                for key, value in stated.items()
+                if key.endswith(("_u", SCATTER))
             }
             if half:
                 tables = "+".join(dict.fromkeys(key.partition(".")[0] for key in half))

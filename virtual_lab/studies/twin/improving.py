@@ -135,10 +135,7 @@ def _sheet_name(instrument: str, rigs: Mapping[str, str]) -> str:
     """
     stage, _, part = instrument.partition(".")
     rig = rigs.get(stage, "")
-    if rig not in catalog.names("rigs"):
-        return instrument
-    sheet = catalog.sheet("rigs", rig)[0].get(part)
-    return sheet if isinstance(sheet, str) else part
+    return catalog.rig_instruments(rig).get(part, part) if catalog.has("rigs", rig) else instrument
 
 
 def _with_half_u(prefix: str) -> Callable[[Statement], Statement]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import sqrt
 from typing import cast
 
 import numpy as np
@@ -13,7 +12,6 @@ from virtual_lab import catalog
 from virtual_lab.catalog import Entry
 from virtual_lab.catalog.specs import BallSpec, BallSpread, RestitutionLine, Sport
 from virtual_lab.errors import InputError
-from virtual_lab.lab.setup import rigs_of
 from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.procedure.outcome import curve_of
@@ -21,10 +19,11 @@ from virtual_lab.measurement.reduction.air import DENSITY, climate_readings
 from virtual_lab.measurement.session_reduction import Preparation, Reduction, reduce_block
 from virtual_lab.records import EncoderRecord
 from virtual_lab.records.kinds import PassageRecord, RateRecord
-from virtual_lab.records.origin import Simulated
 from virtual_lab.records.session import Session
 from virtual_lab.simulation.physics.beam import RigidBat
-from virtual_lab.simulation.stations.rig import Stage, installed_rigs
+from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.studies.foreign import with_installed_rigs
+from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
 from virtual_lab.studies.twin.collision import RIGID, StatedCollision, StatedCurve, StatedMotion
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
@@ -86,7 +85,7 @@ class Statement:
                 raise InputError("", key, None, allowed)
         ball = _ball(preparation, certification.session)
         return cls(
-            session=_with_our_rigs(certification.session, certification.procedure.rig),
+            session=with_installed_rigs(certification.session, certification.procedure.rig),
             rules=_rules(preparation, certification.session),
             barrel_radius=float(preparation.bat.barrel_radius.ravel()[0]),
             ball=ball,
@@ -96,24 +95,11 @@ class Statement:
             hit_variance=hit_variance,
             wall_variance=wall_variance,
             density=float(reduced.constants[DENSITY].value[0]) if climate is not None else None,
-            scatter=_scatter(reduced),
+            scatter={
+                stage: {name: each.value for name, each in spreads.items()}
+                for stage, spreads in scatter_of_shots(reduced).items()
+            },
         )
-
-
-def _with_our_rigs(session: Session, impact: str) -> Session:
-    """Return a session of another laboratory with the rigs by which its days are simulated.
-
-    A laboratory describes its rigs in words of its own. The rigs of the procedure replace those
-    that are not installed here. `impact` is the name of its rig for the bat.
-    """
-    if isinstance(session.origin, Simulated):
-        return session
-    ours = {stage.value: name for stage, name in rigs_of(impact).items()}
-    rigs = {
-        stage: name if name in installed_rigs() else ours.get(stage, name)
-        for stage, name in session.rigs.items()
-    }
-    return replace(session, rigs=rigs)
 
 
 def _rules(preparation: Preparation, session: Session) -> Entry[Procedure]:
@@ -232,20 +218,3 @@ def _motion(reduced: Reduction, certification: Certification) -> StatedMotion:
         rate=np.append(1.0, (mean * pace).real),
         damping_ratio=float(np.median(fit.ring_decay / pace.imag)),
     )
-
-
-def _scatter(reduced: Reduction) -> dict[Stage, dict[str, float]]:
-    balls, shots = reduced.preparation.balls, reduced.shots
-    at_wall, nominal = balls.flights.raw.speed_in[0, 0], balls.nominal_speed[0, 0]
-    wall = _pooled_sd([at_wall[nominal == each] for each in np.unique(nominal)])
-    impact = {"speed_scatter": _pooled_sd([shots.speed[np.isfinite(shots.speed)]])}
-    rates = shots.swing_rate[np.isfinite(shots.swing_rate)]
-    if rates.size and rates.mean():
-        impact["turn_rate_scatter"] = _pooled_sd([rates]) / float(rates.mean())
-    return {Stage.BENCH: {}, Stage.BALLS: {"speed_scatter": wall}, Stage.IMPACT: impact}
-
-
-def _pooled_sd(groups: Sequence[Array]) -> float:
-    """Return the pooled standard deviation of groups of values, 0 without repeats."""
-    dof = sum(max(each.size - 1, 0) for each in groups)
-    return sqrt(sum(float(each.var()) * each.size for each in groups if each.size) / max(dof, 1))

@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab.errors import InputError
-from virtual_lab.measurement.certification import Certification
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import record, table_text
 from virtual_lab.parameters import Folder, Seed
-from virtual_lab.records.session import SESSION
-from virtual_lab.studies.foreign import certify_folder
+from virtual_lab.studies.foreign import certify_records, replaced_rigs
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
 from virtual_lab.studies.twin.noticing import NoticedFault, noticed_faults
@@ -36,7 +34,6 @@ if TYPE_CHECKING:
 
     from virtual_lab.output.page_figure import PageFigure
 
-RECORDS = "records"  # folder of the records in a result folder
 FEWEST = 100  # smallest number of days; their standard deviation then has an error of 7 %
 # smallest number of full days with which a reading can be unlike its twins, whatever their number
 FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
@@ -249,15 +246,10 @@ def twin(
         readings=tuple(readings),
         improvements=tuple(changes),
         faults=tuple(noticed),
-        remark="" if playing.hit_scatter else QUIET,
+        remark="\n".join(
+            [
+                *replaced_rigs(certification.session, statement.session),
+                *([] if playing.hit_scatter else [QUIET]),
+            ]
+        ),
     )
-
-
-def certify_records(folder: Path) -> Certification:
-    """Certify the records in a folder again, and return the certification.
-
-    `folder` is a result folder or a folder of records. Raises `InputError` if it has no records, or
-    if they cannot be reduced.
-    """
-    inner = folder / RECORDS
-    return certify_folder(inner if (inner / SESSION).exists() else folder, lambda each: each)

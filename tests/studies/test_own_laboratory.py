@@ -1,0 +1,158 @@
+"""Data sheets of a laboratory from its records, against the sheets with which it was played."""
+
+import shutil
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import virtual_lab as vl
+from virtual_lab import catalog, lab
+from virtual_lab.records.session import load_session
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.simulation.stations.rig import Reality
+from virtual_lab.studies.foreign import certify_records
+
+FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
+
+
+def texts_of(folder: Path) -> dict[tuple[str, str], str]:
+    """Return the sheets in the folder of a laboratory, by kind and name."""
+    paths = [*folder.glob("instruments/*.toml"), *folder.glob("rigs/*.toml")]
+    return {(each.parent.name, each.stem): each.read_text("utf-8") for each in paths}
+
+
+def sheets_of_a_tester(procedure: str, seed: int) -> list[vl.Sheet]:
+    """Return sheets of a tester: each u and scatter is 0.5 to 2 times that of the catalog."""
+    chance = np.random.default_rng(seed)
+    rigs = lab.TestSetup.of("r161", procedure=procedure).rigs.values()
+    names = dict.fromkeys(name for rig in rigs for name in catalog.rig_instruments(rig).values())
+    sheets = [vl.rig(name) for name in rigs] + [vl.instrument(name) for name in names]
+    changed = []
+    for sheet in sheets:
+        scaled = {
+            each.key: each.value * float(np.exp(chance.uniform(-np.log(2), np.log(2))))
+            for each in sheet.datums
+            if each.key.endswith(("_u", "_scatter", "_jitter", "repeatability"))
+        }
+        changed += [sheet.with_(scaled)] if scaled else []
+    return changed
+
+
+@pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
+def test_recovered_sheets_state_what_the_records_state(procedure: str, tmp_path: Path) -> None:
+    """Also one u per board; a laboratory without noise states the numbers of its sheets."""
+    tested = vl.certify(
+        "r161", procedure=procedure, seed=7, instruments=sheets_of_a_tester(procedure, 7)
+    )
+    tested.save(tmp_path / "day")
+    stated = load_session(tmp_path / "day" / "records").calibration
+    shutil.rmtree(tmp_path / "day" / "truth")
+    ours = vl.laboratory(tmp_path / "day")
+    ours.save(tmp_path / "ours")
+    with catalog.sheets_in_place(texts_of(tmp_path / "ours")):
+        setup = lab.TestSetup.of("r161", procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
+        recovered = lab.Laboratory.open(setup).calibration
+    of_instruments = recovered.keys() - {"ball.radius", "ball.restitution_slope"}
+    assert of_instruments == stated.keys() - {"ball.radius", "ball.restitution_slope"}
+    for name in of_instruments:
+        for part in ("value", "u", "dof"):
+            there = getattr(recovered[name], part)[0]
+            assert there == pytest.approx(getattr(stated[name], part), rel=1e-9), (name, part)
+    boards = [stated[f"impact.gates.height_{at}"].u for at in range(3) if procedure == "bbcor"]
+    assert len(set(boards)) == len(boards)  # the records hold one u per board
+
+
+def test_each_gate_has_the_u_of_its_place_in_the_list() -> None:
+    gates = vl.instrument("pivot-gates").with_(distance_u=[0.1, 0.3])
+    boards = vl.instrument("light-boards").with_(height_u=[0.1, 0.2, 0.3])
+    with catalog.sheets_in_place({(each.kind, each.name): each.text for each in (gates, boards)}):
+        for procedure, constant, known in (
+            ("astm-f1881", "distance", [1e-4, 3e-4]),
+            ("bbcor", "height", [1e-4, 2e-4, 3e-4]),
+        ):
+            setup = lab.TestSetup.of("r161", procedure=procedure, reality=Reality.NOISE_FREE)
+            stated = lab.Laboratory.open(setup).calibration
+            each = [stated[f"impact.gates.{constant}_{at}"].u[0] for at in range(len(known))]
+            assert each == pytest.approx(known)
+    with pytest.raises(vl.InputError, match="3 uncertainties of 2 gates"):
+        vl.certify("r161", instruments=vl.instrument("pivot-gates").with_(distance_u=[1, 1, 1]))
+
+
+def test_sealed_truth_is_never_read(tmp_path: Path) -> None:
+    vl.certify("r161", seed=3).save(tmp_path / "day")
+    written = []
+    for folder in ("with", "without"):
+        vl.laboratory(tmp_path / "day").save(tmp_path / folder)
+        files = sorted(path for path in (tmp_path / folder).rglob("*.*") if path.is_file())
+        written.append([(path.relative_to(tmp_path / folder), path.read_bytes()) for path in files])
+        shutil.rmtree(tmp_path / "day" / "truth", ignore_errors=True)
+    assert written[0] == written[1]
+    assert len(written[0]) > 10
+
+
+def test_numbers_that_no_record_states_stay(tmp_path: Path) -> None:
+    """The mean aim of one day's marks is no standing aim, so the catalog's aim across stays."""
+    ours = vl.laboratory(FOREIGN)
+    keys = {f"{row.sheet}/{row.key}" for row in ours.rows}
+    assert "instruments/slow-cannon/across_scatter" in keys
+    for key in ("across", "across_u", "fastest", "slope_scatter"):
+        assert f"instruments/slow-cannon/{key}" not in keys
+    ours.save(tmp_path / "ours")
+    document = vl.Sheet.of("instruments", tmp_path / "ours/instruments/slow-cannon.toml").document
+    usual = vl.instrument("slow-cannon").document
+    assert document["across_u"] == usual["across_u"]
+    assert "across" not in document
+    assert document["along_u"]["source"] == "stated in the records of records"
+    assert "identity" not in document
+    every = [
+        f"{kind}/{name}/{each.key}"
+        for kind, name in texts_of(tmp_path / "ours")
+        for each in vl.Sheet.of(kind, name).datums
+    ]
+    assert ours.kept == len(set(every) - keys)
+
+
+def test_rigs_in_foreign_words_mean_the_usual_rigs(tmp_path: Path) -> None:
+    shutil.copytree(FOREIGN, tmp_path / "records")
+    form = tmp_path / "records" / "laboratory.toml"
+    text = form.read_text("utf-8")
+    form.write_text(text.replace('impact = "astm-pivot"', 'impact = "Pivot, hall 2"'), "utf-8")
+    described, plain = vl.laboratory(form.parent), vl.laboratory(FOREIGN)
+    assert described.rows == plain.rows
+    assert described.remark == (
+        "The records describe the rig of the stage impact as 'Pivot, hall 2'; astm-pivot stands "
+        "for it."
+    )
+    assert not plain.remark
+
+
+def test_two_stages_share_a_cannon_with_two_scatters(tmp_path: Path) -> None:
+    vl.certify("r161", procedure="bbcor", seed=3).save(tmp_path / "day")
+    ours = vl.laboratory(tmp_path / "day")
+    session = certify_records(tmp_path / "day").session
+    scatters = {row.sheet: row for row in ours.rows if row.key == "speed_scatter"}
+    names = {f"instruments/ball-cannon-{rig}" for rig in ("ball-wall", "ball-cannon")}
+    assert scatters.keys() == names
+    assert len({row.ours for row in scatters.values()}) == 2
+    ours.save(tmp_path / "ours")
+    for rig in session.rigs.values():
+        document = vl.Sheet.of("rigs", tmp_path / f"ours/rigs/{rig}.toml").document
+        if "cannon" in document:
+            assert document["cannon"] == f"ball-cannon-{rig}"
+
+
+def test_scatters_of_several_days_are_pooled_as_variances() -> None:
+    """Three values of standard deviations 1 and 7 with one degree of freedom each: √25."""
+    days = [StandardDeviation(1.0, 1), StandardDeviation(7.0, 1)]
+    assert StandardDeviation.pool(days) == StandardDeviation(5.0, 2)
+    assert StandardDeviation.pool(days, known=9.0).value == 4.0
+    first, second = (vl.laboratory(FOREIGN) for _ in range(2))
+    both = vl.laboratory([FOREIGN, FOREIGN])
+    assert first.rows == second.rows
+    for one, pooled, _ in zip(first.rows, both.rows, count(), strict=False):
+        assert one.ours == pytest.approx(pooled.ours)
+        assert (one.low is None) == (pooled.low is None)
+        if one.low is not None and pooled.low is not None:
+            assert one.low < pooled.low < pooled.ours

@@ -1,0 +1,1 @@
+"""Data sheets of a laboratory, made from its own records."""

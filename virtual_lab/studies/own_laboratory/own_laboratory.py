@@ -1,0 +1,238 @@
+"""The data sheets of a laboratory from its own records, and the table that compares them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from math import isfinite, sqrt
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+from virtual_lab import catalog
+from virtual_lab.catalog.reading import Key
+from virtual_lab.files import parse_toml
+from virtual_lab.measurement.session_reduction import reduce_block
+from virtual_lab.output.result import Json, StudyResult
+from virtual_lab.output.tables import column, record, table_text
+from virtual_lab.parameters import Folders, paths_of
+from virtual_lab.records.particulars import NOTHING_STATED, Particulars
+from virtual_lab.sheets import PARTICULARS, toml_text
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.studies.foreign import certify_records, replaced_rigs, with_installed_rigs
+from virtual_lab.studies.own_laboratory.rig_sheets import (
+    RigSheets,
+    StatedNumber,
+    Statements,
+    inner_table,
+    numbers_of,
+)
+from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
+
+SOURCE = "stated in the records of {}"
+WORDS = (
+    "Ours: stated in the records. Low, high: 95 % interval of a scatter that few readings show.\n"
+    "{} numbers of these sheets stay as in the catalog, because the records do not state them."
+)
+
+
+def _text(number: Any) -> str:
+    values = number if isinstance(number, list) else [number]
+    return ", ".join("" if each is None else f"{each:.5g}" for each in values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnNumber:
+    """A number of a data sheet as the records state it, beside that of the catalog."""
+
+    sheet: str = column("sheet")
+    key: str = column("key")
+    ours: Any = column("ours", form=lambda row: _text(row.ours))
+    low: float | None = column("low")  # limits of the 95 % interval of a scatter
+    high: float | None = column("high")
+    catalog: Any = column("catalog", form=lambda row: _text(row.catalog))
+    unit: str = column("unit")
+    record: str = column("record")  # constant or channel that states the number
+
+    @classmethod
+    def of(
+        cls, sheet: Key, key: str, number: StatedNumber | None, usual: Mapping[str, Any]
+    ) -> OwnNumber:
+        """Return the row of a statement, or of a number that the sheet does not need."""
+        value, old = number and number.value, usual.get(key, {})
+        low, high = _interval(number) if number and isfinite(number.dof) else (None, None)
+        return cls(
+            sheet="/".join(sheet),
+            key=key,
+            ours=value,
+            low=low,
+            high=high,
+            catalog=old.get("value"),
+            unit=old.get("unit", "1"),
+            record=number.record if number else "",
+        )
+
+
+def _interval(number: StatedNumber) -> tuple[float, float]:
+    """Return the 95 % interval of a standard deviation of normal values."""
+    from scipy.special import chdtri
+
+    low, high = (number.value * sqrt(number.dof / chdtri(number.dof, p)) for p in (0.025, 0.975))
+    return low, high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class OwnLaboratory(StudyResult):
+    """The sheets of a laboratory and its particulars, with a table of the changed numbers."""
+
+    title: str
+    rows: list[OwnNumber]
+    sheets: Mapping[Key, str]  # texts of the sheets
+    particulars: Particulars
+    kept: int  # number of numbers that stay as in the catalog
+    remark: str = ""  # rigs that stand for those of the records
+
+    name = "laboratory"
+
+    @property
+    def text(self) -> str:
+        """The table, with an explanation below it."""
+        words = "\n".join(each for each in (WORDS.format(self.kept), self.remark) if each)
+        return "\n\n".join([self.title, table_text(self.rows), words])
+
+    @property
+    def document(self) -> Json:
+        """The result for JSON."""
+        rows = [dict(record(row)) for row in self.rows]
+        return {"title": self.title, "numbers": rows, "kept": self.kept, "remark": self.remark}
+
+    def fill(self, folder: Path) -> None:
+        """Write table, sheets and particulars into an existing folder."""
+        super(OwnLaboratory, self).fill(folder)
+        for (kind, name), text in self.sheets.items():
+            (folder / kind).mkdir(exist_ok=True)
+            (folder / kind / f"{name}.toml").write_text(text, encoding="utf-8")
+        if stated := self.particulars.stated:
+            names = {f'"{name}"': each for name, each in stated.pop("instruments", {}).items()}
+            text = toml_text({**stated, "instruments": names})
+            (folder / PARTICULARS).write_text(text, encoding="utf-8")
+
+
+def laboratory(folders: Folders) -> OwnLaboratory:
+    """Make the data sheets of a laboratory from its records: its instruments and rigs.
+
+    The sheets state the values and standard uncertainties of the certificates in the records, and
+    the scatter that the readings show. What the records do not state stays as in the catalog. Save
+    the result in a folder, and hand this folder to the other studies as their laboratory. Only
+    records are read, never the sealed true values.
+
+    Parameters
+    ----------
+    folders
+        Result folder of ``certify``, its folder ``records``, or the folder of another laboratory
+        with its ``laboratory.toml``. Several folders of one laboratory are pooled: constants are
+        those of the last one, and scatters are the pooled ones of all.
+
+    Raises
+    ------
+    InputError
+        The records in a folder cannot be used, or a rig is not installed here.
+    """
+    paths = paths_of(folders)
+    read, remarks = dict[tuple[Stage, str], list[RigSheets]](), dict[str, None]()
+    particulars = NOTHING_STATED
+    for path in paths:
+        certification = certify_records(path)
+        theirs = certification.session
+        session = with_installed_rigs(theirs, certification.procedure.rig)
+        remarks |= dict.fromkeys(replaced_rigs(theirs, session))
+        scatter = scatter_of_shots(reduce_block(certification.block)[0])
+        particulars = session.particulars
+        for stage in Stage:
+            sheets = RigSheets(session.rigs[stage.value], stage)
+            sheets.state(session.calibration)
+            sheets.enter(session.records[stage.value], session.calibration, scatter[stage])
+            read.setdefault((stage, sheets.rig), []).append(sheets)
+    names = ", ".join(dict.fromkeys(path.resolve().name for path in paths))
+    rows, texts, kept = list[OwnNumber](), dict[Key, str](), 0
+    pooled = {rig: _pooled(each) for (_, rig), each in read.items()}
+    for key, base, numbers, parts in sorted(_sheets(pooled), key=itemgetter(0)):
+        document = deepcopy(parse_toml(*catalog.source(*base)))
+        usual = {path: table[last] for path, table, last in numbers_of(document)}
+        rows += [OwnNumber.of(key, path, numbers[path], usual) for path in sorted(numbers)]
+        kept += len(usual.keys() - numbers.keys())
+        document.pop("identity", None)  # identities are among the particulars
+        texts[key] = toml_text(_restated(document | parts, numbers, SOURCE.format(names)))
+    return OwnLaboratory(
+        title=f"the laboratory of {names}",
+        rows=rows,
+        sheets=texts,
+        particulars=replace(
+            NOTHING_STATED,
+            laboratory=replace(particulars.laboratory, logo=""),
+            instruments=particulars.instruments,
+        ),
+        kept=kept,
+        remark="\n".join(remarks),
+    )
+
+
+def _pooled(days: Sequence[RigSheets]) -> Statements:
+    """Return the statements of the last day, with standard deviations pooled over all days."""
+    pooled: Statements = {}
+    for sheet, numbers in days[-1].statements.items():
+        pooled[sheet] = dict(numbers)
+        for key, number in numbers.items():
+            if number is None or not isfinite(number.dof):
+                continue
+            every = (day.statements[sheet].get(key) for day in days)
+            spreads = [StandardDeviation(each.value, each.dof) for each in every if each]
+            value, dof = StandardDeviation.pool(spreads)
+            pooled[sheet][key] = replace(number, value=value, dof=dof)
+    return pooled
+
+
+def _sheets(
+    rigs: Mapping[str, Statements],
+) -> Iterator[tuple[Key, Key, dict[str, StatedNumber | None], dict[str, str]]]:
+    """Yield key, key in the catalog, statements and renamed parts of each sheet.
+
+    Two rigs may share the sheet of an instrument, such as a cannon, but state different numbers.
+    Each then has a sheet of its own, whose name ends in the name of the rig.
+    """
+    merged: dict[Key, dict[str, StatedNumber | None]] = {}
+    split = set[Key]()
+    for statements in rigs.values():
+        for sheet, numbers in statements.items():
+            known = merged.setdefault(sheet, {})
+            if any(known[key] != numbers[key] for key in known.keys() & numbers.keys()):
+                split.add(sheet)
+            known |= numbers
+    for sheet in merged.keys() - split:
+        rig = sheet[1] if sheet[0] == "rigs" else ""
+        parts = {
+            part: f"{name}-{rig}"
+            for part, name in catalog.rig_instruments(rig).items()
+            if ("instruments", name) in split
+        }
+        yield sheet, sheet, merged[sheet], parts
+    for rig, statements in rigs.items():
+        for kind, name in statements.keys() & split:
+            yield (kind, f"{name}-{rig}"), (kind, name), statements[kind, name], {}
+
+
+def _restated(
+    document: dict[str, Any], numbers: Mapping[str, StatedNumber | None], source: str
+) -> dict[str, Any]:
+    """Return the content of a sheet with other numbers and their `source`."""
+    for path, number in numbers.items():
+        table, last = inner_table(document, path)
+        if number is None:
+            del table[last]
+        else:
+            unit = table.get(last, {"unit": "1"})["unit"]
+            value = {"value": number.value, "unit": unit}
+            table[last] = {**value, "source": source, "verified": True}
+    return document

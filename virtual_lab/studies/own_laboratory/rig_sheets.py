@@ -1,0 +1,287 @@
+"""Data sheets of a rig and its instruments that state the constants of a laboratory's records.
+
+Which key of a sheet states which constant is found by a trial: the key is changed, the rig is
+commissioned without random errors, and its certificates are compared with those before. Thus sheets
+of any package can be used, without a table of their keys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, fields, is_dataclass
+from functools import lru_cache
+from math import inf, isclose, isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.catalog.reading import Key
+from virtual_lab.errors import InputError
+from virtual_lab.files import parse_toml
+from virtual_lab.lab.laboratory import constant_name
+from virtual_lab.records import Record
+from virtual_lab.sheets import toml_text
+from virtual_lab.simulation.instruments import FittedStation
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.simulation.stations.rig import Stage, Station, find_rig
+from virtual_lab.streams import Quiet
+from virtual_lab.uncertainty.estimate import Estimate
+from virtual_lab.units import DIMENSIONS, from_si
+
+TRIALS = (2.0, 1.001, 0.999)  # factors by which a key is changed; some keys are limited to a range
+DIGITS = 12  # significant digits of a number in a recovered sheet
+CLOSE = 1e-9  # relative tolerance of two numbers that are the same statement
+PARTS = ("value", "u", "dof")  # parts of a constant
+Document = dict[str, Any]  # content of a sheet's file
+
+
+@dataclass(frozen=True, slots=True)
+class StatedNumber:
+    """A number of a sheet as the records state it."""
+
+    value: Any  # number or list of numbers, in the unit of the sheet
+    record: str  # constant or channel that states it
+    dof: float = inf  # degrees of freedom of a standard deviation that was estimated
+
+
+Statements = dict[Key, dict[str, StatedNumber | None]]  # keyed by sheet and key; None: key removed
+
+
+class RigSheets:
+    """Data sheets of a rig and its instruments, and the statements of records about them."""
+
+    def __init__(self, rig: str, stage: Stage) -> None:
+        self.rig, self.stage = rig, stage
+        self.parts = catalog.rig_instruments(rig)
+        keys = [("instruments", name) for name in self.parts.values()]
+        keys += [("rigs", rig)] if catalog.has("rigs", rig) else []
+        self.documents = {key: deepcopy(parse_toml(*catalog.source(*key))) for key in keys}
+        self.statements: Statements = {key: {} for key in keys}
+
+    @property
+    def station(self) -> Station:
+        """The rig with these sheets, without random errors."""
+        texts = {key: toml_text(each) for key, each in self.documents.items()}
+        with catalog.sheets_in_place(texts):
+            return find_rig(self.rig, self.stage).commission(Quiet())
+
+    @property
+    def constants(self) -> dict[str, Estimate]:
+        """The constants that these sheets state, keyed by name in a session."""
+        constants = self.station.calibration
+        return {constant_name(self.stage, name): each for name, each in constants.items()}
+
+    def _effects(self, before: Mapping[str, Estimate]) -> list[tuple[str, str, float, float]]:
+        """Return constant, part, and its value before and now, for each part that has changed.
+
+        The list is empty if these sheets are not allowed.
+        """
+        try:
+            now = self.constants
+        except InputError:
+            return []
+        return [
+            (name, part, getattr(before[name], part), getattr(now[name], part))
+            for name in before
+            for part in PARTS
+            if name in now and getattr(before[name], part) != getattr(now[name], part)
+        ]
+
+    def enter(
+        self,
+        records: Mapping[str, Record],
+        constants: Mapping[str, Estimate],
+        measured: Mapping[str, StandardDeviation],
+    ) -> None:
+        """Enter numbers that the raw records show in the sheets, after the stated constants.
+
+        `constants` are those of the session. `measured` are scatters of the shots, keyed by the
+        names that `FittedStation.equip` takes. A constant of no certificate keeps its value: the
+        mean aim of one day is not that of every day.
+        """
+        station = self.station
+        if not isinstance(station, FittedStation):
+            return
+        for part, (name, instrument) in station.parts().items():
+            prefix, sheet = constant_name(self.stage, f"{name}."), self.parts.get(part, "")
+            known = {
+                key.removeprefix(prefix): each.value
+                for key, each in constants.items()
+                if key.startswith(prefix)
+            }
+            channels = [key for key in station.channels.get(name, (name,)) if key in records]
+            shown = instrument.spec.numbers_in([records[key] for key in channels], known)
+            left_out = {f"{key}{end}" for key in instrument.unknown for end in ("", "_u")}
+            where = ", ".join(f"{self.stage.value}/{key}" for key in channels)
+            for key, number in shown.items():
+                if key not in left_out:
+                    self._enter(("instruments", sheet), key, number, where)
+            for key, number in measured.items():
+                self._enter(("instruments", sheet), key, number, f"{self.stage.value}/gates")
+        of_value = {each.value: each for each in measured.values()}
+        equipped = station.equip(records, {key: each.value for key, each in measured.items()})
+        for each in fields(station):
+            before, after = getattr(station, each.name), getattr(equipped, each.name)
+            if before is after or not is_dataclass(before):
+                continue
+            for key in (part.name for part in fields(before)):
+                number = getattr(after, key)
+                if isinstance(number, int) or number in of_value:
+                    path = key if each.name == "spec" else f"{each.name}.{key}"
+                    number = of_value.get(number, number)
+                    self._enter(("rigs", self.rig), path, number, self.stage.value)
+
+    def _enter(self, sheet: Key, key: str, shown: Any, record: str) -> None:
+        """Enter a number [SI] at a key of a sheet, unless a constant states it already.
+
+        Nothing is changed without such a key, and for a scatter that is smaller than the rounding
+        of its readings.
+        """
+        for path, table, last in list(numbers_of(self.documents.get(sheet, {}))):
+            unit, old = table[last]["unit"], table[last]["value"]
+            number, dof = shown if isinstance(shown, StandardDeviation) else (shown, inf)
+            values = number if isinstance(number, tuple) else (number,)
+            stated = path in self.statements[sheet] and len(values) in (1, np.size(old))
+            if path != key or stated or not values or (isfinite(dof) and not number):
+                continue
+            dimension = next(name for name, units in DIMENSIONS.items() if unit in units)
+            new = [_rounded(from_si(each, unit, dimension)) for each in values]
+            table[last]["value"] = new if isinstance(number, tuple) else new[0]
+            self.statements[sheet][path] = StatedNumber(table[last]["value"], record, dof)
+
+    def state(self, wanted: Mapping[str, Estimate]) -> None:
+        """Change the sheets so that they state the constants of a session [SI], keyed by name.
+
+        A key for all gates becomes a list if the records state a different u of each gate. A
+        constant that no key states is left as it is.
+        """
+        for _ in range(2):  # the degrees of freedom of a u have no effect before it is above 0
+            texts = tuple((key, toml_text(each)) for key, each in self.documents.items())
+            for (sheet, path), responses in responses_of(self.rig, self.stage, texts).items():
+                solutions = {
+                    response: response.solve(wanted[response.constant])
+                    for response in responses
+                    if response.constant in wanted
+                }
+                if solutions:
+                    self._write(sheet, path, solutions)
+            now = self.constants
+            if all(_agrees(now[name], wanted[name]) for name in now.keys() & wanted.keys()):
+                break
+
+    def _write(self, sheet: Key, path: str, solutions: Mapping[Response, float]) -> None:
+        table, last = inner_table(self.documents[sheet], path)
+        record = ", ".join(dict.fromkeys(each.constant for each in solutions))
+        if not all(map(isfinite, solutions.values())):  # the records state no degrees of freedom
+            if table.pop(last, None) is not None:
+                self.statements[sheet][path] = None
+            return
+        old = table.setdefault(last, {"value": 1.0, "unit": "1", "source": "", "verified": True})
+        value, numbers = old["value"], list(solutions.values())
+        if isinstance(value, list):
+            old["value"] = list(value)
+            for response, number in solutions.items():
+                old["value"][response.at] = number
+        else:
+            same = all(isclose(each, numbers[0], rel_tol=CLOSE) for each in numbers)
+            old["value"] = numbers[0] if same else numbers
+        if self._is_allowed:
+            self.statements[sheet][path] = StatedNumber(old["value"], record)
+        else:  # the sheet has one number for all constants
+            old["value"] = value
+
+    @property
+    def _is_allowed(self) -> bool:
+        try:
+            return bool(self.constants)
+        except InputError:
+            return False
+
+
+class Response(NamedTuple):
+    """Effect of a number of a sheet on a constant of a certificate."""
+
+    at: int  # index of the number in its list, 0 without a list
+    number: float  # number in the sheet
+    constant: str
+    part: str  # part of the constant, one of `PARTS`
+    now: float  # value of this part
+    slope: float  # its change per change of the number
+
+    def solve(self, wanted: Estimate) -> float:
+        """Return the number with which the constant is as `wanted`."""
+        target = getattr(wanted, self.part)
+        if target == self.now:
+            return self.number
+        return _rounded(self.number + (target - self.now) / self.slope)
+
+
+@lru_cache(maxsize=64)
+def responses_of(
+    rig: str, stage: Stage, texts: tuple[tuple[Key, str], ...]
+) -> Mapping[tuple[Key, str], list[Response]]:
+    """Return the effects of each number of a rig's sheets, keyed by sheet and key.
+
+    Numbers without an effect are left out. For a key ``NAME_u`` without a key ``NAME_dof``, the
+    effect of this second key is returned, too.
+    """
+    with catalog.sheets_in_place(dict(texts)):
+        sheets = RigSheets(rig, stage)
+    now, responses = sheets.constants, dict[tuple[Key, str], list[Response]]()
+    for sheet, document in sheets.documents.items():
+        for path, table, last in list(numbers_of(document)):
+            number = table[last]
+            value = number["value"]
+            elements = value if isinstance(value, list) else [value]
+            found: list[Response] = []
+            for at, element in enumerate(elements):
+                trials = [element * factor for factor in TRIALS] if element else [1.0, 1e-3]
+                for trial in trials:
+                    changed = [*elements[:at], trial, *elements[at + 1 :]]
+                    number["value"] = changed if isinstance(value, list) else trial
+                    if effects := sheets._effects(now):
+                        step = trial - element
+                        found += [
+                            Response(at, element, name, part, before, (after - before) / step)
+                            for name, part, before, after in effects
+                        ]
+                        break
+            number["value"] = value
+            if found:
+                responses[sheet, path] = found
+            dof = f"{last.removesuffix('_u')}_dof"
+            if last.endswith("_u") and dof not in table:
+                table[dof] = {"value": 1.0, "unit": "1", "source": "trial", "verified": True}
+                responses[sheet, f"{path.removesuffix('_u')}_dof"] = [
+                    Response(0, 0.0, name, part, 0.0, 1.0)
+                    for name, part, *_ in sheets._effects(now)
+                ]
+                del table[dof]
+    return responses
+
+
+def _agrees(now: Estimate, wanted: Estimate) -> bool:
+    return all(isclose(getattr(now, part), getattr(wanted, part), rel_tol=CLOSE) for part in PARTS)
+
+
+def _rounded(number: float) -> float:
+    return float(f"{number:.{DIGITS}g}")
+
+
+def numbers_of(document: Document, above: str = "") -> Iterator[tuple[str, Document, str]]:
+    """Yield path, table and key in this table of each number of a sheet."""
+    for key, value in document.items():
+        if isinstance(value, dict) and {"value", "unit"} <= value.keys():
+            yield f"{above}{key}", document, key
+        elif isinstance(value, dict):
+            yield from numbers_of(value, f"{above}{key}.")
+
+
+def inner_table(document: Document, path: str) -> tuple[Document, str]:
+    """Return the table of a sheet that has the key at the end of a path, and this key."""
+    *tables, last = path.split(".")
+    for each in tables:
+        document = document[each]
+    return document, last

@@ -1,0 +1,34 @@
+"""Scatter of the shots of a test, from its reduction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from virtual_lab.measurement.session_reduction import Reduction
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.simulation.stations.rig import Stage
+from virtual_lab.units import Array
+
+
+def scatter_of_shots(reduced: Reduction) -> Mapping[Stage, Mapping[str, StandardDeviation]]:
+    """Return the scatter of the shots at each stage, keyed by name.
+
+    ``speed_scatter`` is that of the ball's speed [m/s], and ``turn_rate_scatter`` that of a swung
+    bat's angular rate, relative to its mean.
+    """
+    balls, shots = reduced.preparation.balls, reduced.shots
+    at_wall, nominal = balls.flights.raw.speed_in[0, 0], balls.nominal_speed[0, 0]
+    wall = _pooled([at_wall[nominal == each] for each in np.unique(nominal)])
+    impact = {"speed_scatter": _pooled([shots.speed[np.isfinite(shots.speed)]])}
+    rates = shots.swing_rate[np.isfinite(shots.swing_rate)]
+    if rates.size and rates.mean():
+        impact["turn_rate_scatter"] = _pooled([rates / rates.mean()])
+    return {Stage.BENCH: {}, Stage.BALLS: {"speed_scatter": wall}, Stage.IMPACT: impact}
+
+
+def _pooled(groups: Sequence[Array]) -> StandardDeviation:
+    """Return the pooled standard deviation of groups of values, 0 without repeats."""
+    repeated = [StandardDeviation.of(each) for each in groups if each.size > 1]
+    return StandardDeviation.pool(repeated)
