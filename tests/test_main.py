@@ -17,6 +17,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 for stop in (signal.SIGTERM, signal.SIGHUP):
     signal.signal(stop, signal.SIG_DFL)
 import virtual_lab.__main__ as program, virtual_lab.cli
+def sleep():  # in steps: Python 3.14 does not look for a signal between `print` and `sleep`
+    for _ in range(600):
+        time.sleep(0.1)
 def run():
     {body}
 if {replaced}:
@@ -30,7 +33,7 @@ BUSY = {
     with new_folder(Path("out")) as draft:
         (draft / "half.txt").write_text("half of a certificate")
         print("ready", flush=True)
-        time.sleep(60)""",
+        sleep()""",
     "a compilation": """
     from numba import njit
     njit(lambda x: x + 1)(1.0)
@@ -50,7 +53,7 @@ BUSY = {
     "a handler of errors": """
     try:
         print("ready", flush=True)
-        time.sleep(60)
+        sleep()
     except BaseException as fault:
         raise ValueError("cannot be read") from fault""",
 }
