@@ -56,6 +56,14 @@ def read_path(value: Any) -> Path:
     return Path(read_name(value))
 
 
+def read_folder(value: Any) -> Path:
+    """Return the path of a folder. Raise `ValueError` for the path of a file."""
+    path = read_path(value)
+    if path.is_file():
+        raise ValueError(path)
+    return path
+
+
 def read_number(value: Any) -> float:
     """Return a number of any numeric type as a float. NaN is allowed.
 
@@ -230,11 +238,15 @@ AnyParticulars = Annotated[
     str | Path | Mapping[str, Any],
     ParameterRule(
         read=lambda value: dict(value) if isinstance(value, Mapping) else read_path(value),
-        allowed="a file of particulars, or its keys and values",
+        allowed="a file of particulars, its keys and values, or the folder of a laboratory",
         metavar="FILE",
     ),
 ]
 Folder = Annotated[str | Path, FOLDER]
+AnyLaboratory = Annotated[
+    str | Path,
+    replace(FOLDER, read=read_folder, allowed="the folder of a laboratory, made by laboratory"),
+]
 Folders = Annotated[str | Path | Sequence[str | Path], several(FOLDER)]
 Kind = Literal["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]
 Paper = Literal["a4", "letter"]

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 NAMED = ("bats", "balls", "procedures")  # kinds of sheet with a new name after a change
 NUMBER = re.compile(r"\s*([-+.\d][-+.\deE]*)\s+(\S.*?)\s*")  # a number and its unit
-PARTICULARS = "particulars.toml"  # file of particulars in the folder of a laboratory
+OF_LABORATORY = ("instruments", "rigs", "balls")  # kinds of sheets of a laboratory
 CHANGED = "changed"  # source of a number that `Sheet.with_` changed
 OMITTED = ("progress", "sign")  # arguments that no settings file has; a key is private
 REVEALING = ("seed", "faults", "instruments")  # arguments that would reveal the truth of a test
@@ -356,6 +356,23 @@ def replacement(sheet: Sheet, path: Path) -> Sheet:
         allowed = f"allowed: {wanted!r}, the kind of {sheet.name}"
         raise InputError(where, "kind", kind or "", allowed)
     return Sheet(sheet.kind, sheet.name, text, origin=where)
+
+
+def sheets_in(folder: Path) -> tuple[Sheet, ...]:
+    """Return the sheets in the folder of a laboratory, under the names of their files.
+
+    Raises `InputError` if the folder has none.
+    """
+    paths = [path for kind in OF_LABORATORY for path in sorted((folder / kind).glob("*.toml"))]
+    sheets = tuple(
+        replace(Sheet.of(path.parent.name, path), name=path.stem, origin=str(path))
+        for path in paths
+    )
+    if not sheets:
+        missing = "" if folder.exists() else "no such file; "
+        allowed = f"{missing}allowed: a folder with sheets in {', '.join(OF_LABORATORY)}"
+        raise InputError("", "laboratory", str(folder), allowed)
+    return sheets
 
 
 def _study(value: Any) -> Path | dict[str, Any]:

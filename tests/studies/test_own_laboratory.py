@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
-from virtual_lab import catalog, lab
+from virtual_lab import api, catalog, lab
+from virtual_lab.api.describing import describe
+from virtual_lab.cli import cli
 from virtual_lab.records.session import load_session
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Reality
@@ -156,3 +158,73 @@ def test_scatters_of_several_days_are_pooled_as_variances() -> None:
         assert (one.low is None) == (pooled.low is None)
         if one.low is not None and pooled.low is not None:
             assert one.low < pooled.low < pooled.ours
+
+
+@pytest.fixture(scope="module")
+def ours(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the laboratory whose records are in `FOREIGN`."""
+    return vl.laboratory(FOREIGN).save(tmp_path_factory.mktemp("ours") / "ours")
+
+
+def test_a_study_takes_instruments_rigs_and_particulars_of_a_laboratory(ours: Path) -> None:
+    """Without noise, a test states the constants of the laboratory's records."""
+    tested = vl.certify("r161", laboratory=ours, reality="noise-free")
+    session, records = tested.certification.session, certify_records(FOREIGN).session
+    for name in records.calibration.keys() - {"ball.radius", "ball.restitution_slope"}:
+        assert session.calibration[name].u == pytest.approx(records.calibration[name].u), name
+    assert session.particulars.instruments == records.particulars.instruments
+    scale = vl.instrument("lab-scale").with_(zero_u="1 g")
+    changed = vl.certify("r161", laboratory=ours, instruments=scale, reality="noise-free")
+    calibration = changed.certification.session.calibration
+    assert calibration["bench.scale.zero"].u == pytest.approx(1e-3)
+    assert (
+        calibration["impact.pivot.from_knob"].u == session.calibration["impact.pivot.from_knob"].u
+    )
+
+
+def test_a_rig_that_a_laboratory_does_not_have_is_refused(ours: Path) -> None:
+    """The rig of the catalog never replaces it in silence, also for the second procedure."""
+    refused = r"ours: rig = 'ball-cannon'; not in this laboratory; allowed: astm-pivot, ball-wall"
+    with pytest.raises(vl.InputError, match=refused):
+        vl.sweep("r161", procedures=["astm-f1881", "bbcor"], laboratories=1, laboratory=ours)
+    with pytest.raises(vl.InputError, match=refused):
+        vl.campaign(
+            {"bats": "r161", "procedures": "bbcor", "laboratories": 1, "seed": 1},
+            ours.parent / "campaign",
+            laboratory=ours,
+        )
+    with pytest.raises(vl.InputError, match="allowed: a folder with sheets in instruments, rigs"):
+        vl.bias(laboratory=FOREIGN)
+    with pytest.raises(vl.InputError, match=r"laboratory\.csv; allowed: the folder of a labor"):
+        vl.bias(laboratory=ours / "laboratory.csv")
+
+
+def test_every_study_that_plays_tests_takes_a_laboratory() -> None:
+    described = {
+        name: describe(*place).parameters for name, place in api.PLACES.items() if name.islower()
+    }
+    takes = {name for name, parameters in described.items() if "laboratory" in parameters}
+    of_instruments = {name for name, parameters in described.items() if "instruments" in parameters}
+    assert takes == of_instruments - {"chart", "stability"} | {"twin", "interlab"}
+    assert "laboratory" in describe("virtual_lab.commands.rehearse", "day").parameters
+
+
+def test_settings_state_the_laboratory_and_can_be_read_back(
+    ours: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(ours.parent)
+    words = ["bias", "--procedure", "astm-f1881", "--laboratory", "ours"]
+    cli.main([*words, "--out", "one"], standalone_mode=False)
+    assert 'laboratory = "ours"' in Path("one/settings.toml").read_text("utf-8")
+    cli.main(["bias", "--config", "one/settings.toml", "--out", "two"], standalone_mode=False)
+    cli.main([*words[:3], "--out", "usual"], standalone_mode=False)
+    one, two, usual = (
+        Path(f"{name}/bias.csv").read_text("utf-8") for name in ("one", "two", "usual")
+    )
+    assert one == two != usual
+    capsys.readouterr()
+
+
+def test_an_operator_rehearses_in_a_laboratory(ours: Path) -> None:
+    day = vl.rehearse(operator="book", seed=1, laboratory=ours)
+    assert day.desk.certification.session.calibration["impact.cannon.along"].value == 0.0

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
+    AnyLaboratory,
     AnyParticulars,
     File,
     Folder,
@@ -374,7 +375,8 @@ def certify(
         Save a video of the first shot. The rig must have a camera, such as ``filmed-cannon``.
     laboratory
         File of particulars for the certificate: laboratory, customer, bat, instruments. The command
-        ``virtual-lab template laboratory FILE`` writes an empty file.
+        ``virtual-lab template laboratory FILE`` writes an empty file. Or the folder of a
+        laboratory: its sheets of instruments, rigs and balls replace those of the catalog.
 
         A mapping with the same keys is also allowed: ``{"customer": {"name": "Oak Bats"}}``. The
         logo is then a file in the current folder.
@@ -591,6 +593,7 @@ def sweep(
     certificates: Folder | None = None,
     traces: bool = False,
     truth: bool = True,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> pd.DataFrame:
@@ -633,6 +636,9 @@ def sweep(
     truth
         Store the sealed truth with each certificate, for ``score``. It takes 11 kB per folder.
         Without certificates: state the true values and errors in the table.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -11,14 +11,16 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from virtual_lab.api.describing import Description, advice, describe
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.output.progress import show_progress
-from virtual_lab.sheets import NAMED, Sheet, settings_text
+from virtual_lab.sheets import NAMED, Sheet, settings_text, sheets_in
 
-LABORATORY = "instruments"  # the parameter that changes the laboratory itself
+LABORATORY = "laboratory"  # the parameter that takes the folder of a laboratory
+INSTRUMENTS = "instruments"  # the parameter that changes the laboratory itself
 SEALED = ("certify", "rehearse")  # functions whose results may be handed on without the truth
 PROGRESS = "progress"  # the parameter that is called with the progress; by default it is shown
 Store = dict[tuple[str, str], str]  # the texts of sheets, by kind and name
@@ -43,28 +45,34 @@ def public(name: str, place: tuple[str, str]) -> Callable[..., Any]:
             if value is not description.parameters[key].default:
                 request[key] = _read(name, description, key, value)
                 bound.arguments[key] = _store_sheets(request[key], store)
+        folder = request.get(LABORATORY)
+        # a file or a mapping is particulars
+        ours = sheets_in(folder) if isinstance(folder, Path) and not folder.is_file() else ()
+        texts = {(each.kind, each.name): each.text for each in ours} | store
+        place_of_rigs = str(folder) if any(each.kind == "rigs" for each in ours) else ""
         function = getattr(import_module(place[0]), place[1])
         shows_progress = PROGRESS in description.parameters and PROGRESS not in bound.arguments
         with (
-            catalog.sheets_in_place(store) as sheets_read,
+            catalog.sheets_in_place(texts, place_of_rigs) as sheets_read,
             show_progress() if shows_progress else nullcontext() as bar,
         ):
             more = {PROGRESS: bar} if shows_progress else {}
             try:
                 result = function(*bound.args, **bound.kwargs, **more)
             except InputError as fault:
-                files = {sheet.name: sheet.origin for sheet in request.get(LABORATORY, ())}
+                changed = (*ours, *request.get(INSTRUMENTS, ()))
+                files = {sheet.name: sheet.origin for sheet in changed}
                 if not files.get(fault.where):
                     raise
                 where = files[fault.where]
                 raise InputError(where, fault.key, fault.value, fault.allowed) from fault
-        for sheet in request.get(LABORATORY, ()):
+        for sheet in request.get(INSTRUMENTS, ()):
             if (sheet.kind, sheet.name) not in sheets_read:
                 in_use = sorted(
                     {each for kind, each in sheets_read if kind in ("instruments", "rigs")}
                 )
                 allowed = f"no rig of this test uses it; in use: {', '.join(in_use) or 'none'}"
-                raise InputError("", LABORATORY, sheet.name, allowed)
+                raise InputError("", INSTRUMENTS, sheet.name, allowed)
         return with_settings(result, f"arguments of vl.{name}", request, sealed=name in SEALED)
 
     call.__name__ = call.__qualname__ = name

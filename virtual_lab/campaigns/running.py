@@ -16,7 +16,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml, read_text
 from virtual_lab.files.drafts import draft_in
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.parameters import Address, Folder, Positive, Share
+from virtual_lab.parameters import Address, AnyLaboratory, Folder, Positive, Share
 from virtual_lab.sheets import AnyStudy, Instruments, toml_text
 
 ATTEMPTS = 2  # number of attempts per block, because a worker may be killed
@@ -29,6 +29,7 @@ def campaign(
     workers: Positive = 1,
     blocks: Share | None = None,
     dask: Address | None = None,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Account:
@@ -56,6 +57,9 @@ def campaign(
     dask
         Address of a Dask scheduler, ``tcp://HOST:8786`` (needs the extra ``dask``). Its workers
         replace the processes on this machine. They must have access to the same folder.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -67,6 +67,7 @@ class SheetsInPlace:
 
     texts: Mapping[Key, str]
     used: set[Key]
+    laboratory: str = ""  # folder of the laboratory; "": rigs of the catalog may be used, too
 
 
 _in_place: ContextVar[SheetsInPlace | None] = ContextVar("in_place", default=None)
@@ -322,6 +323,7 @@ def source(kind: str, name: str) -> tuple[str, str]:
 
     The second result is the file name for an entry of the catalog, and the path for a user's file.
     If the entry is replaced by `sheets_in_place`, the replacement text and `name` are returned.
+    Raises `InputError` for a rig that the laboratory in place does not have.
     Raises `InputError` if there is no such file, or if it is not UTF-8 or larger than 20 MB.
     """
     in_place = _in_place.get()
@@ -329,6 +331,10 @@ def source(kind: str, name: str) -> tuple[str, str]:
         in_place.used.add((kind, name))
         if (kind, name) in in_place.texts:
             return in_place.texts[kind, name], name
+        if kind == "rigs" and in_place.laboratory:
+            ours = [each for of, each in in_place.texts if of == kind]
+            allowed = f"not in this laboratory; allowed: {', '.join(ours) or 'no rig'}"
+            raise InputError(in_place.laboratory, "rig", name, allowed)
     if name in names(kind):
         return _shipped_text(kind, name), f"{name}.toml"
     path = find(kind, name)
@@ -347,15 +353,20 @@ def is_shipped(kind: str, name: str, text: str) -> bool:
 
 
 @contextmanager
-def sheets_in_place(texts: Mapping[Key, str]) -> Iterator[Set[Key]]:
+def sheets_in_place(texts: Mapping[Key, str], laboratory: str = "") -> Iterator[Set[Key]]:
     """Replace files of the catalog by `texts` within the context.
 
     The keys of `texts` are (kind, name). The context yields a set with the keys of all entries read
     within it. The set grows with each entry that is read. Contexts can be nested. An inner text
     then replaces an outer text with the same key.
+
+    `laboratory` is the folder of a laboratory that has only the rigs of `texts`. Within the context
+    the sheet of another rig raises `InputError`.
     """
     outer = _in_place.get()
-    in_place = SheetsInPlace({**(outer.texts if outer else {}), **texts}, set())
+    before = outer or SheetsInPlace({}, set())
+    laboratory = laboratory or before.laboratory
+    in_place = SheetsInPlace({**before.texts, **texts}, set(), laboratory)
     token = _in_place.set(in_place)
     try:
         yield in_place.used

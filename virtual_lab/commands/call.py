@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from virtual_lab.api.describing import REQUIRED, ParameterDescription, advice
-from virtual_lab.api.door import LABORATORY
+from virtual_lab.api.door import INSTRUMENTS
 from virtual_lab.commands.command import Command
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.parameters import ParameterRule
@@ -97,7 +97,7 @@ def settings_in(
             raise InputError(str(path), key, None, allowed + ", ".join(parameters))
         rule = parameters[key].rule
         try:
-            if key != LABORATORY:  # a string NAME=FILE in a file, a sheet in Python
+            if key != INSTRUMENTS:  # a string NAME=FILE in a file, a sheet in Python
                 rule.read(value)
         except (TypeError, ValueError, OverflowError) as fault:
             raise InputError(str(path), key, value, advice(rule, value)) from fault

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from virtual_lab.commands.output import Answer
 from virtual_lab.parameters import (
     OUT,
+    AnyLaboratory,
     File,
     Folder,
     OperatorName,
@@ -36,6 +37,7 @@ def day(
     script: File | None = None,
     seed: Seed | None = None,
     operator_seed: OperatorSeed = 0,
+    laboratory: AnyLaboratory | None = None,
     day: Folder | None = None,
     port: Port = 8377,
     host: str = "127.0.0.1",
@@ -66,6 +68,9 @@ def day(
         Seed of the laboratory. By default a random seed.
     operator_seed
         Seed of the operator's mistakes.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog. Needs --operator or --script.
     day
         Folder of the day. If it contains a day, this day is continued. By default the new folder
         out/SCENARIO, or out/SCENARIO-2 and so on if it exists.
@@ -108,6 +113,8 @@ def day(
             seed=seed,
             operator_seed=operator_seed,
         )
+    if laboratory:
+        raise ExcludedError("--laboratory needs --operator or --script")
     if out:
         raise ExcludedError(
             "--out needs --operator or --script; the page saves its day in the folder of --day"

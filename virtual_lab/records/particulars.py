@@ -247,6 +247,7 @@ PRINTED = (
     Particular("authorised_by", "Authorized by"),
     Particular("replaces", "Replaces"),
 )
+PARTICULARS = "particulars.toml"  # file of particulars in the folder of a laboratory
 IN_TURN = ("bat.received", "test.begun", "test.ended", "test.issued")  # days in the order of time
 
 
@@ -264,6 +265,8 @@ def read_particulars(file: Path | Mapping[str, Any] | None) -> Particulars:
         The file cannot be read, a key is unknown, a value cannot be printed, a day is not a date,
         or days are in the wrong order. The message names file, key, value and what is allowed.
     """
+    if isinstance(file, Path) and file.is_dir():  # of a laboratory
+        file = file / PARTICULARS if (file / PARTICULARS).exists() else None
     if isinstance(file, Path):
         return particulars_of(read_toml(file), str(file), folder=file.parent)
     return particulars_of(dict(file or {}), "laboratory", folder=Path())

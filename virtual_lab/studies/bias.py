@@ -21,6 +21,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import Column
+from virtual_lab.parameters import AnyLaboratory
 from virtual_lab.sheets import AnyProcedure, Instruments, entry_name
 from virtual_lab.simulation.stations.rig import Reality
 
@@ -57,6 +58,7 @@ class Biases(Rows[dict[str, str | float | None]]):
 def bias(
     procedure: AnyProcedure = "astm-f1881",
     *,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Biases:
@@ -73,6 +75,9 @@ def bias(
         The test procedure: a name in the catalog or a .toml file.
 
         Or a sheet: ``vl.procedure("bbcor").with_(valid_hits=8)``.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

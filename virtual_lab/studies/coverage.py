@@ -28,7 +28,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import Positive, Seed
+from virtual_lab.parameters import AnyLaboratory, Positive, Seed
 from virtual_lab.records import AimMarks
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.streams import Streams
@@ -161,6 +161,7 @@ def coverage(
     individual: bool = False,
     earlier_tests: int = 0,
     workers: Positive = 1,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> CoverageTable:
@@ -197,6 +198,9 @@ def coverage(
         Number of earlier tests of each laboratory, which contribute to the scatter of the hits.
     workers
         Number of processes, each with one thread, that share the laboratories.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

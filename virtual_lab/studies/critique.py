@@ -27,7 +27,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import inline, number, record, table_text
-from virtual_lab.parameters import Numbers, Seed, values_of
+from virtual_lab.parameters import AnyLaboratory, Numbers, Seed, values_of
 from virtual_lab.sheets import (
     AnyBall,
     AnyBat,
@@ -220,6 +220,7 @@ def critique(
     ball: AnyBall | None = None,
     laboratories: int = 500,
     seed: Seed = 1,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Critique:
@@ -251,6 +252,9 @@ def critique(
     seed
         Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
         laboratory.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -26,7 +26,7 @@ from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
-from virtual_lab.parameters import Seed
+from virtual_lab.parameters import AnyLaboratory, Seed
 from virtual_lab.records import GateRecord
 from virtual_lab.sheets import AnyBall, Faults, Instruments, entry_name, words_of
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
@@ -189,6 +189,7 @@ def daily(
     faults: Faults = (),
     since: int | None = None,
     seed: Seed = 1,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> Daily:
@@ -221,6 +222,9 @@ def daily(
         baseline.
     seed
         Seed of the laboratory. The hits of different days have different random errors.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

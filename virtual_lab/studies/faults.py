@@ -26,7 +26,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import Seed
+from virtual_lab.parameters import AnyLaboratory, Seed
 from virtual_lab.sheets import (
     AnyBat,
     AnyProcedures,
@@ -160,6 +160,7 @@ def faults(
     procedures: AnyProcedures = (),
     laboratories: int = 60,
     seed: Seed = 1,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> FaultTable:
@@ -183,6 +184,9 @@ def faults(
     seed
         Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
         laboratory.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

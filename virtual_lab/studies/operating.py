@@ -27,7 +27,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
-from virtual_lab.parameters import Numbers, Seed, values_of
+from virtual_lab.parameters import AnyLaboratory, Numbers, Seed, values_of
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
 from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import Array, Mask
@@ -124,6 +124,7 @@ def operating(
     true: Numbers = (),
     laboratories: int = 1000,
     seed: Seed = 1,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> OperatingCurves:
@@ -158,6 +159,9 @@ def operating(
     seed
         Seed of the study. The laboratories are numbered from 0. The seed and this number identify a
         laboratory.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

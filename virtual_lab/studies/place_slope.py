@@ -15,6 +15,7 @@ from virtual_lab.measurement.procedure import Procedure, percussion_position
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
+from virtual_lab.parameters import AnyLaboratory
 from virtual_lab.sheets import AnyBats, AnyProcedure, Instruments, entry_name, entry_names
 from virtual_lab.simulation.physics.beam import beam_of
 from virtual_lab.simulation.stations.rig import Reality
@@ -60,7 +61,11 @@ class Slopes(Rows[Slope]):
 
 
 def slope(
-    bats: AnyBats = (), *, procedure: AnyProcedure = "astm-f1881", instruments: Instruments = ()
+    bats: AnyBats = (),
+    *,
+    procedure: AnyProcedure = "astm-f1881",
+    laboratory: AnyLaboratory | None = None,
+    instruments: Instruments = (),
 ) -> Slopes:
     """Show the slope of e_A along the barrel [1/in] at the impact position of a procedure.
 
@@ -78,6 +83,9 @@ def slope(
         Procedure that tests one impact position: a name in the catalog or a .toml file.
 
         In Python, a sheet such as ``vl.procedure("bbcor")`` is also allowed.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -25,7 +25,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder, read_json
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.result import preformatted_html
-from virtual_lab.parameters import File, OperatorSeed, Seed
+from virtual_lab.parameters import AnyLaboratory, File, OperatorSeed, Seed
 from virtual_lab.records.session import pack
 from virtual_lab.sheets import AnyName, Instruments
 from virtual_lab.simulation.physics.truth import SealedTruth
@@ -138,6 +138,7 @@ def rehearse(
     script: File | None = None,
     seed: Seed | None = None,
     operator_seed: OperatorSeed = 0,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
 ) -> RehearsedDay:
     """Let an operator carry out a day at the rehearsal bench; return the day and its debrief.
@@ -157,6 +158,9 @@ def rehearse(
         Seed of the laboratory. By default a random seed.
     operator_seed
         Seed that determines which mistakes the operator makes.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Sheets of instruments and rigs with changed values, as for `certify`.
 

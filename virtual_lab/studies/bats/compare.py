@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
-from virtual_lab.parameters import Numbers, values_of
+from virtual_lab.parameters import AnyLaboratory, Numbers, values_of
 from virtual_lab.sheets import (
     AnyBall,
     AnyBat,
@@ -148,6 +148,7 @@ def profile(
     *more: AnyBat,
     swings: Numbers = (),
     ball: AnyBall | None = None,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
 ) -> BatProfile | BatComparison:
     """Show e, r, e_A and v_f of a free bat along its barrel, or compare several bats.
@@ -172,6 +173,9 @@ def profile(
     ball
         Ball in play on the field: a name in the catalog or a .toml file. By default the standard
         ball of the bat's sport.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs with changed values, used instead of the catalog entries.
 

@@ -18,7 +18,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import File, Positive
+from virtual_lab.parameters import AnyLaboratory, File, Positive
 from virtual_lab.studies.interlab.playing import Play
 from virtual_lab.studies.interlab.study import FACTORS, read_interlab
 from virtual_lab.uncertainty.interlaboratory import (
@@ -100,7 +100,12 @@ class Interlab(Rows[InterlabTerm]):
 
 
 def interlab(
-    study: File, *, predict: bool = False, workers: Positive = 1, progress: Progress = quiet
+    study: File,
+    *,
+    predict: bool = False,
+    workers: Positive = 1,
+    laboratory: AnyLaboratory | None = None,
+    progress: Progress = quiet,
 ) -> Interlab:
     """Compare laboratories: repeatability, reproducibility, and their causes.
 
@@ -120,6 +125,9 @@ def interlab(
         Predict the effect of each factor without simulating any laboratory.
     workers
         Number of processes, each with one thread, that share the laboratories.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     progress
         Function that is called with a message, the number of cases done, and the total. If it is
         not given, the functions of `virtual_lab` and the commands show the progress on stderr.

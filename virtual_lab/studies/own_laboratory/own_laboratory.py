@@ -17,8 +17,8 @@ from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.parameters import Folders, paths_of
-from virtual_lab.records.particulars import NOTHING_STATED, Particulars
-from virtual_lab.sheets import PARTICULARS, toml_text
+from virtual_lab.records.particulars import NOTHING_STATED, PARTICULARS, Particulars
+from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.studies.foreign import certify_records, replaced_rigs, with_installed_rigs

@@ -17,7 +17,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import File, Folders, Positive, Seed, paths_of
+from virtual_lab.parameters import AnyLaboratory, File, Folders, Positive, Seed, paths_of
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.studies.plan.choosing import Index, cheapest, cheapest_single_change
 from virtual_lab.studies.plan.history import balls_of, read_history
@@ -108,6 +108,7 @@ def plan(
     laboratories: int = 1000,
     seed: Seed = 1,
     workers: Positive = 1,
+    laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
     progress: Progress = quiet,
 ) -> LaboratoryPlans:
@@ -160,6 +161,9 @@ def plan(
         Seed of the study.
     workers
         Number of processes, each with one thread, that share the laboratories.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     instruments
         Instruments and rigs of the present laboratory with changed values, used instead of the
         catalog entries.
@@ -192,8 +196,8 @@ def plan(
     progress("tests of the present laboratory")
     balls = balls_of(days, bat, procedure, seed) if days else {}
     with catalog.sheets_in_place(balls):
-        laboratory = PlannedLaboratory.of(bat, procedure, offers, seed, workers)
-        return _Search(laboratory, target_u, laboratories, priced, progress).plans()
+        planned = PlannedLaboratory.of(bat, procedure, offers, seed, workers)
+        return _Search(planned, target_u, laboratories, priced, progress).plans()
 
 
 class _Search:

@@ -20,7 +20,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import record, table_text
-from virtual_lab.parameters import Folder, Seed
+from virtual_lab.parameters import AnyLaboratory, Folder, Seed
 from virtual_lab.studies.foreign import certify_records, replaced_rigs
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
@@ -168,6 +168,7 @@ def twin(
     full_days: int = 250,
     faults: Folder | None = None,
     seed: Seed = 1,
+    laboratory: AnyLaboratory | None = None,
     progress: Progress = quiet,
 ) -> Twin:
     """Simulate a laboratory's test day again from its records, and check its stated uncertainty.
@@ -197,6 +198,9 @@ def twin(
         takes a few minutes. Days that are already in the folder are not simulated again.
     seed
         Seed of the days.
+    laboratory
+        Folder of a laboratory, made by ``laboratory`` or by hand. Its sheets of instruments, rigs
+        and balls replace those of the catalog.
     progress
         Function that is called with a message, the number of days or faults done, and the total. If
         it is not given, the functions of `virtual_lab` and the commands show the progress on
