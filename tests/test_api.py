@@ -514,7 +514,7 @@ WRONG_CALLS = {  # calls with a mistake, and a part of the message that states t
     "vl.certify('r161', laboratory={'bat': {'received': 'x'}})": "bat.received = 'x'; must be a",
     "vl.certify('r161', laboratory={3: {}})": "laboratory: 3; Keys must be strings",
     "vl.certify('r161', laboratory={'customer': 3})": "customer = 3; must be",
-    "vl.certify('r161', laboratory=3)": "a file of particulars, or its keys and values",
+    "vl.certify('r161', laboratory=3)": "a file of particulars, its keys and values, or the fold",
     "vl.critique(['r161', 'ea70'], procedures=[])": "at least one",
     "vl.critique(['r161', 'ea70'], procedures=['bbcor', 'bbcor'])": "'bbcor'; is given twice",
     "vl.faults(procedures=[vl.procedure('bbcor').with_(valid_hits=9)])": (
