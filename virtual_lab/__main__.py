@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from contextlib import suppress
+from pathlib import Path
 
 from virtual_lab.files.drafts import remove_drafts
 
@@ -20,6 +22,12 @@ def main() -> None:
     from virtual_lab.cli import main as run
 
     run()
+
+
+def main_of_page() -> None:
+    """Open the page of all commands, without a terminal: results are in the user's home folder."""
+    sys.argv[1:] = ["open", *(sys.argv[1:] or [str(Path.home() / "virtual-lab")])]
+    main()
 
 
 def _end(number: int, _: object) -> None:

@@ -13,6 +13,7 @@ from virtual_lab.commands.output import DRAWN, STUDY, TABLE, Answer, Output
 from virtual_lab.errors import InputError
 
 CAMPAIGN, REHEARSE = "virtual_lab.commands.campaign", "virtual_lab.commands.rehearse"
+PAGE = ("virtual_lab.page.opening", "open_page")
 CALIBRATION = "New calibration file, .toml. A picture of the residuals is beside it."
 CHARTED = Output(table=True, picture=True)
 
@@ -56,6 +57,7 @@ SECTIONS: Mapping[str, Sequence[Command]] = {
         ),
         Command("verify", example="out/r161-bbcor-seed-7", output=TABLE),
         Command("report", example="out/r161-bbcor-seed-7 out/other", output=DRAWN),
+        Command("open", PAGE, example="out"),
         Command("template", example="astm-f1881 forms", output=Output(answer=_form)),
         Command(
             "rehearse",

@@ -1,0 +1,133 @@
+"""Forms: every parameter, every example, and only words of the page."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+from urllib.parse import parse_qs, urlencode
+
+import pytest
+
+from tests.web.visiting import Form, Visitor
+from virtual_lab.cli.commands import FunctionCommand
+from virtual_lab.commands.call import bind
+from virtual_lab.commands.lines import shell_words
+from virtual_lab.commands.table import every_command
+from virtual_lab.page.fields import EXCEPTIONS, given, texts
+
+COMMANDS = {name: each for name, each in every_command().items() if name != "open"}
+OF_SHELL = re.compile(
+    r"--\w|\[SI\]|several times|exit code|vl\.|virtual-lab|`"
+    r"|\b(?:FOLDER|FILE|NAME|NUMBER|TEXT|BALL\||X,Y|FIRST:LAST|KIND:)|\b(?!e_A|v_f)\w+_\w+"
+)
+
+
+@pytest.fixture(scope="module")
+def visitor(tmp_path_factory: pytest.TempPathFactory) -> Visitor:
+    return Visitor(tmp_path_factory.mktemp("lab"))
+
+
+def has_no_control(command: str, key: str) -> bool:
+    return ("", key) in EXCEPTIONS or (command, key) in EXCEPTIONS
+
+
+def test_every_parameter_has_a_control_or_a_reason(visitor: Visitor) -> None:
+    """The reasons are rows of a short list, and each of them is needed."""
+    assert len(EXCEPTIONS) <= 8
+    needed = set()
+    for name, command in COMMANDS.items():
+        names = Form(visitor.ask(f"/form/{name}").text).names
+        for key in command.fields:
+            assert (key in names) != has_no_control(name, key), (name, key)
+            needed |= {pair for pair in (("", key), (name, key)) if pair in EXCEPTIONS}
+    assert needed == set(EXCEPTIONS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_an_example_survives_its_form(visitor: Visitor, name: str) -> None:
+    """Command line, filled form, what a browser sends, command line again."""
+    line = FunctionCommand(COMMANDS[name])
+    call = line.call(line.make_context(name, shlex.split(COMMANDS[name].example)))
+    values = {
+        key: each
+        for key, each in call.values.items()
+        if not has_no_control(name, key) and each != COMMANDS[name].fields[key].default
+    }
+    filled = urlencode({key: texts(each) for key, each in values.items()}, doseq=True)
+    form = Form(visitor.ask(f"/form/{name}?{filled}" if filled else f"/form/{name}").text)
+    sent = parse_qs(urlencode(form.sent))
+    entered = given(COMMANDS[name], sent)
+    assert entered.keys() == values.keys()
+    required = {key: "new" for key in COMMANDS[name].fields if has_no_control(name, key)}
+    missing = {key: required[key] for key in required if key in call.values}
+    again = bind(COMMANDS[name], {**missing, **entered})
+    expected = bind(COMMANDS[name], {**missing, **values})
+    assert sorted(shell_words(again)) == sorted(shell_words(expected))
+
+
+def test_an_untouched_form_states_only_what_is_needed(visitor: Visitor) -> None:
+    for name, command in COMMANDS.items():
+        form = Form(visitor.ask(f"/form/{name}").text)
+        assert given(command, parse_qs(urlencode(form.sent))) == {}, name
+
+
+def test_pages_speak_of_fields_and_not_of_options(visitor: Visitor) -> None:
+    found = [
+        (name, match)
+        for name in ["", *COMMANDS]
+        for page in [visitor.ask(f"/form/{name}" if name else "/").words]
+        for match in OF_SHELL.findall(page.replace(str(visitor.page.folder), ""))
+    ]
+    assert found == []
+
+
+def test_seed_and_workers_are_folded(visitor: Visitor) -> None:
+    """The first fields are positional, required, or in the example."""
+    first, _, more = visitor.ask("/form/certify").text.partition("<details")
+    assert Form(first).names == {"bat", "procedure"}
+    assert {"seed", "motion", "reality"} < Form(more).names
+    assert "workers" not in Form(visitor.ask("/form/sweep").text.partition("<details")[0]).names
+
+
+@pytest.mark.parametrize(
+    ("name", "fields", "key", "sentence"),
+    [
+        ("plan", [("procedure", "bbcor")], "target_u", "Fill in this field."),
+        ("operating", [("laboratories", "many")], "laboratories", "“many” cannot be used."),
+        ("certify", [("bat", "r161"), ("seed", "-1")], "seed", "Allowed: a whole number from 0"),
+        ("track", [("clip", "a.mp4"), ("ball", "73")], "ball", "“73” cannot be used."),
+    ],
+)
+def test_a_refused_value_stands_beside_its_field(
+    visitor: Visitor, name: str, fields: list[tuple[str, str]], key: str, sentence: str
+) -> None:
+    """Nothing runs, what was entered stays, and the error text is tied to the control."""
+    answer = visitor.submit(name, fields)
+    assert answer.status == 422
+    (control,) = re.findall(rf"<[^>]*id=\"f-{key}\"[^>]*>", answer.text)
+    assert 'aria-invalid="true"' in control
+    assert f"f-{key}-fault" in re.search(r'aria-describedby="([^"]*)"', control)[1]
+    fault = re.search(rf'id="f-{key}-fault">(.*?)</p>', answer.text)
+    assert fault
+    assert sentence in fault[1]
+    assert set(fields) <= set(Form(answer.text).sent)
+    assert not (visitor.page.folder / "runs").exists()
+
+
+def test_uncertainties_may_be_typed_with_plus_and_minus(visitor: Visitor) -> None:
+    values = given(COMMANDS["track"], {"clip": ["a.mp4"], "ball": ["73mm+-0.5mm"]})
+    assert bind(COMMANDS["track"], values).values["ball"] == "73mm+-0.5mm"
+
+
+def test_folders_and_files_of_the_user_are_offered(tmp_path: Path) -> None:
+    """Only those that fit, and nothing from a result's own folder."""
+    for name in ("result/certificate.json", "result/settings.toml", "other/a.txt", "mine.toml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    visitor = Visitor(tmp_path)
+    assert f'value="{tmp_path / "result"}"' in visitor.ask("/form/score").text
+    assert str(tmp_path / "other") not in visitor.ask("/form/score").text
+    form = visitor.ask("/form/certify").text
+    assert f'value="{tmp_path / "mine.toml"}"' in form
+    assert "settings.toml" not in form

@@ -1,0 +1,127 @@
+"""Requests that no page of ours sends: one sentence each, and nothing is left."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+
+from tests.web.visiting import TOKEN, Visitor
+
+
+@pytest.fixture
+def visitor(tmp_path: Path) -> Visitor:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "secret.txt").write_text("secret")
+    return Visitor(tmp_path / "lab")
+
+
+def zipped(**files: bytes) -> bytes:
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(name.replace("__", "/"), data)
+    return content.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"host": "evil.example"}, 403),
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"cookie": ""}, 403),
+        ({"content_length": "65537"}, 413),
+        ({"transfer_encoding": "chunked"}, 411),
+    ],
+)
+def test_a_request_from_elsewhere_is_refused(
+    visitor: Visitor, headers: dict[str, str], status: int
+) -> None:
+    for path in ("/form/certify", "/quit", "/run/1/cancel"):
+        answer = visitor.ask(path, b"bat=r161", **headers)
+        assert answer.status == status
+        assert answer.text.count("<p>") == 1
+    assert list(visitor.page.folder.iterdir()) == []
+    assert not visitor.quits
+
+
+def test_only_the_first_browser_enters(tmp_path: Path) -> None:
+    """A look at the address spends nothing, and afterwards the token is gone from it."""
+    visitor = Visitor(tmp_path, enters=False)
+    assert visitor.ask("/").status == 403
+    assert visitor.ask(f"/?token={TOKEN}", method="HEAD").status == 403
+    assert visitor.ask(f"/?token={TOKEN}", sec_purpose="prefetch").status == 403
+    assert visitor.ask(f"/?token={TOKEN}").headers["location"] == "/"
+    assert visitor.ask("/").status == 200
+    visitor.cookie = ""
+    assert visitor.ask(f"/?token={TOKEN}").status == 403
+
+
+@pytest.mark.parametrize(
+    "path", ["/run/1", "/run/1/file?name=../secret.txt", "/form/x", "/nowhere"]
+)
+def test_what_is_not_there_is_not_found(visitor: Visitor, path: str) -> None:
+    assert visitor.ask(path).status == 404
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "..%2Fsecret.txt",
+        "%2Fetc%2Fx",
+        "a%2F..%2F..%2Fx",
+        "C%3A%5Cx",
+        "..",
+        "",
+        "..%5Csecret.txt",
+        "a%00b",
+    ],
+)
+def test_an_upload_stays_below_its_folder(visitor: Visitor, name: str) -> None:
+    answer = visitor.ask(f"/upload?name={name}", b"data")
+    assert answer.status == 422
+    assert json.loads(answer.body)["fault"].endswith(".")
+    assert [path for path in visitor.page.folder.rglob("*") if path.is_file()] == []
+    assert (visitor.page.folder.parent / "secret.txt").read_text() == "secret"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        zipped(**{"..__evil.txt": b"x"}),
+        zipped(**{"__evil.txt": b"x"}),
+        zipped(**{f"{n}": bytes(2**29) for n in range(3)}),
+        zipped(a=b"x")[:40],
+        b"no zip",
+    ],
+    ids=["climbs", "absolute", "bomb", "damaged", "no zip"],
+)
+def test_a_hostile_zip_leaves_nothing(visitor: Visitor, content: bytes) -> None:
+    answer = visitor.ask("/upload?name=records.zip", content)
+    assert answer.status == 422
+    assert [path for path in visitor.page.folder.rglob("*") if path.is_file()] == []
+    assert not (visitor.page.folder.parent / "evil.txt").exists()
+
+
+def test_uploads_are_stored_once_and_offered(visitor: Visitor) -> None:
+    """A file, a file of a folder, and the folder in a zip."""
+    for _ in range(2):
+        answer = visitor.ask("/upload?name=ball.mp4", b"clip")
+        assert json.loads(answer.body)["title"] == "uploads/ball.mp4"
+    assert visitor.ask("/upload?name=records%2Fsession.json", b"{}").status == 200
+    content = zipped(mine__session=b"", mine__laboratory=b"")
+    path = Path(json.loads(visitor.ask("/upload?name=mine.zip", content).body)["path"])
+    assert {each.name for each in path.iterdir()} == {"session", "laboratory"}
+    uploads = visitor.page.folder / "uploads"
+    assert sorted(each.name for each in uploads.iterdir()) == ["ball.mp4", "mine", "records"]
+    assert f'value="{uploads / "ball.mp4"}"' in visitor.ask("/form/track").text
+    assert f'value="{uploads / "records"}"' in visitor.ask("/form/reduce").text
+
+
+def test_an_upload_of_two_gigabytes_is_refused(visitor: Visitor) -> None:
+    answer = visitor.ask("/upload?name=a.mp4", b"", content_length=str(2**31))
+    assert answer.status == 413

@@ -1,0 +1,147 @@
+"""Runs and results: start to files, cancel, restart, and what is left of a run that ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import time
+import zipfile
+from collections.abc import Callable
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.web.visiting import Answer, Visitor
+from virtual_lab.page import answers
+from virtual_lab.page.answers import sentence
+
+SLOW = [("bats", "r161"), ("laboratories", "1000000")]  # a sweep that no test waits for
+
+
+@pytest.fixture
+def visitor(tmp_path: Path) -> Any:
+    visitor = Visitor(tmp_path / "lab")
+    (tmp_path / "lab").mkdir()
+    yield visitor
+    visitor.page.runs.end()
+
+
+def wait(condition: Callable[[], Any], limit: float = 60.0) -> None:
+    end = time.monotonic() + limit
+    while not condition():
+        assert time.monotonic() < end, "it takes too long"
+        time.sleep(0.05)
+
+
+def finish(visitor: Visitor, name: str, fields: list[tuple[str, str]]) -> Answer:
+    """Start a run, wait for its end, and return the page of its result."""
+    answer = visitor.submit(name, fields)
+    assert answer.status == 303, answer.words
+    wait(lambda: not visitor.page.runs.workers)
+    return visitor.ask(answer.headers["location"])
+
+
+def test_a_result_is_the_same_as_at_the_shell(
+    visitor: Visitor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    """Answer first, then text, files, the next step, and the shell line last."""
+    from virtual_lab.cli import cli
+
+    page = finish(visitor, "slope", [("bats", "r161"), ("bats", "ea70")])
+    order = ['class="answer"', "<figure", "As text", "Files", "What next", "in a terminal"]
+    places = [page.text.index(each) for each in order]
+    assert places == sorted(places)
+    monkeypatch.chdir(tmp_path)
+    cli(["slope", "r161", "ea70", "--out", "shell"], standalone_mode=False)
+    text = capsys.readouterr().out.rpartition("\n\n")[0]
+    assert re.search(r"<pre>(.*?)</pre>", page.text, re.DOTALL)[1].strip() == text.strip()
+    files = {path.name: path.read_bytes() for path in (tmp_path / "shell").iterdir()}
+    for name, path in visitor.page.runs.get(1).files.items():
+        assert path.read_bytes() == files[path.name], name
+    zipped = zipfile.ZipFile(BytesIO(visitor.ask("/run/1/zip").body))
+    assert {Path(name).name for name in zipped.namelist()} == files.keys()
+    restarted = Visitor(visitor.page.folder)  # results survive a restart
+    assert "slope" in restarted.ask("/").words
+    assert restarted.ask("/run/1").text == page.text
+
+
+def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None:
+    """Two runs at most; a reload and the start page show them; nothing is left of their results."""
+    for number in (1, 2):
+        answer = visitor.submit("sweep", SLOW)
+        assert answer.headers["location"] == f"/run/{number}"
+    refused = visitor.submit("sweep", SLOW)
+    assert (refused.status, "2 runs are in progress" in refused.words) == (422, True)
+    state = {}
+
+    def is_counted() -> bool:
+        state.update(json.loads(visitor.ask("/run/1/progress").body))
+        return bool(state["total"])
+
+    wait(is_counted)
+    assert state["live"]
+    assert 0 <= state["done"] < state["total"]
+    assert 'role="status"' in visitor.ask("/run/1").text
+    assert "In progress" in visitor.ask("/").words
+    assert visitor.ask("/run/1/cancel", b"").status == 303
+    wait(lambda: 1 not in visitor.page.runs.workers)
+    assert "ended before it had a result" in visitor.ask("/run/1").words
+    process = visitor.page.runs.workers[2].process
+    wait(lambda: visitor.page.runs.workers[2].process)
+    os.kill(visitor.page.runs.workers[2].process.pid, signal.SIGTERM)
+    wait(lambda: not visitor.page.runs.workers)
+    assert "ended before it had a result" in visitor.ask("/run/2").words
+    assert [path.name for path in visitor.page.folder.iterdir()] == ["runs"]
+    assert process is None or process.poll() is not None
+
+
+def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
+    page = finish(visitor, "plan", [("procedure", "bbcor"), ("target_u", "-1")])
+    assert "cannot be used: allowed: more than 0" in page.words
+    again = visitor.ask("/form/plan?run=1").text
+    assert "f-target_u-fault" in again
+    assert "1 more" in visitor.ask("/").words
+
+
+def test_quit_ends_runs_and_server(visitor: Visitor) -> None:
+    visitor.submit("sweep", SLOW)
+    assert "The page is closed" in visitor.ask("/quit", b"").words
+    wait(lambda: not visitor.page.runs.workers)
+    assert visitor.quits == [True]
+
+
+FLOWN = {"value": 2.0, "u": 0.1}
+CERTIFICATE = """r161 by bbcor (NCAA BBCOR of 2009)
+  FAIL
+  e    0.4985 ± 0.0041 (u 0.0020)   95 % interval 0.4944 to 0.5026, limit 0.500
+  e    0.4760 (u 0.0019)   as found, with these balls
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "document", "text", "answer"),
+    [
+        ("certify", {}, CERTIFICATE, "FAIL: e 0.4985 ± 0.0041, limit 0.500"),
+        (
+            "reduce",
+            {},
+            CERTIFICATE.replace("FAIL", "MEASURED: no test"),
+            "MEASURED: e 0.4985 ± 0.0041, limit 0.500; no test",
+        ),
+        (
+            "track",
+            {"flights": [{"speed_in_m_per_s": FLOWN, "restitution": {"value": 0.5, "u": 0.01}}]},
+            "",
+            "Fastest start of a flight: 2.00 ± 0.20 m/s (4.5 ± 0.4 mph), "
+            "restitution 0.500 ± 0.020 after it",
+        ),
+        ("verify", {}, "whole\ntruth: …", "Whole"),
+    ],
+)
+def test_an_answer_is_one_sentence(command: str, document: Any, text: str, answer: str) -> None:
+    assert sentence(command, document, text) == answer
+    assert set(answers.ANSWERS) < set(Visitor(Path()).page.commands)

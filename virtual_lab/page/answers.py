@@ -1,0 +1,118 @@
+"""The answer of a run in one sentence."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from virtual_lab.units import MPH
+
+
+def sentence(command: str, document: Any, text: str) -> str:
+    """Return the answer of a command in one sentence, with units and ±.
+
+    A command without a sentence of its own has the first line of its text.
+    """
+    make = ANSWERS.get(command)
+    answer = make(document, text) if make else ""
+    first = next((line.strip() for line in text.splitlines() if line.strip()), "Done")
+    return answer or first[:1].upper() + first[1:]
+
+
+def flags(document: Any) -> list[str]:
+    """Return the flags of a certificate or a track."""
+    raised = document.get("flags", ()) if isinstance(document, Mapping) else ()
+    return [
+        str(each.get("name", each)) if isinstance(each, Mapping) else str(each) for each in raised
+    ]
+
+
+def _certificate(_: Any, text: str) -> str:
+    verdict = re.search(r"^  (PASS|FAIL|MEASURED|INVALID)\b:?(.*)", text, re.MULTILINE)
+    value = re.search(r"^  (\S+) +(\S+ ± \S+(?: (?!\()\S+)?) .*?(, limit .*)?$", text, re.MULTILINE)
+    if not verdict:
+        return ""
+    measured = f"{value[1]} {value[2]}{value[3] or ''}" if value else ""
+    reason = verdict[2].strip() if verdict[1] in ("MEASURED", "INVALID") else ""
+    return f"{verdict[1]}: {'; '.join(part for part in (measured, reason) if part)}"
+
+
+def _score(document: Any, _: str) -> str:
+    metric = document["metric"]
+    inside = "inside" if metric["held"] else "outside"
+    return (
+        f"The certificate differs from the truth by {metric['error']:+.4g} {metric['unit']}, "
+        f"which is {abs(metric['z']):.1f} of its standard uncertainties; the true value "
+        f"{metric['true']:.4g} is {inside} the 95 % interval"
+    ).replace(" ,", ",")
+
+
+def _track(document: Any, _: str) -> str:
+    flown = document.get("flights") or []
+    if not flown:
+        return ""
+    number = max(range(len(flown)), key=lambda n: flown[n]["speed_in_m_per_s"]["value"])
+    speed, bounce = flown[number]["speed_in_m_per_s"], flown[number].get("restitution")
+    value, more = speed["value"], 2 * (speed["u"] or 0.0)
+    mph = f"{value / MPH:.1f} ± {more / MPH:.1f} mph"
+    after = (
+        f", restitution {bounce['value']:.3f} ± {2 * bounce['u']:.3f} after it" if bounce else ""
+    )
+    return f"Fastest start of a flight: {value:.2f} ± {more:.2f} m/s ({mph}){after}"
+
+
+def _profile(document: Any, _: str) -> str:
+    peaks = document.get("peaks") if isinstance(document, Mapping) else None
+    if not peaks:
+        return ""
+    most = max(peaks, key=lambda each: each["peak_batted_speed_mph"])
+    others = [each for each in peaks if each["bat"] != most["bat"]]
+    speed = most["peak_batted_speed_mph"]
+    if not others:
+        return f"{most['bat']}: batted balls up to {speed:.1f} mph ({speed * MPH:.1f} m/s)"
+    less = speed - max(each["peak_batted_speed_mph"] for each in others)
+    return (
+        f"{most['bat']} hits hardest: batted balls up to {speed:.1f} mph ({speed * MPH:.1f} m/s), "
+        f"{less:.1f} mph ({less * MPH:.1f} m/s) more than the next bat"
+    )
+
+
+def _operating(document: Any, _: str) -> str:
+    once = [each for each in document if each["best_of"] == 1]
+    if not once:
+        return ""
+    middle = min(once, key=lambda each: abs(each["pass_probability"] - 0.5))
+    least, most = (middle[f"pass_probability_{end}"] for end in ("low", "high"))
+    return (
+        f"With a true {middle['metric']} of {middle['true']:.4g} {middle['unit']} the bat passes "
+        f"with a probability of {100 * middle['pass_probability']:.0f} % (95 % interval "
+        f"{100 * least:.0f} to {100 * most:.0f} %)"
+    ).replace("  ", " ")
+
+
+def _plan(_: Any, text: str) -> str:
+    lines = text.splitlines()
+    head = next((line for line in lines if "reaches the target" in line), "")
+    columns = re.split(r" {2,}", head.strip())
+    for line in lines[lines.index(head) + 1 :] if head else ():
+        row = dict(zip(columns, re.split(r" {2,}", line.strip()), strict=False))
+        if row.get("reaches the target") == "yes":
+            return (
+                f"Plan {row['plan']} reaches a standard uncertainty of {row['simulated u']}: "
+                f"{row['hits']} hits, {row['final hits']} final hits, {row['balls']} balls, "
+                f"{row['minutes']} minutes; exchanged: {row['exchanged']}"
+            )
+    return "No plan reaches this uncertainty"
+
+
+ANSWERS: Mapping[str, Callable[[Any, str], str]] = {
+    "certify": _certificate,
+    "reduce": _certificate,
+    "show": _certificate,
+    "score": _score,
+    "track": _track,
+    "profile": _profile,
+    "operating": _operating,
+    "plan": _plan,
+}

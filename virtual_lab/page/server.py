@@ -1,0 +1,249 @@
+"""The web application of the page: forms, runs, results and their files."""
+
+from __future__ import annotations
+
+import io
+import re
+import time
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, quote
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from virtual_lab.commands.call import RefusedError, field_of
+from virtual_lab.commands.command import Command
+from virtual_lab.commands.table import SECTIONS, every_command
+from virtual_lab.errors import InputError
+from virtual_lab.output.template import page_template
+from virtual_lab.page import wording
+from virtual_lab.page.fields import controls, given, texts
+from virtual_lab.page.runs import Runs, StartedRun
+from virtual_lab.page.uploads import LARGEST_UPLOAD, receive
+from virtual_lab.page.wording import limits
+from virtual_lab.web.answers import SANDBOX, sentence_page, static_routes
+from virtual_lab.web.door import Door, Seat
+
+PACKAGE = "virtual_lab.page"
+CHECKS = ("paper", "reference", "chart", "stability")  # commands that check this program
+LAST = "Checks of this program"
+SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows
+
+
+class Page:
+    """The page of one folder, and the time of its last request."""
+
+    def __init__(self, folder: Path, quit_now: Callable[[], None]) -> None:
+        self.folder, self.runs, self.quit_now = folder, Runs(folder), quit_now
+        self.last_request = time.monotonic()
+        self.commands = every_command()
+
+    def render(self, name: str, status: int = 200, **values: Any) -> Response:
+        """Return a page made from a template."""
+        self.last_request = time.monotonic()
+        template = page_template(PACKAGE, name, "virtual_lab.web")
+        html = template.render(folder=self.folder, quote=quote, words=wording, **values)
+        return HTMLResponse(html, status_code=status)
+
+    def start(self, _: Request) -> Response:
+        """Return the start page."""
+        sections: dict[str, list[Command]] = {title: [] for title in SECTIONS}
+        sections[LAST] = []
+        for title, rows in SECTIONS.items():
+            for row in rows:
+                for each in [row, *row.variants]:
+                    if not each.words and each.name != "open":
+                        sections[LAST if each.name in CHECKS else title].append(each)
+        runs = self.runs.all()
+        return self.render(
+            "start.html",
+            sections={title: rows for title, rows in sections.items() if rows},
+            live=[run for run in runs if run.live],
+            done=[run for run in runs if run.outcome["answer"]],
+            failed=[run for run in runs if not run.live and not run.outcome["answer"]],
+            size=sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file()),
+        )
+
+    def form(
+        self,
+        command: Command,
+        values: Mapping[str, Sequence[str]],
+        faults: Mapping[str, str],
+        general: str = "",
+    ) -> Response:
+        """Return the form of a command, with sentences about values that were refused."""
+        fields = controls(command, self.folder, values, faults)
+        status = 422 if faults or general else 200
+        return self.render("form.html", status, command=command, fields=fields, general=general)
+
+    def ask(self, request: Request) -> Response:
+        """Return the form of a command, with the values of an address or of an earlier run."""
+        command, stated = self._command(request), request.query_params
+        number = stated.get("run", "")
+        run = self.runs.get(int(number)) if number.isdecimal() else None
+        if run is None:
+            return self.form(command, {key: stated.getlist(key) for key in stated}, {})
+        values = {key: texts(each) for key, each in run.call["values"].items()}
+        return self.refuse(command, values, run.outcome["field"], run.outcome["refused"])
+
+    def _command(self, request: Request) -> Command:
+        command = self.commands.get(request.path_params["name"])
+        if command is None:
+            raise HTTPException(404)
+        return command
+
+    def refuse(
+        self, command: Command, values: Mapping[str, Sequence[str]], field: str, sentence: str
+    ) -> Response:
+        """Return the form with a sentence beside its field, or above the form without one."""
+        faults = {field: sentence} if field and sentence else {}
+        return self.form(command, values, faults, "" if field else sentence)
+
+    def begin(self, request: Request, form: Mapping[str, Sequence[str]]) -> Response:
+        """Start a run with the values of a form, or return the form with what is refused."""
+        command = self._command(request)
+        form = {key: form.get(key, ()) for key in command.parameters}
+        try:
+            run = self.runs.start(command, given(command, form))
+        except RefusedError as fault:
+            refused = {key: self._sentence(command, key, form) for key in fault.faults}
+            return self.form(command, form, refused)
+        except InputError as fault:
+            key = field_of(command, fault)
+            sentence = f"“{fault.value}” cannot be used: {fault.allowed}" if key else fault.allowed
+            return self.refuse(command, form, key, sentence if key or not fault.key else str(fault))
+        return RedirectResponse(f"/run/{run.number}", status_code=303)
+
+    def _sentence(self, command: Command, key: str, form: Mapping[str, Sequence[str]]) -> str:
+        """Return the sentence about a refused value of a form."""
+        text = ", ".join(form.get(key, ())).strip()
+        rule = command.fields[key].rule
+        allowed = limits(rule.allowed) or "one of the choices"
+        return f"“{text}” cannot be used. Allowed: {allowed}." if text else "Fill in this field."
+
+    def result(self, request: Request) -> Response:
+        """Return the page of a run: its progress, or its result."""
+        run = self._run(request)
+        target = next((each for each in run.outcome["written"] if Path(each).is_dir()), "")
+        return self.render(
+            "result.html",
+            run=run,
+            command=self.commands[run.call["command"]],
+            files=[name for name, path in run.files.items() if "truth" not in path.parts],
+            target=target,
+            certified=(Path(target) / "certificate.json").is_file(),
+            state=_state(run),
+        )
+
+    def _run(self, request: Request) -> StartedRun:
+        run = self.runs.get(request.path_params["number"])
+        if run is None:
+            raise HTTPException(404)
+        return run
+
+    def progress(self, request: Request) -> Response:
+        """Return the progress of a run as JSON."""
+        self.last_request = time.monotonic()
+        run = self._run(request)
+        return JSONResponse(_state(run))
+
+    def alive(self, _: Request) -> Response:
+        """Take note that a page is open."""
+        self.last_request = time.monotonic()
+        return Response(status_code=204)
+
+    def file(self, request: Request) -> Response:
+        """Return a file of a result; a page or picture to be shown, anything else to be kept."""
+        run = self._run(request)
+        path = run.files.get(request.query_params.get("name", ""))
+        if path is None:
+            raise HTTPException(404)
+        shown = "inline" if path.suffix in SHOWN else "attachment"
+        name = quote(path.name)
+        headers = {**SANDBOX, "Content-Disposition": f"{shown}; filename*=utf-8''{name}"}
+        return FileResponse(path, headers=headers)
+
+    def zipped(self, request: Request) -> Response:
+        """Return the files of a result as one file; the sealed truth only if it was ticked."""
+        run = self._run(request)
+        with_truth, content = "truth" in request.query_params, io.BytesIO()
+        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, path in run.files.items():
+                if with_truth or "truth" not in path.parts:
+                    archive.write(path, name)
+        name = f"{run.call['command']}-{run.number}.zip".replace(" ", "-")
+        headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+        return Response(content.getvalue(), media_type="application/zip", headers=headers)
+
+    def cancel(self, request: Request) -> Response:
+        """End a run in progress."""
+        self.runs.cancel(request.path_params["number"])
+        return RedirectResponse("/", status_code=303)
+
+    def quit(self, _: Request) -> Response:
+        """End all runs and the server."""
+        self.runs.end()
+        self.quit_now()
+        return sentence_page(200, f"Results are in {self.folder}.", title="The page is closed")
+
+
+class PageDoor(Door):
+    """The door of the page, through which large files come to one address only."""
+
+    def largest_body(self, request: Request) -> int:
+        """Return the largest length of a request [B]."""
+        return LARGEST_UPLOAD if request.url.path == "/upload" else super().largest_body(request)
+
+
+def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
+    """Return the web application of a page, whose first address has a token."""
+
+    async def begin(request: Request) -> Response:
+        body = (await request.body()).decode("utf-8", errors="replace")
+        try:
+            form = parse_qs(body, max_num_fields=500)
+        except ValueError:
+            return sentence_page(422, "A form may have at most 500 fields.")
+        return await run_in_threadpool(page.begin, request, form)
+
+    async def upload(request: Request) -> Response:
+        page.last_request = time.monotonic()
+        try:
+            path = await receive(request, page.folder)
+        except InputError as fault:
+            return JSONResponse({"fault": fault.allowed}, status_code=422)
+        return JSONResponse({"path": str(path), "title": str(path.relative_to(page.folder))})
+
+    routes = [
+        Route("/", page.start),
+        Route("/form/{name}", begin, methods=["POST"]),
+        Route("/form/{name}", page.ask),
+        Route("/run/{number:int}", page.result),
+        Route("/run/{number:int}/progress", page.progress),
+        Route("/run/{number:int}/file", page.file),
+        Route("/run/{number:int}/zip", page.zipped),
+        Route("/run/{number:int}/cancel", page.cancel, methods=["POST"]),
+        Route("/alive", page.alive),
+        Route("/upload", upload, methods=["POST"]),
+        Route("/quit", page.quit, methods=["POST"]),
+        *static_routes(PACKAGE, "page.css", "page.js"),
+        *static_routes("virtual_lab.web", "base.css", "icon.svg"),
+    ]
+    absent = {404: lambda *_: sentence_page(404, "There is no such page.")}
+    inside = Starlette(routes=routes, exception_handlers=absent)
+    return PageDoor(inside, {token: Seat()}, hosts=hosts)
+
+
+def _state(run: StartedRun) -> dict[str, Any]:
+    """Return the state of a run: whether it is live, the current task, and its share."""
+    line = run.progress
+    counted = re.search(r": +(\d+) of (\d+),", line)
+    done, total = map(int, counted.groups()) if counted else (0, 0)
+    return {"live": run.live, "line": line or "starting", "done": done, "total": total}

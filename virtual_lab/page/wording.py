@@ -1,0 +1,73 @@
+"""Words of the page: fields instead of options, sentences without names of programs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+from virtual_lab.api.describing import REQUIRED, ParameterDescription
+from virtual_lab.catalog.reading import DATA
+from virtual_lab.files import parse_toml
+
+WORDS = parse_toml((DATA / "page" / "words.toml").read_text("utf-8"), "words.toml")
+# a sentence with one of these speaks to a programmer
+CODE = re.compile(
+    r"vl\.|--|``\{|\[|\b[Aa] sheet|[Ss]heets? such|[Ss]heet`|\bNone\b|\bJSON\b|exit code|virtual-lab "
+    r"|Or a list|In Python|mapping|X,Y|[A-Z]{3}[-/]|/[A-Z]{3}|\b[a-z]{2,}_[a-z]+"
+)
+UNIT = re.compile(r"\s*\[([^\]=]{1,12})\]")
+NAMED = re.compile(r"\b(FOLDER|FILE|ENTRY|DAY)\b")
+CODES = re.compile(r"\s*\([^()]*exit code[^()]*\)")
+HERE = re.compile(r":? (?:a )?names? in the catalog or (?:a )?\.toml files?")
+
+
+def title_of(key: str) -> str:
+    """Return the title of a field."""
+    return str(WORDS["titles"].get(key) or key.replace("_", " ").capitalize())
+
+
+def unit_beside(key: str, words: str) -> str:
+    """Return the unit of a number, which its description states in brackets; may be empty."""
+    match = UNIT.search(words.split("\n\n", maxsplit=1)[0])
+    usual = match[1] if match and not match[1].startswith("pixels") else ""
+    return str(WORDS["units"].get(key, usual))
+
+
+def plain(words: str, title: str = "") -> str:
+    """Return a description without marks of code, and without sentences for programmers.
+
+    It is empty if it only repeats the title.
+    """
+    paragraph = UNIT.sub("", " ".join(words.split("\n\n", maxsplit=1)[0].split()))
+    paragraph = NAMED.sub(lambda match: f"the {match[1].lower()}", CODES.sub("", paragraph))
+    paragraph = HERE.sub("", paragraph)
+    sentences = re.split(r"(?<=[.:]) (?=[A-Z`])", paragraph)
+    kept = " ".join(each for each in sentences if not CODE.search(each))
+    kept = re.sub(r"``(.*?)``|`~?(.*?)`", _name, kept).strip()
+    return "" if kept.strip(".").lower() in (title.lower(), f"the {title.lower()}") else kept
+
+
+def notes(each: ParameterDescription, choices: Collection[object]) -> str:
+    """Return the words below the control of a parameter: its description and its limits."""
+    allowed = "" if choices else limits((each.rule.several or each.rule).allowed)
+    return f"{plain(each.words, title_of(each.name))} {allowed and f'Allowed: {allowed}.'}".strip()
+
+
+def is_needed(each: ParameterDescription) -> bool:
+    """Return whether a parameter has no default."""
+    return each.default is REQUIRED
+
+
+def limits(allowed: str) -> str:
+    """Return the allowed values of a rule as words on the page; may be empty."""
+    allowed = allowed.split("; one, or a list", maxsplit=1)[0]
+    if "vl." in allowed or allowed.startswith(
+        ("a path", "the path", "a str", "a study", "True", "a name")
+    ):
+        return ""
+    return re.sub("^one (?=whole)", "a ", allowed).replace("2^128 - 1", "2¹²⁸ − 1").replace("'", "")
+
+
+def _name(match: re.Match[str]) -> str:
+    text = match[1] or match[2]
+    return f"“{title_of(text)}”" if re.fullmatch(r"[a-z]+(_[a-z]+)*", text) and match[2] else text

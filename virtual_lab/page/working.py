@@ -1,0 +1,87 @@
+"""The work of a run, in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+from virtual_lab.commands.call import bind, field_of
+from virtual_lab.commands.lines import python_line, shell_line
+from virtual_lab.commands.rehearse import ExcludedError
+from virtual_lab.commands.running import carry_out
+from virtual_lab.commands.table import every_command
+from virtual_lab.errors import InputError
+from virtual_lab.files import whole_file
+from virtual_lab.output.progress import show_progress
+from virtual_lab.page.answers import flags, sentence
+
+CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
+BLANK: dict[str, Any] = {  # an outcome without a result
+    **dict.fromkeys(("answer", "text", "refused", "field", "shell", "python"), ""),
+    **dict.fromkeys(("flags", "written", "missing"), ()),
+    "seconds": 0.0,
+}
+
+
+class ProgressFile:
+    """A stream that keeps its last line in a file. It claims to be a terminal to get a bar."""
+
+    encoding = "utf-8"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def isatty(self) -> bool:
+        """Return True, so that progress is shown five times per second."""
+        return True
+
+    def write(self, text: str) -> None:
+        """Replace the line in the file, without the bar."""
+        line = re.sub(r"\s*\|.*\|", ":", text).strip()
+        if line:
+            self.path.write_text(line, encoding="utf-8")
+
+    def flush(self) -> None:
+        """Do nothing: a line is written at once."""
+
+
+def carry_out_run(path: Path) -> None:
+    """Carry out the call that the folder of a run describes, and write its outcome there."""
+    request = json.loads((path / CALL).read_text("utf-8"))
+    command = every_command()[request["command"]]
+    began = time.monotonic()
+    outcome: dict[str, Any] = {}
+    try:
+        call = bind(command, request["values"])
+        outcome = {"shell": shell_line(call), "python": python_line(call)}
+        with show_progress(ProgressFile(path / PROGRESS_LINE)) as progress:  # type: ignore[arg-type]
+            done = carry_out(call, progress)
+        document, text = done.result.document, str(done.result.text)
+        written = [done.target, *done.files, *getattr(done.result, "files", ())]
+        if command.name == "template":
+            written.append(Path(request["values"]["folder"]))
+        outcome |= {
+            "answer": sentence(command.name, document, text),
+            "flags": flags(document),
+            "text": text,
+            "written": [str(each) for each in dict.fromkeys(written) if each],
+            "missing": list(done.missing),
+        }
+    except ExcludedError as fault:
+        outcome |= {"refused": str(fault)}
+    except InputError as fault:
+        key = field_of(command, fault)
+        refused = f"“{fault.value}” cannot be used: {fault.allowed}" if key else str(fault)
+        outcome |= {"refused": refused, "field": key}
+    except OSError as fault:
+        outcome |= {"refused": f"{fault.filename or 'file'}: {fault.strerror}"}
+    except Exception:
+        outcome |= {"refused": "a bug in this program, not in your input"}
+        outcome["text"] = traceback.format_exc()
+    outcome["seconds"] = time.monotonic() - began
+    with whole_file(path / OUTCOME) as file:
+        file.write(json.dumps(outcome, default=str).encode())
