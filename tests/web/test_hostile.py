@@ -122,6 +122,13 @@ def test_uploads_are_stored_once_and_offered(visitor: Visitor) -> None:
     assert f'value="{uploads / "records"}"' in visitor.ask("/form/reduce").text
 
 
+@pytest.mark.parametrize(
+    "query", ["path=../secret.txt", "path=/etc/passwd", "frame=1", "path=a%00"]
+)
+def test_only_clips_of_the_folder_are_shown(visitor: Visitor, query: str) -> None:
+    assert visitor.ask(f"/clip?{query}").status == 404
+
+
 def test_an_upload_of_two_gigabytes_is_refused(visitor: Visitor) -> None:
     answer = visitor.ask("/upload?name=a.mp4", b"", content_length=str(2**31))
     assert answer.status == 413

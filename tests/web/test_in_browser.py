@@ -12,12 +12,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from tests.bench.browsing import faults_of, opened
 from tests.web.test_runs import wait
 
 LOOKS = [(1280, "light"), (320, "dark"), (1280, "dark"), (320, "light")]
+PIXEL = """([x, y]) => {
+  const [image, canvas] = [document.querySelector('.stage img'), document.createElement('canvas')];
+  [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+  canvas.getContext('2d').drawImage(image, 0, 0);
+  return [...canvas.getContext('2d').getImageData(x, y, 1, 1).data];
+}"""
 
 
 @contextmanager
@@ -129,3 +137,46 @@ def test_a_rule_maker_by_keyboard(browser: Any, tmp_path: Path) -> None:
         page.close()
     if os.name == "posix":
         wait(lambda: "worker run 2" not in subprocess.getoutput("ps -eo args"))
+
+
+def clip_of(path: Path) -> Path:
+    """Write a clip of twelve frames, 320 x 240, in which a ball moves to the right."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (320, 240))
+    for number in range(12):
+        frame = np.full((240, 320, 3), 60, np.uint8)
+        writer.write(cv2.circle(frame, (40 + 20 * number, 120), 10, (0, 220, 0), -1))
+    writer.release()
+    return path
+
+
+def test_a_student_shows_the_ball_in_a_clip(browser: Any, tmp_path: Path) -> None:
+    """The clip is uploaded; then a click, two corners, keys, and the frames to use."""
+    with page_of(tmp_path / "lab") as address:
+        page = browser.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(address)
+        page.click("text=How fast is the ball in my clip?")
+        page.set_input_files(".upload input:not([webkitdirectory])", clip_of(tmp_path / "a.avi"))
+        page.wait_for_selector(".stage img[src]")
+        slide, stage = page.locator(".clip [type=range]"), page.locator(".stage")
+        slide.focus()
+        for _ in range(3):
+            page.keyboard.press("ArrowRight")
+        page.wait_for_selector("img[alt='Frame 3 of the clip']")
+        green = page.evaluate(PIXEL, [100, 120])  # where frame 3 has the ball
+        assert green[1] > green[0] + 100
+        box = stage.bounding_box()
+        scale = box["width"] / 320
+        stage.click(position={"x": 100 * scale, "y": 120 * scale})
+        x, y, frame = map(int, re.split("[,@]", page.input_value("[name=ball_at]")))
+        assert (abs(x - 100) <= 1, abs(y - 120) <= 1, frame) == (True, True, 3)
+        page.check("[value=region]")
+        stage.click(position={"x": 20 * scale, "y": 40 * scale})
+        for key in ("ArrowRight", "Shift+ArrowDown", "Enter"):
+            page.keyboard.press(key)
+        x, y, wide, high = map(int, page.input_value("[name=region]").split(","))
+        assert (abs(x - 20) <= 1, abs(y - 40) <= 1, wide, high) == (True, True, 8, 1)
+        page.click("text=Last frame to use")
+        assert page.input_value("[name=frames]") == "0:3"
+        assert "0:3" in page.inner_text(".clip [role=status]")
+        assert faults_of(page) == []
+        page.close()

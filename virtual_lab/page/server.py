@@ -22,13 +22,15 @@ from virtual_lab.commands.call import RefusedError, field_of
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.table import SECTIONS, every_command
 from virtual_lab.errors import InputError
+from virtual_lab.files import inside
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
+from virtual_lab.page.clips import clip_size, frame_picture
 from virtual_lab.page.fields import controls, given, texts
 from virtual_lab.page.runs import Runs, StartedRun
-from virtual_lab.page.uploads import LARGEST_UPLOAD, receive
+from virtual_lab.page.uploads import LARGEST_UPLOAD, UPLOADS, receive
 from virtual_lab.page.wording import limits
-from virtual_lab.web.answers import SANDBOX, sentence_page, static_routes
+from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
 PACKAGE = "virtual_lab.page"
@@ -170,6 +172,18 @@ class Page:
         headers = {**SANDBOX, "Content-Disposition": f"{shown}; filename*=utf-8''{name}"}
         return FileResponse(path, headers=headers)
 
+    def clip(self, request: Request) -> Response:
+        """Return the size of a clip as JSON, or the frame with a number as a picture."""
+        asked = request.query_params
+        try:
+            path = inside(self.folder, str(Path(asked["path"]).resolve()), "clip", "path")
+            if "frame" not in asked:
+                return JSONResponse(clip_size(path))
+            number = int(asked["frame"])
+            return Response(frame_picture(path, number), media_type="image/jpeg", headers=KEPT)
+        except (KeyError, ValueError) as fault:  # includes InputError
+            return sentence_page(404, str(fault))
+
     def zipped(self, request: Request) -> Response:
         """Return the files of a result as one file; the sealed truth only if it was ticked."""
         run = self._run(request)
@@ -219,7 +233,10 @@ def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
             path = await receive(request, page.folder)
         except InputError as fault:
             return JSONResponse({"fault": fault.allowed}, status_code=422)
-        return JSONResponse({"path": str(path), "title": str(path.relative_to(page.folder))})
+        home = page.folder / UPLOADS
+        whole = home / path.relative_to(home).parts[0]  # the folder of which it is a file
+        title = str(path.relative_to(page.folder))
+        return JSONResponse({"path": str(path), "title": title, "folder": str(whole)})
 
     routes = [
         Route("/", page.start),
@@ -231,6 +248,7 @@ def page_application(page: Page, token: str, hosts: frozenset[str]) -> PageDoor:
         Route("/run/{number:int}/zip", page.zipped),
         Route("/run/{number:int}/cancel", page.cancel, methods=["POST"]),
         Route("/alive", page.alive),
+        Route("/clip", page.clip),
         Route("/upload", upload, methods=["POST"]),
         Route("/quit", page.quit, methods=["POST"]),
         *static_routes(PACKAGE, "page.css", "page.js"),

@@ -12,8 +12,8 @@ from virtual_lab.files import parse_toml
 WORDS = parse_toml((DATA / "page" / "words.toml").read_text("utf-8"), "words.toml")
 # a sentence with one of these speaks to a programmer
 CODE = re.compile(
-    r"vl\.|--|``\{|\[|\b[Aa] sheet|[Ss]heets? such|[Ss]heet`|\bNone\b|\bJSON\b|exit code|virtual-lab "
-    r"|Or a list|In Python|mapping|X,Y|[A-Z]{3}[-/]|/[A-Z]{3}|\b[a-z]{2,}_[a-z]+"
+    r"vl\.|--|``\{|\[|\b[Aa] sheet|[Ss]heets? such|[Ss]heet`|\bNone\b|\bJSON\b|exit code"
+    r"|virtual-lab |Or a list|In Python|mapping|X,Y|[A-Z]{3}[-/]|/[A-Z]{3}|\b[a-z]{2,}_[a-z]+"
 )
 UNIT = re.compile(r"\s*\[([^\]=]{1,12})\]")
 NAMED = re.compile(r"\b(FOLDER|FILE|ENTRY|DAY)\b")
