@@ -12,6 +12,7 @@ from virtual_lab import catalog
 from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.commands.command import Command
 from virtual_lab.page.wording import WORDS
+from virtual_lab.sheets import OF_LABORATORY
 
 FOLDED = ("seed", "operator_seed", "workers")  # always among the fields that are folded
 CHOSEN = "the page chooses the new folder or file"
@@ -118,7 +119,8 @@ def _kind(
         near = WORDS["folders"]
         marks = near.get(key) or near.get(command.name) or ("result",)
         endings = WORDS["endings"].get(key, (".toml",))
-        choices = [*(folders(folder, marks) if word == "FOLDER" else _files(folder, *endings))]
+        choices = [] if word == "FOLDER" else [*_files(folder, *endings)]
+        choices += folders(folder, marks) if word == "FOLDER" or key in near else ()
     elif word == "NUMBER":
         kind = "numbers" if several else "number"
     else:
@@ -143,8 +145,10 @@ def _entries(kind: str, names: tuple[str, ...]) -> list[tuple[str, str]]:
 
 def folders(folder: Path, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
     """Yield the folders below a folder that have one of some kinds, newest first."""
-    marks = [mark for kind in kinds for mark in WORDS["marks"][kind]]
-    found = {path.parent for path in _below(folder) if path.name in marks}
+    marks, below = [mark for kind in kinds for mark in WORDS["marks"].get(kind, ())], _below(folder)
+    found = {path.parent for path in below if path.name in marks}
+    if "laboratory" in kinds:
+        found |= {path.parent.parent for path in below if path.parent.name in OF_LABORATORY}
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):
         yield str(path), str(path.relative_to(folder))
 
@@ -152,7 +156,8 @@ def folders(folder: Path, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
 def _files(folder: Path, *endings: str) -> Iterator[tuple[str, str]]:
     """Yield the files below a folder with one of some endings; none of a result's."""
     for path in _below(folder):
-        if path.suffix.lower() in endings and not (path.parent / "settings.toml").exists():
+        of_folder = (path.parent / "settings.toml").exists() or path.parent.name in OF_LABORATORY
+        if path.suffix.lower() in endings and not of_folder:
             yield str(path), str(path.relative_to(folder))
 
 

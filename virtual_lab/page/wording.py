@@ -62,7 +62,7 @@ def limits(allowed: str) -> str:
     """Return the allowed values of a rule as words on the page; may be empty."""
     allowed = allowed.split("; one, or a list", maxsplit=1)[0]
     if "vl." in allowed or allowed.startswith(
-        ("a path", "the path", "a str", "a study", "True", "a name")
+        ("a path", "the path", "the folder", "a file", "a str", "a study", "True", "a name")
     ):
         return ""
     return re.sub("^one (?=whole)", "a ", allowed).replace("2^128 - 1", "2¹²⁸ − 1").replace("'", "")
