@@ -54,8 +54,9 @@ def test_plans_by_price(prices):
     present, *rows = plans
     assert present.currency == "EUR"
     assert present.price == pytest.approx(50 * (1.5 * present.minutes + 6 * 12))
-    cost = [row.price for row in rows if row.plan.isdigit()]
-    assert cost == sorted(cost)
+    for compared in ("cheapest", "equal", "higher"):
+        cost = [row.price for row in rows if row.plan.isdigit() and row.compared == compared]
+        assert cost == sorted(cost)
     names = {name for row in rows for name in row.exchanged.split(", ")}
     assert names <= {"none", "balance-stand", "pivot-gates"}
     assert rows[0].reaches != "no"

@@ -104,7 +104,7 @@ class PlannedLaboratory:
         return np.asarray(np.where(possible, self.forecast.u(grid), np.inf))
 
     def minutes(self, counts: Counts) -> Array:
-        """Return the duration of a test [min], in the shape of the counts.
+        """Return the duration of a test [min], shape (set of exchanges, …), … as the counts.
 
         The actions take as long as at the rehearsal bench. The time to weigh the balls is
         proportional to the number of balls. The time to fire them at the wall is proportional to
@@ -117,10 +117,10 @@ class PlannedLaboratory:
             "weigh-balls": balls,
             "hit-wall": balls * counts.wall_hits / present.wall_hits,
             "set-place": forecast.sample.places.mean(),
-            **dict.fromkeys(EACH_SHOT, forecast.shots(counts)),
+            **dict.fromkeys(EACH_SHOT, forecast.shots_of_sets(counts)),
         }
         constants = self.shared.laboratory(self.seed).calibration
-        minutes = np.zeros(np.shape(counts.hits))
+        minutes = np.zeros(())
         for name, action in actions.items():
             needed = action.get("needs", "")
             fitted = not needed or any(each.startswith(f"{needed}.") for each in constants)

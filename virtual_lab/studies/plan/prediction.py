@@ -8,7 +8,7 @@ cause. Nothing is simulated here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Self
 
@@ -120,6 +120,21 @@ class Forecast:
         scan = sample.shots.mean() - self._final_shots(present.final_hits, share)
         scan = scan + sample.full.mean() * (np.asarray(counts.hits) - present.hits) / share
         return np.asarray(scan + self._final_shots(counts.final_hits, share))
+
+    def shots_of_sets(self, counts: Counts) -> Array:
+        """Return the expected number of shots, shape (set of exchanges, …), … as the counts.
+
+        Only an instrument with another scatter changes it, such as a cannon that aims better.
+        """
+        present = self.shots(counts)
+        sets = np.arange(2 ** len(self.exchanged))
+        shots = np.broadcast_to(present, (sets.size, *np.shape(present))).copy()
+        for bit, each in enumerate(self.exchanged):
+            if each.scatter:
+                shots[sets >> bit & 1 == 1] *= (
+                    replace(self, sample=each.sample).shots(counts) / present
+                )
+        return shots
 
     def _final_shots(self, hits: ArrayLike, share: float) -> Array:
         """Return the expected number of shots for the final hits, of which a `share` is valid."""

@@ -83,7 +83,7 @@ class Prices(Spec):
         """Return the price of each plan, shape (set of exchanges, …).
 
         `names` are the instruments that may be exchanged. `minutes` is the duration of one test,
-        and `balls` is its number of balls.
+        also (set of exchanges, …), and `balls` is its number of balls, shape (…).
         """
         of_tests = self.tests.value * (
             self.per_minute.value * minutes + self.per_ball.value * np.asarray(balls)
@@ -93,7 +93,7 @@ class Prices(Spec):
             ((sets >> bit & 1) * self.instruments[name].value for bit, name in enumerate(names)),
             np.zeros(sets.size),
         )
-        return np.asarray(of_instruments.reshape(-1, *(1,) * of_tests.ndim) + of_tests)
+        return np.asarray(of_instruments.reshape(-1, *(1,) * np.ndim(balls)) + of_tests)
 
 
 def prices_form() -> Iterator[str]:

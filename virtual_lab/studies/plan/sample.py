@@ -77,14 +77,14 @@ class SampledTests(AlignedArrays):
 def median_of(values: Array) -> Median:
     """Return the median of `values`, shape (n,), and its standard error, in the unit of `values`.
 
-    The standard error is half the distance between the quantiles 0.5 - 0.5/√n and 0.5 + 0.5/√n.
+    The standard error is a quarter of the distance between the quantiles 0.5 - 1/√n and 0.5 + 1/√n.
     Median and error are NaN if n is 0.
     """
     if not values.size:
         return Median(nan, nan)
-    half = 0.5 / sqrt(values.size)
+    half = min(1 / sqrt(values.size), 0.5)
     low, middle, high = np.quantile(values, [0.5 - half, 0.5, 0.5 + half]).tolist()
-    return Median(middle, (high - low) / 2)
+    return Median(middle, (high - low) / 4)
 
 
 def sample_of(tested: BlockTest) -> SampledTests:

@@ -12,7 +12,11 @@ import matplotlib.pyplot as plt
 import virtual_lab as vl
 
 plans = vl.plan("astm-f1881", target_u=0.004, laboratories=200).table.set_index("plan")
-labels = {"present": "as it is", "1": "better cannon", "7": "better balance stand and pivot survey"}
+labels = {
+    "present": "as it is",
+    "1": "better cannon and stand",
+    "3": "better stand, pivot survey, gates",
+}
 figure, axes = plt.subplots()
 for (plan, label), mark in zip(labels.items(), "osD", strict=True):
     row = plans.loc[plan]
