@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from math import isnan
+from math import inf, isnan
 from operator import index
 from os import fspath
 from pathlib import Path
@@ -20,22 +20,29 @@ SEED_BITS = 128  # length of a random seed, too long for trial and error
 LARGEST_SEED = 2**SEED_BITS - 1
 
 
+RuleKind = Literal["text", "number", "flag", "choice", "name", "file", "folder", "clip"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterRule:
     """The rule for the values of a parameter.
 
     `read` converts a Python value to the form that the function takes. It raises `TypeError` or
     `ValueError` for a value that is not allowed. `parse` converts a word of the command line to a
-    Python value.
+    Python value. `complete` returns names that are allowed, each with its title, or an empty one.
     """
 
     read: Callable[[Any], Any]
     allowed: str
     parse: Callable[[str], Any] = str
-    complete: Callable[[], Iterable[str]] = tuple
+    complete: Callable[[], Mapping[str, str]] = dict
     metavar: str = "TEXT"
+    kind: RuleKind = "text"
     several: ParameterRule | None = None  # rule of one value, if the parameter takes a list
-    flag: bool = False
+    closed: bool = False  # whether only the names of `complete` are allowed
+    limits: str = ""  # limits of a number in words, such as “at least 2”
+    unit: str = ""  # unit of a number
+    holds: tuple[str, ...] = ()  # kinds of content that a folder may have; empty: any
     python: str = ""  # advice for Python, appended to the sentence on the allowed values
 
 
@@ -94,9 +101,7 @@ def _yes_or_no(value: Any) -> bool:
     return value
 
 
-def whole(
-    least: int = 0, most: int = 2**63 - 1, words: str = "", python: str = ""
-) -> ParameterRule:
+def whole(least: int = 0, most: int = 2**63 - 1, words: str = "") -> ParameterRule:
     """Return the rule of a parameter that is a whole number from `least` to `most`, both included.
 
     Any integer type is allowed, but no boolean. The rule has a description of the allowed values.
@@ -108,8 +113,6 @@ def whole(
     words
         Limits in words. With “1 to 50” the description is “one whole number from 1 to 50”. If
         `words` is empty, `least` is used, for example “one whole number from 1”.
-    python
-        Advice for users of Python. It is not printed on the command line.
     """
 
     def read(value: Any) -> int:
@@ -120,23 +123,31 @@ def whole(
             raise ValueError("beyond its limits")
         return number
 
-    allowed = f"one whole number from {words or least}"
-    return ParameterRule(read=read, allowed=allowed, parse=int, metavar="NUMBER", python=python)
+    return ParameterRule(
+        read=read,
+        allowed=f"one whole number from {words or least}",
+        parse=int,
+        metavar="NUMBER",
+        kind="number",
+        limits=words or (f"at least {least}" if least else ""),
+    )
 
 
-def between(least: float, most: float, words: str) -> ParameterRule:
-    """Return the rule of a parameter that is a number from `least` to `most`, both included.
+def real_number(words: str, allows: Callable[[float], bool], unit: str = "") -> ParameterRule:
+    """Return the rule of a parameter that is a number for which `allows` returns True.
 
-    NaN is not allowed. `words` is the text that describes the allowed values.
+    `words` is the text that describes the allowed values, and `unit` their unit.
     """
 
     def read(value: Any) -> float:
         number = read_number(value)
-        if not least <= number <= most:
+        if not allows(number):
             raise ValueError("beyond its limits")
         return number
 
-    return ParameterRule(read=read, allowed=words, parse=float, metavar="NUMBER")
+    limits = words.split(",", maxsplit=1)[0]
+    allowed = f"a number, {words}"
+    return replace(NUMBER, read=read, allowed=allowed, limits=limits, unit=unit)
 
 
 def choice(*values: str) -> ParameterRule:
@@ -153,7 +164,12 @@ def choice(*values: str) -> ParameterRule:
     *others, last = values
     allowed = f"{', '.join(others)} or {last}" if others else last
     return ParameterRule(
-        read=read, allowed=allowed, complete=lambda: values, metavar=f"[{'|'.join(values)}]"
+        read=read,
+        allowed=allowed,
+        complete=lambda: dict.fromkeys(values, ""),
+        metavar=f"[{'|'.join(values)}]",
+        kind="choice",
+        closed=True,
     )
 
 
@@ -173,13 +189,8 @@ def several(one: ParameterRule, words: str = "") -> ParameterRule:
             raise ValueError("empty")
         return values
 
-    return ParameterRule(
-        read=read,
-        allowed=f"{words or one.allowed}; one, or a list of at least one",
-        complete=one.complete,
-        metavar=one.metavar,
-        several=one,
-    )
+    allowed = f"{words or one.allowed}; one, or a list of at least one"
+    return replace(one, read=read, allowed=allowed, parse=str, several=one)
 
 
 def _is_list(value: Any) -> bool:
@@ -188,12 +199,16 @@ def _is_list(value: Any) -> bool:
 
 
 WHOLE = whole()
-NUMBER = ParameterRule(read=read_number, allowed="a number", parse=float, metavar="NUMBER")
-CERTAIN_NUMBER = ParameterRule(read=_certain, allowed="a number", parse=float, metavar="NUMBER")
-FLAG = ParameterRule(read=_yes_or_no, allowed="True or False", flag=True)
+NUMBER = ParameterRule(
+    read=read_number, allowed="a number", parse=float, metavar="NUMBER", kind="number"
+)
+CERTAIN_NUMBER = replace(NUMBER, read=_certain)
+FLAG = ParameterRule(read=_yes_or_no, allowed="True or False", kind="flag")
 TEXT = ParameterRule(read=read_word, allowed="a string")
-FILE = ParameterRule(read=read_path, allowed="a path", metavar="FILE")
-FOLDER = ParameterRule(read=read_path, allowed="the path of a folder", metavar="FOLDER")
+FILE = ParameterRule(read=read_path, allowed="a path", metavar="FILE", kind="file")
+FOLDER = ParameterRule(
+    read=read_path, allowed="the path of a folder", metavar="FOLDER", kind="folder"
+)
 ANYTHING = ParameterRule(read=lambda value: value, allowed="")
 PLAIN: Mapping[Any, ParameterRule] = {
     bool: FLAG,
@@ -203,13 +218,26 @@ PLAIN: Mapping[Any, ParameterRule] = {
     Path: FILE,
 }
 
-SEED = whole(
-    0, LARGEST_SEED, f"0 to 2^{SEED_BITS} - 1", python="; for several, vl.sweep(laboratories=20)"
+SEED = replace(
+    whole(0, LARGEST_SEED, f"0 to 2^{SEED_BITS} - 1"),
+    limits="",
+    python="; for several, vl.sweep(laboratories=20)",
 )
 
 Seed = Annotated[int, SEED]
 OperatorSeed = Annotated[int, replace(SEED, python="")]
 Positive = Annotated[int, whole(1)]
+TwoOrMore = Annotated[int, whole(2)]
+HundredOrMore = Annotated[int, whole(100)]
+Views = Annotated[int, whole(3, 60, "3 to 60")]
+CheckDays = Annotated[int, whole(6, 10_000, "6 to 10000")]
+BaselineDays = Annotated[int, whole(5)]
+CheckHits = Annotated[int, whole(2, 1000, "2 to 1000")]
+AboveZero = Annotated[float, real_number("more than 0, finite", lambda x: 0 < x < inf)]
+LostShare = Annotated[float, real_number("at least 0 and below 1", lambda x: 0 <= x < 1)]
+SwingExponents = Annotated[
+    float | Sequence[float], several(real_number("0 to 0.5", lambda x: 0 <= x <= 0.5))
+]
 Port = Annotated[int, whole(1024, 65535, "1024 to 65535")]
 Trainees = Annotated[int, whole(1, 50, "1 to 50")]
 Certain = Annotated[float, CERTAIN_NUMBER]
@@ -240,12 +268,18 @@ AnyParticulars = Annotated[
         read=lambda value: dict(value) if isinstance(value, Mapping) else read_path(value),
         allowed="a file of particulars, its keys and values, or the folder of a laboratory",
         metavar="FILE",
+        kind="file",
     ),
 ]
 Folder = Annotated[str | Path, FOLDER]
 AnyLaboratory = Annotated[
     str | Path,
-    replace(FOLDER, read=read_folder, allowed="the folder of a laboratory, made by laboratory"),
+    replace(
+        FOLDER,
+        read=read_folder,
+        allowed="the folder of a laboratory, made by laboratory",
+        holds=("laboratory",),
+    ),
 ]
 Folders = Annotated[str | Path | Sequence[str | Path], several(FOLDER)]
 Kind = Literal["bats", "balls", "procedures", "instruments", "rigs", "conditions", "faults"]

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from virtual_lab.errors import InputError, nearest
 from virtual_lab.files import parse_toml
 from virtual_lab.parameters import (
+    FILE,
     SEED,
     WHOLE,
     ParameterRule,
@@ -304,22 +305,27 @@ def entry_rule(kind: str, more: str = "") -> ParameterRule:
     return ParameterRule(
         read=read,
         allowed=allowed + more,
-        complete=lambda: _names(kind),
+        complete=lambda: _titles(kind),
         metavar=one.upper(),
+        kind="name",
     )
 
 
-def _names(*kinds: str) -> list[str]:
+def _titles(*kinds: str) -> dict[str, str]:
+    """Return the titles of catalog entries, keyed by name."""
     from virtual_lab import catalog
 
-    return [name for kind in kinds or catalog.KINDS for name in catalog.names(kind)]
+    every = kinds or catalog.KINDS
+    return {name: catalog.title(kind, name) for kind in every for name in catalog.names(kind)}
 
 
-def _rigs_at_bats() -> list[str]:
-    """Return the names of the installed rigs that fire at bats."""
+def _rigs_at_bats() -> dict[str, str]:
+    """Return the titles of the installed rigs that fire at bats; empty for a rig without sheet."""
     from virtual_lab.simulation.stations.rig import Stage, installed_rigs
 
-    return [name for name, rig in installed_rigs().items() if rig.stage is Stage.IMPACT]
+    titles = _titles("rigs")
+    rigs = installed_rigs().items()
+    return {name: titles.get(name, "") for name, rig in rigs if rig.stage is Stage.IMPACT}
 
 
 def _instrument(value: Any) -> Sheet:
@@ -341,7 +347,7 @@ def _instrument_in_file(text: str) -> Sheet:
         raise InputError(
             "", "instrument", text, "allowed: NAME=FILE, for example pivot-gates=mine.toml"
         )
-    kind = "rigs" if name in _names("rigs") else "instruments"
+    kind = "rigs" if name in _titles("rigs") else "instruments"
     return replacement(Sheet.of(kind, name), Path(path))
 
 
@@ -388,8 +394,9 @@ INSTRUMENT = ParameterRule(
     read=_instrument,
     parse=_instrument_in_file,
     allowed="sheets of instruments: [vl.instrument('pivot-gates').with_(tick='2 us')]",
-    complete=lambda: [f"{name}=" for name in _names("instruments", "rigs")],
+    complete=lambda: {f"{name}=": title for name, title in _titles("instruments", "rigs").items()},
     metavar="NAME=FILE",
+    kind="name",
 )
 # rules of the keys of a campaign's study
 STUDY = {
@@ -402,7 +409,9 @@ STUDY = {
 
 AnyName = Annotated[
     str | Path,
-    ParameterRule(read=read_name, allowed="a name, or a path", complete=_names, metavar="NAME"),
+    ParameterRule(
+        read=read_name, allowed="a name, or a path", complete=_titles, metavar="NAME", kind="name"
+    ),
 ]
 AnyBat = Annotated[AnyEntry, BAT]
 AnyBats = Annotated[AnyEntries, BATS]
@@ -415,7 +424,12 @@ Faults = Annotated[
     str | Sequence[str],
     several(
         ParameterRule(
-            read=read_word, allowed="", complete=lambda: _names("faults"), metavar="FAULT"
+            read=read_word,
+            allowed="",
+            complete=lambda: _titles("faults"),
+            metavar="FAULT",
+            kind="name",
+            closed=True,
         ),
         "names of faults (vl.shelf('faults'))",
     ),
@@ -425,7 +439,7 @@ Instruments = Annotated[
 ]
 AnyStudy = Annotated[
     str | Path | Mapping[str, Any],
-    ParameterRule(read=_study, allowed="a study.toml, its keys and values, or None to resume"),
+    replace(FILE, read=_study, allowed="a study.toml, its keys and values, or None to resume"),
 ]
 
 
@@ -498,7 +512,7 @@ def _setting(value: Any) -> Any:
     if isinstance(value, Sheet):
         if value.origin.endswith(".toml"):
             return f"{value.name}={_unrooted(value.origin)}"
-        has_file = value.name in _names(value.kind) or value.name.endswith(".toml")
+        has_file = value.name in _titles(value.kind) or value.name.endswith(".toml")
         same = has_file and value == Sheet.of(value.kind, value.name)
         return _unrooted(value.name) if same else None
     if isinstance(value, Path) or (isinstance(value, str) and value.endswith(".toml")):

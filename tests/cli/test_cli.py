@@ -439,7 +439,7 @@ def test_daily_prints_its_table_and_writes_its_folder(run: Run, tmp_path: Path) 
         (["fit-bat", "nowhere.toml", "--out", "mine.toml"], "no such file"),
         (["fit-bat", "nowhere.toml", "--out", "mine"], "ends in .toml"),
         (["fit-bat", "r161", "--out", "mine.toml"], "a .toml file"),
-        (["daily", "--days", "3"], "days = 3"),
+        (["daily", "--days", "3"], "'3'; allowed: one whole number from 6 to 10000"),
         (["list", "hats"], "bats"),
         (["dance"], "dance"),
     ],

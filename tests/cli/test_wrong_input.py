@@ -254,7 +254,11 @@ CASES: dict[str, Case] = {
         "reduce r.json",
         ["r.json", "holds no session.json"],
     ),
-    "records for a result": (session(lambda _: None), "score r", ["r/certificate.json"]),
+    "records for a result": (
+        session(lambda _: None),
+        "score r",
+        ["r: folder; is", "result folder (certificate.json)"],
+    ),
     "a board of 400 m": (nothing, "board --board chessboard:14x9:40m --out b", ["0.001 to 1 m"]),
     "a board of 1000 squares": (
         nothing,

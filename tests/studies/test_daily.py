@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import virtual_lab as vl
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec
 from virtual_lab.errors import InputError
@@ -120,12 +121,12 @@ def test_a_calm_laboratory_is_drawn_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"days": 5}, "days = 5; allowed: 6 to"),
+        ({"days": 5}, "days = 5; allowed: one whole number from 6 to"),
         ({"days": 60, "baseline": 60}, "baseline = 60; allowed: 5 to 59, fewer than the days"),
-        ({"hits": 1}, "hits = 1; allowed: 2 to"),
+        ({"hits": 1}, "hits = 1; allowed: one whole number from 2 to"),
         ({"since": 61}, "since = 61; allowed: 1 to 60"),
-        ({"step": -0.1}, "step = -0.1; allowed: 0 to 1"),
-        ({"drift": float("nan")}, "drift = nan; allowed: 0 to 1"),
+        ({"step": -0.1}, "step = -0.1; allowed: a number, at least 0 and below 1"),
+        ({"drift": float("nan")}, "drift = nan; allowed: a number, at least 0"),
         ({"drift": 0.05}, "all 60 days"),
         ({"step": 0.9}, "day = 26; the gates did not detect"),
         ({"ball": "check-bal"}, "did you mean check-ball"),
@@ -133,6 +134,6 @@ def test_a_calm_laboratory_is_drawn_too(tmp_path: Path) -> None:
 )
 def test_impossible_options_are_refused(asked: dict, said: str) -> None:
     with pytest.raises(InputError) as caught:
-        daily(**asked)
+        vl.daily(**asked)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)

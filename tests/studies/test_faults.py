@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import virtual_lab as vl
 from tests.pictures import lines_of
 from virtual_lab import catalog
 from virtual_lab.catalog.faults import FaultSheet, Prediction
@@ -145,7 +146,7 @@ def test_a_prediction_is_one_of_two_kinds() -> None:
 
 
 def test_wrong_options_are_refused() -> None:
-    with pytest.raises(InputError, match="at least 2"):
-        faults(laboratories=1)
+    with pytest.raises(InputError, match="from 2"):
+        vl.faults(laboratories=1)
     with pytest.raises(InputError, match="did you mean gate-moved"):
         faults(("gate-move",), laboratories=2)

@@ -172,8 +172,8 @@ def test_picture_and_table(plans, tmp_path):
     ("changes", "message"),
     [
         ({"target_u": 0}, "target_u = 0"),
-        ({"target_u": np.inf}, "target_u = inf; allowed: more than 0, finite"),
-        ({"laboratories": 99}, "laboratories = 99; allowed: at least 100"),
+        ({"target_u": np.inf}, "target_u = inf; allowed: a number, more than 0, finite"),
+        ({"laboratories": 99}, "laboratories = 99; allowed: one whole number from 100"),
         ({"bat": "no-such-bat"}, "bat = .no-such-bat"),
     ],
 )

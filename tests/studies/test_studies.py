@@ -7,6 +7,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
+import virtual_lab as vl
 from tests.studies.effects import effects
 from virtual_lab import catalog
 from virtual_lab.errors import InputError
@@ -141,5 +142,5 @@ def test_a_known_error_is_scored_in_units_of_u() -> None:
 
 
 def test_one_laboratory_is_too_few_for_coverage() -> None:
-    with pytest.raises(InputError, match="at least 2"):
-        coverage("r161", laboratories=1)
+    with pytest.raises(InputError, match="from 2"):
+        vl.coverage("r161", laboratories=1)

@@ -138,7 +138,7 @@ def test_folders_that_state_no_day_are_refused_in_one_line(tmp_path: Path) -> No
     pack(replace(session, records=records)).write(tmp_path / "records")
     with pytest.raises(InputError, match=r"repeats = 1; needs at least 2 readings"):
         vl.twin(tmp_path, progress=quiet)
-    with pytest.raises(InputError, match="days = 10; allowed: at least 100"):
+    with pytest.raises(InputError, match="days = 10; allowed: one whole number from 100"):
         vl.twin(FOREIGN, days=10, progress=quiet)
     with pytest.raises(InputError, match="full_days = 200; allowed: 0, or at least 250"):
         vl.twin(FOREIGN, full_days=200, progress=quiet)

@@ -100,10 +100,10 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
 
 
 def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
-    page = finish(visitor, "plan", [("procedure", "bbcor"), ("target_u", "-1")])
-    assert "cannot be used: allowed: more than 0" in page.words
-    again = visitor.ask("/form/plan?run=1").text
-    assert "f-target_u-fault" in again
+    page = finish(visitor, "daily", [("days", "10"), ("baseline", "10")])
+    assert "cannot be used: allowed: 5 to 9" in page.words
+    again = visitor.ask("/form/daily?run=1").text
+    assert "f-baseline-fault" in again
     assert "1 more" in visitor.ask("/").words
 
 

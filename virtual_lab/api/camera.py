@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.api.clip_statements import (
+    AnyClip,
     BallOrDiameter,
     BallPosition,
     Duration,
@@ -38,13 +39,13 @@ from virtual_lab.parameters import (
     PictureName,
     PicturePaths,
     Seed,
+    Views,
     paths_of,
 )
 from virtual_lab.sheets import AnyCamera, entry_name
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import NDArray
 
     from virtual_lab.output.page_figure import PageFigure
     from virtual_lab.video.calibration.calibrating import Calibrated
@@ -154,7 +155,7 @@ class Track:
 
 
 def track(
-    clip: str | Path | NDArray[Any],
+    clip: AnyClip,
     *,
     ball: BallOrDiameter | None = None,
     mass: StatedMass | None = None,
@@ -259,9 +260,6 @@ def track(
     from virtual_lab.video.follow.knowledge import STATED_LEVEL_U
     from virtual_lab.video.show.tracked_clip import track_clip
 
-    if not isinstance(clip, str | Path | np.ndarray):
-        allowed = "expected a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps="
-        raise InputError("", "clip", type(clip).__name__, allowed)
     if readout and global_shutter:
         raise InputError(
             "", "--readout", readout, "a global shutter has no readout time; leave one out"
@@ -430,7 +428,7 @@ def board(
     *,
     board: BoardText,
     camera: AnyCamera = "camera-overhead",
-    views: int = 10,
+    views: Views = 10,
     seed: Seed | None = None,
 ) -> Path:
     """Write simulated pictures of a calibration board to a new folder, to try ``calibrate``.
@@ -455,8 +453,7 @@ def board(
     Raises
     ------
     InputError
-        The board or the camera is not valid, the folder is not empty or cannot be written, or there
-        are too few or too many pictures.
+        The board or the camera is not valid, or the folder is not empty or cannot be written.
     """
     from virtual_lab.lab.boards import film_board
     from virtual_lab.relations.board import board_of

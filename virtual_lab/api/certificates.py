@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.errors import IncompleteError, InputError, without_if_it_fails
+from virtual_lab.files.folders import NewFolder, RecordsFolder, ResultFolder, ResultFolders
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.parameters import (
     AnyLaboratory,
     AnyParticulars,
     File,
     Folder,
-    Folders,
     MotionName,
     Paper,
     Positive,
@@ -323,11 +323,11 @@ def certify(
     control_bat: AnyBat | None = None,
     film: bool = False,
     laboratory: AnyParticulars | None = None,
-    replaces: Folder | None = None,
+    replaces: ResultFolder | None = None,
     reason: str = "",
     test: int | None = None,
     lot: int | None = None,
-    history: Folders = (),
+    history: ResultFolders = (),
     uncertainty: Propagation = "first-order",
     progress: Progress = quiet,
 ) -> Certificate:
@@ -474,7 +474,7 @@ def _certificate(tested: BatTest, seed: int | None) -> Certificate:
     )
 
 
-def load_folder(folder: Folder) -> Certificate:
+def load_folder(folder: ResultFolder) -> Certificate:
     """Return the certificate of a result folder, with shots, budget and figure.
 
     The records are reduced again. The sealed truth is not opened. To compare the certificate with
@@ -499,11 +499,11 @@ def load_folder(folder: Folder) -> Certificate:
 
 
 def reduce(
-    records: Folder,
+    records: RecordsFolder,
     *,
-    replaces: Folder | None = None,
+    replaces: ResultFolder | None = None,
     reason: str = "",
-    history: Folders = (),
+    history: ResultFolders = (),
 ) -> Certificate:
     """Return the certificate computed from a folder of raw records.
 
@@ -556,7 +556,7 @@ def reduce(
     return Certificate(certification=certify_folder(Path(records), with_options))
 
 
-def compare_with_truth(folder: Folder, *, progress: Progress = quiet) -> CertificateScore:
+def compare_with_truth(folder: ResultFolder, *, progress: Progress = quiet) -> CertificateScore:
     """Play a test again from its truth, and compare its certificate with the true values.
 
     The exit code of the command is 3 if files were changed since the test, if the folder
@@ -586,11 +586,11 @@ def sweep(
     bats: AnyBats,
     *more: AnyBat,
     procedures: AnyProcedures = ("astm-f1881",),
-    laboratories: int = 100,
+    laboratories: Positive = 100,
     seed: Seed = 1,
     individual: bool = False,
     workers: Positive = 1,
-    certificates: Folder | None = None,
+    certificates: NewFolder | None = None,
     traces: bool = False,
     truth: bool = True,
     laboratory: AnyLaboratory | None = None,

@@ -8,11 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from math import hypot
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from virtual_lab.parameters import ParameterRule, between, read_word
+from virtual_lab.parameters import FILE, ParameterRule, read_word, real_number
 from virtual_lab.sheets import AnyEntry, Sheet, entry_name, entry_rule
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 LARGEST_BALL, LARGEST_SCALE = 1.0, 1000.0  # largest allowed diameter and distance [m]
 CLICK_U = 1.0  # u of a point that a person gives [pixels]
@@ -193,6 +198,17 @@ def _ball(value: Any) -> str | Sheet:
     return entry
 
 
+def _clip(value: Any) -> Any:
+    """Return a path, or an array unchanged."""
+    if isinstance(value, str | Path):
+        return Path(value)
+    import numpy as np
+
+    if not isinstance(value, np.ndarray):
+        raise TypeError(value)
+    return value
+
+
 KIND = entry_rule("balls")
 BallOrDiameter = Annotated[
     AnyEntry,
@@ -201,6 +217,7 @@ BallOrDiameter = Annotated[
         allowed=f"a diameter with its unit, e.g. '73mm±0.5mm', or {KIND.allowed}",
         complete=KIND.complete,
         metavar="BALL|DIAMETER",
+        kind="name",
     ),
 ]
 StatedMass = Annotated[str, _text(read_mass, "a mass with its unit, e.g. '145g'", "MASS")]
@@ -225,6 +242,19 @@ PictureScale = Annotated[
         "X,Y:X,Y=LENGTH",
     ),
 ]
-FrameRate = Annotated[float, between(1, 1e7, "1 to 1e7 frames per second, e.g. 240")]
-StatedGravity = Annotated[float, between(0.1, 100, "0.1 to 100 m/s², e.g. 9.81")]
+FrameRate = Annotated[
+    float, real_number("1 to 1e7 frames per second, e.g. 240", lambda rate: 1 <= rate <= 1e7, "1/s")
+]
+StatedGravity = Annotated[
+    float, real_number("0.1 to 100 m/s², e.g. 9.81", lambda gravity: 0.1 <= gravity <= 100, "m/s²")
+]
+AnyClip = Annotated[
+    "str | Path | NDArray[Any]",
+    replace(
+        FILE,
+        read=_clip,
+        allowed="a path, or a numpy array (frame, row, column) of 8 or 16 bits with fps=",
+        kind="clip",
+    ),
+]
 StatedRuler = Literal["gravity", "ball"]

@@ -28,7 +28,12 @@ from virtual_lab.parameters import (
 )
 
 # modules that define types of parameters, and load fast
-TYPES = ("virtual_lab.parameters", "virtual_lab.sheets", "virtual_lab.api.clip_statements")
+TYPES = (
+    "virtual_lab.parameters",
+    "virtual_lab.files.folders",
+    "virtual_lab.sheets",
+    "virtual_lab.api.clip_statements",
+)
 CALLED = ParameterRule(read=read_callable, allowed="a function that is called with a sentence")
 BY_NAME = {kind.__name__: rule for kind, rule in PLAIN.items()} | {"Progress": CALLED}
 
@@ -57,6 +62,12 @@ class ParameterDescription:
     default: Any  # REQUIRED, a literal, or `Unread`
     keyword: bool
     words: str
+
+    @property
+    def unit(self) -> str:
+        """The unit of the numbers: of the type, or in brackets in the description."""
+        stated = re.search(r"\[([^\[\] ]+)\]", self.words)
+        return self.rule.unit or (stated[1] if stated and self.rule.kind == "number" else "")
 
     @property
     def signed(self) -> inspect.Parameter:

@@ -84,8 +84,6 @@ def campaign(
     """
     folder = Path(folder)
     parquet()  # raises an error if the extra is missing
-    if workers < 1:
-        raise InputError("", "workers", workers, "allowed: at least 1")
     read_share(blocks)  # before the folder is made
     if dask is not None:
         threads_at(dask)

@@ -50,12 +50,13 @@ from virtual_lab.certificate.signing import SIGNATURE, SUMS, compared_sums, sign
 from virtual_lab.certificate.tables import shots_as_columns
 from virtual_lab.errors import InputError
 from virtual_lab.files import contents, litter, read_bytes, read_json, read_toml
+from virtual_lab.files.folders import ResultFolder
 from virtual_lab.files.tables import csv_text
 from virtual_lab.measurement.certification import Certification, certify_session
 from virtual_lab.measurement.procedure.model import CONTROL as RATIO
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import table_text
-from virtual_lab.parameters import SETTINGS, File, Folder
+from virtual_lab.parameters import SETTINGS, File
 from virtual_lab.records.origin import DAY_FILES, REHEARSAL, Simulated
 from virtual_lab.records.packages import CRATE, PACKAGE
 from virtual_lab.records.session import SESSION, digest_of_text, load_session
@@ -168,7 +169,7 @@ def listed_rows(rows: Sequence[Mismatch]) -> list[str]:
     ]
 
 
-def verify(folder: Folder, *, key: File | None = None) -> Verification:
+def verify(folder: ResultFolder, *, key: File | None = None) -> Verification:
     """Check a result folder: reduce its records again, and list the differences.
 
     The certificate and the other files are compared too. Of the truth, only the digest is compared.

@@ -49,17 +49,21 @@ class RuleType(click.ParamType):  # type: ignore[type-arg]  # generic from click
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str | None:
         """Return the placeholder of a value in the help; None for the name of the argument."""
         word = self.rule.metavar
-        general = word in GENERAL or word.startswith("[")
+        general = word in GENERAL or self.rule.kind == "choice"
         return None if isinstance(param, click.Argument) and general else word
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Complete the names or words that the rule knows."""
-        if self.rule.metavar in ("FILE", "FOLDER"):
-            return [CompletionItem(incomplete, type="file" if self.name == "FILE" else "dir")]
+        if self.rule.kind in ("file", "clip", "folder"):
+            return [
+                CompletionItem(incomplete, type="dir" if self.rule.kind == "folder" else "file")
+            ]
         return [
-            CompletionItem(word) for word in self.rule.complete() if word.startswith(incomplete)
+            CompletionItem(word, help=title or None)
+            for word, title in self.rule.complete().items()
+            if word.startswith(incomplete)
         ]
 
 
@@ -196,7 +200,7 @@ def _parameter(each: ParameterDescription, command: Command) -> click.Parameter:
         return click.Argument([each.name], type=RuleType(rule), nargs=nargs, required=required)
     name = each.name.removesuffix("s") if each.rule.several else each.name
     form, words = f"--{name.replace('_', '-')}", help_text(each)
-    if rule.flag:
+    if rule.kind == "flag":
         forms = f"{form}/--no-{form.removeprefix('--')}"
         return Flag([forms, each.name], default=bool(each.default), help=words)
     written = each.name not in command.parameters  # a folder or file of the result
@@ -247,12 +251,13 @@ def help_text(each: ParameterDescription) -> str:
     words = for_shell(each.words.split("\n\n")[0])
     if each.rule.several and each.keyword:
         words = f"{words} May be given several times."
-    if not each.keyword and each.rule.metavar.startswith("["):
+    if not each.keyword and each.rule.kind == "choice":
         words = f"{words}  {each.rule.metavar}"
-    if each.rule.flag or each.default in (REQUIRED, None, (), ""):
-        return words
-    values = each.default if isinstance(each.default, tuple) else (each.default,)
-    return f"{words}  [default: {', '.join(map(str, values))}]"
+    notes = [each.rule.limits] if each.rule.limits and each.rule.limits not in words else []
+    if each.rule.kind != "flag" and each.default not in (REQUIRED, None, (), ""):
+        values = each.default if isinstance(each.default, tuple) else (each.default,)
+        notes.append(f"default: {', '.join(map(str, values))}")
+    return f"{words}  [{'; '.join(notes)}]" if notes else words
 
 
 def for_shell(words: str) -> str:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 from virtual_lab import api
+from virtual_lab.files.folders import CampaignFolder
 from virtual_lab.output.progress import Progress, quiet
-from virtual_lab.parameters import Folder
 
 
-def check(folder: Folder, *, progress: Progress = quiet) -> Any:
+def check(folder: CampaignFolder, *, progress: Progress = quiet) -> Any:
     """List damaged and missing parts of the campaign in FOLDER (exit code 4 if there are any)."""
     return api.Campaign.open(folder).check(progress)
 
 
-def summary(folder: Folder) -> Any:
+def summary(folder: CampaignFolder) -> Any:
     """Show verdicts, means, errors and coverage of the tests in FOLDER.
 
     The table has one row per combination of bat, procedure and changed settings.

@@ -28,7 +28,7 @@ def shell_words(call: Call) -> list[str]:
         if key not in places:
             rule = command.fields[key].rule
             option = (key.removesuffix("s") if rule.several else key).replace("_", "-")
-            if rule.flag:
+            if rule.kind == "flag":
                 options.append(f"--{option}" if value else f"--no-{option}")
             else:
                 options += [each for word in _words(value) for each in (f"--{option}", word)]

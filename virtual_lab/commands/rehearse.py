@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.commands.output import Answer
+from virtual_lab.files.folders import DayFolder, NewFolder
 from virtual_lab.parameters import (
     OUT,
     AnyLaboratory,
@@ -173,7 +174,7 @@ def summary(folder: Folder) -> StudyResult:
     return run(Path(folder))
 
 
-def branch(day: Folder, entry: int, folder: Folder) -> Answer:
+def branch(day: DayFolder, entry: int, folder: NewFolder) -> Answer:
     """Start a new day in FOLDER with the first entries of DAY, for practice.
 
     DAY is a day that was handed in. The entries of its log are copied up to number ENTRY, counted

@@ -7,7 +7,6 @@ from pathlib import Path
 from secrets import randbits
 
 from virtual_lab import catalog
-from virtual_lab.errors import InputError
 from virtual_lab.files import new_folder
 from virtual_lab.relations.board import Board
 from virtual_lab.simulation.instruments.camera.camera import Camera
@@ -41,13 +40,11 @@ def film_board(
     Raises
     ------
     InputError
-        The camera is unknown, or the seed is not between 0 and 2^128 - 1. There are too few or too
-        many pictures. The folder is not empty or cannot be written.
+        The camera is unknown, or the seed is not between 0 and 2^128 - 1. The folder is not empty
+        or cannot be written.
     """
     import cv2
 
-    if not 3 <= views <= 60:
-        raise InputError("", "views", views, "allowed: 3 to 60")
     spec = catalog.load("instruments", camera, CameraSpec).spec
     seed = randbits(SEED_BITS) if seed is None else seed
     draws = Streams(seed)

@@ -23,7 +23,6 @@ import numpy as np
 from virtual_lab import catalog
 from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.specs import BallSpec, BatSpec
-from virtual_lab.errors import InputError
 from virtual_lab.lab.bat_test import BatTest, BlockTest
 from virtual_lab.lab.certify import certify_block
 from virtual_lab.lab.fitting import nominal_positions
@@ -136,10 +135,8 @@ class RoundRobin:
         """Yield the result of the function `take` for each block, in the order of the blocks.
 
         `take` must be a module-level function. `processes` processes of this computer share the
-        blocks. Raises `InputError` in the same cases as `blocks`, and if `processes` is below 1.
+        blocks. Raises `InputError` in the same cases as `blocks`.
         """
-        if processes < 1:
-            raise InputError("", "workers", processes, "allowed: at least 1")
         if processes == 1:
             yield from map(take, self.blocks(laboratories, seed))
             return

@@ -62,15 +62,13 @@ class TestSetup:
     varied: tuple[str, ...] | None = None
 
     def require_seeded(self) -> None:
-        """Raise `InputError` for a numbered test or lot without a seed, or a negative lot."""
+        """Raise `InputError` for a numbered test or lot without a seed."""
         for key, value in (("test", self.test), ("lot", self.lot)):
             if value is not None and self.seed is None:
                 allowed = (
                     "allowed only with a seed: it is a number within one laboratory of the seed"
                 )
                 raise InputError("", key, value, allowed)
-        if self.lot is not None and self.lot < 0:
-            raise InputError("", "lot", self.lot, "allowed: 0 and more")
 
     @classmethod
     def of(

@@ -89,9 +89,9 @@ def given(command: Command, form: Mapping[str, Sequence[str]]) -> dict[str, Any]
         entered = [text.strip() for text in form.get(key, ()) if text.strip()]
         if not has_control(command, key):
             continue
-        if each.rule.flag:
+        if each.rule.kind == "flag":
             values[key] = bool(entered)
-        elif each.rule.several and each.rule.metavar == "NUMBER":
+        elif each.rule.several and each.rule.kind == "number":
             values[key] = [word for text in entered for word in text.replace(",", " ").split()]
         else:
             values[key] = entered if each.rule.several else "".join(entered[-1:])
@@ -107,9 +107,9 @@ def _kind(
     rule, key, several = each.rule.several or each.rule, each.name, each.rule.several is not None
     shelf, word, choices = f"{rule.metavar.lower()}s", rule.metavar, list[tuple[str, str]]()
     kind = "choices" if several else "choice"
-    if rule.flag or (command.name, key) in NEW:
+    if rule.kind == "flag" or (command.name, key) in NEW:
         kind = "flag"
-    elif word.startswith("["):
+    elif rule.kind == "choice":
         choices = [(name, name) for name in rule.complete()]
     elif shelf in catalog.KINDS:
         choices = [*_entries(shelf, tuple(rule.complete())), *_files(folder, ".toml")]
@@ -121,7 +121,7 @@ def _kind(
         endings = WORDS["endings"].get(key, (".toml",))
         choices = [] if word == "FOLDER" else [*_files(folder, *endings)]
         choices += folders(folder, marks) if word == "FOLDER" or key in near else ()
-    elif word == "NUMBER":
+    elif rule.kind == "number":
         kind = "numbers" if several else "number"
     else:
         kind = "text"

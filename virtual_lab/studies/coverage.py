@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, Laboratory, RoundRobin
 from virtual_lab.lab.measurand import STANDARD_BALL, true_curve
 from virtual_lab.measurement.procedure import variances_within
@@ -28,7 +27,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import AnyLaboratory, Positive, Seed
+from virtual_lab.parameters import AnyLaboratory, Positive, Seed, TwoOrMore
 from virtual_lab.records import AimMarks
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.streams import Streams
@@ -155,7 +154,7 @@ def coverage(
     bat: AnyBat = "r161",
     *,
     procedure: AnyProcedure = "astm-f1881",
-    laboratories: int = 1000,
+    laboratories: TwoOrMore = 1000,
     seed: Seed = 1,
     summed: bool = False,
     individual: bool = False,
@@ -213,7 +212,7 @@ def coverage(
     Raises
     ------
     InputError
-        A name is unknown, or there are fewer than 2 laboratories.
+        A name is unknown.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
     round_robin = RoundRobin.of(bat, procedure, summed=summed, individual=individual)
@@ -252,10 +251,8 @@ def each_laboratory(
     Raises
     ------
     InputError
-        A number is too small, or a laboratory cannot be simulated.
+        A laboratory cannot be simulated.
     """
-    if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     finished = 0
     counting = partial(_counting, take=take)
     for count, part in round_robin.each_block(counting, laboratories, seed, workers):

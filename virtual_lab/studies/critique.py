@@ -20,14 +20,19 @@ from scipy.special import ndtr
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import Sport
-from virtual_lab.errors import InputError
 from virtual_lab.lab import BlockTest, RoundRobin, TestSetup, certify_block
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import inline, number, record, table_text
-from virtual_lab.parameters import AnyLaboratory, Numbers, Seed, values_of
+from virtual_lab.parameters import (
+    AnyLaboratory,
+    Seed,
+    SwingExponents,
+    TwoOrMore,
+    values_of,
+)
 from virtual_lab.sheets import (
     AnyBall,
     AnyBat,
@@ -216,9 +221,9 @@ def critique(
     bats: AnyBats,
     *more: AnyBat,
     procedures: AnyProcedures = (),
-    swings: Numbers = (),
+    swings: SwingExponents = (),
     ball: AnyBall | None = None,
-    laboratories: int = 500,
+    laboratories: TwoOrMore = 500,
     seed: Seed = 1,
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
@@ -267,13 +272,10 @@ def critique(
     Raises
     ------
     InputError
-        There are fewer than 2 laboratories, two procedures have the same name, or a name, number or
-        file cannot be used.
+        Two procedures have the same name, or a name, number or file cannot be used.
     """
     bats, procedures = entry_names(bats) + entry_names(more), entry_names(procedures)
     ball = None if ball is None else entry_name(ball)
-    if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     exponents = tuple(dict.fromkeys(values_of(swings) or (0.0, 0.3, 0.5)))
     compared = compare(bats, swings=exponents, ball=ball)
     top = [row.peaks["peak_batted_speed_mph"] for row in compared.peaks]  # (bat, n)

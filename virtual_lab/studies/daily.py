@@ -26,7 +26,15 @@ from virtual_lab.measurement.reduction.shot_algebra import measured_balls
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
-from virtual_lab.parameters import AnyLaboratory, Seed
+from virtual_lab.parameters import (
+    AnyLaboratory,
+    BaselineDays,
+    CheckDays,
+    CheckHits,
+    LostShare,
+    Positive,
+    Seed,
+)
 from virtual_lab.records import GateRecord
 from virtual_lab.sheets import AnyBall, Faults, Instruments, entry_name, words_of
 from virtual_lab.simulation.collision.ladder import Ladder, probing_scenes
@@ -80,7 +88,7 @@ class Daily(StudyResult):
     ball: str
     hits: int
     faults: tuple[str, ...]  # faults of the impact rig
-    since: int | None  # first day of the change of wall or rig; None without a change
+    since: Positive | None  # first day of the change of wall or rig; None without a change
     values: Array  # mean measured e0 of the check ball
     scatter: Array  # standard deviation of e0 over the hits of the day
     wall: Array  # true rebound speed divided by that from a rigid wall
@@ -181,13 +189,13 @@ class Daily(StudyResult):
 def daily(
     *,
     ball: AnyBall = "check-ball",
-    days: int = 60,
-    baseline: int = 25,
-    hits: int = 10,
-    drift: float = 0.0,
-    step: float = 0.0,
+    days: CheckDays = 60,
+    baseline: BaselineDays = 25,
+    hits: CheckHits = 10,
+    drift: LostShare = 0.0,
+    step: LostShare = 0.0,
     faults: Faults = (),
-    since: int | None = None,
+    since: Positive | None = None,
     seed: Seed = 1,
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
@@ -241,13 +249,11 @@ def daily(
         cylinder.
     """
     ball, faults = entry_name(ball), words_of(faults)
-    _check_counts(days, baseline, hits)
+    if baseline >= days:
+        raise InputError("", "baseline", baseline, f"allowed: 5 to {days - 1}, fewer than the days")
     begin = baseline + 1 if since is None else since
-    if not 1 <= begin <= days:
+    if begin > days:
         raise InputError("", "since", begin, f"allowed: 1 to {days}, the last day")
-    for name, value in (("step", step), ("drift", drift)):
-        if not 0 <= value < 1:
-            raise InputError("", name, value, "allowed: 0 to 1, as a share of the rebound speed")
     days_since = np.maximum(np.arange(1, days + 1) - begin + 1, 0)
     wall = 1 - step * (days_since > 0) - drift * days_since
     if not wall[-1] > 0:
@@ -305,17 +311,6 @@ def _alarms(standard: str, charted: DayCharts, since: int | None) -> list[AlarmC
             )
         )
     return rows
-
-
-def _check_counts(days: int, baseline: int, hits: int) -> None:
-    for name, value, low, high in (
-        ("days", days, 6, 10_000),
-        ("baseline", baseline, 5, days - 1),
-        ("hits", hits, 2, 1000),
-    ):
-        if not low <= value <= high:
-            most = f"{high}, fewer than the days" if name == "baseline" else f"{high}"
-            raise InputError("", name, value, f"allowed: {low} to {most}")
 
 
 def _daily_checks(spec: BallSpec, wall: Array, hits: int, seed: int) -> Array:

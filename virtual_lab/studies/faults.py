@@ -26,7 +26,7 @@ from virtual_lab.output.metrics import METRICS
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.tables import column
-from virtual_lab.parameters import AnyLaboratory, Seed
+from virtual_lab.parameters import AnyLaboratory, Seed, TwoOrMore
 from virtual_lab.sheets import (
     AnyBat,
     AnyProcedures,
@@ -158,7 +158,7 @@ def faults(
     *,
     bat: AnyBat = "r161",
     procedures: AnyProcedures = (),
-    laboratories: int = 60,
+    laboratories: TwoOrMore = 60,
     seed: Seed = 1,
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
@@ -205,12 +205,9 @@ def faults(
     Raises
     ------
     InputError
-        A name is unknown, there are fewer than 2 laboratories, or a procedure or fault has no
-        prediction.
+        A name is unknown, or a procedure or fault has no prediction.
     """
     names, bat, procedures = words_of(names), entry_name(bat), entry_names(procedures)
-    if laboratories < 2:
-        raise InputError("", "laboratories", laboratories, "allowed: at least 2")
     sheets = [
         catalog.load("faults", name, FaultSheet).spec for name in names or catalog.names("faults")
     ]

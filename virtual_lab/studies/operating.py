@@ -27,7 +27,7 @@ from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import INTERVAL_GREY, as_drawn, page_figure
 from virtual_lab.output.tables import column, table_text
-from virtual_lab.parameters import AnyLaboratory, Numbers, Seed, values_of
+from virtual_lab.parameters import AnyLaboratory, Numbers, Positive, Seed, values_of
 from virtual_lab.sheets import AnyBat, AnyProcedures, Instruments, entry_name, entry_names
 from virtual_lab.uncertainty.estimate import share_interval
 from virtual_lab.units import Array, Mask
@@ -122,7 +122,7 @@ def operating(
     *,
     procedures: AnyProcedures = ("astm-f1881",),
     true: Numbers = (),
-    laboratories: int = 1000,
+    laboratories: Positive = 1000,
     seed: Seed = 1,
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),
@@ -173,11 +173,9 @@ def operating(
     Raises
     ------
     InputError
-        A name is unknown, a procedure has no limit, or `laboratories` is 0.
+        A name is unknown, or a procedure has no limit.
     """
     bat, procedures, true = entry_name(bat), entry_names(procedures), values_of(true)
-    if laboratories < 1:
-        raise InputError("", "laboratories", laboratories, "allowed: at least 1")
     rows: list[OperatingPoint] = []
     limits: dict[str, float] = {}
     acceptance_limits: dict[str, tuple[float, float]] = {}

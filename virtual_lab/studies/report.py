@@ -13,6 +13,7 @@ from virtual_lab.certificate.chain import result_folders
 from virtual_lab.certificate.document import CertificateDocument, read_document
 from virtual_lab.certificate.pdf import PAPERS, require_paper, require_pdf, typeset
 from virtual_lab.errors import InputError, of_extra
+from virtual_lab.files.folders import ResultFolders
 from virtual_lab.files.tables import write_csv
 from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.metrics import METRICS
@@ -21,7 +22,7 @@ from virtual_lab.output.rounding import decimals, digits
 from virtual_lab.output.svg import DASHED, PAGE_WIDTH, Panel, description_of, figure
 from virtual_lab.output.tables import column, record, table_text
 from virtual_lab.output.template import page_template
-from virtual_lab.parameters import Folders, Paper, paths_of
+from virtual_lab.parameters import Paper, paths_of
 from virtual_lab.studies.interlab.expected import expected_scatter
 
 if TYPE_CHECKING:
@@ -293,7 +294,7 @@ class CertificateReport(StudyResult):
         return typeset(typst, source, view, {"paper": PAPERS[self.paper]}, ["ua-1"])
 
 
-def report(folders: Folders, *, pdf: bool = False, paper: Paper = "a4") -> CertificateReport:
+def report(folders: ResultFolders, *, pdf: bool = False, paper: Paper = "a4") -> CertificateReport:
     """Compare the certificates in result folders.
 
     The certificates must differ in only one way: several bats, several procedures, several

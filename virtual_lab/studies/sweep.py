@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab import catalog
-from virtual_lab.errors import InputError
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.lab import BatTest, BlockTest, RoundRobin
 from virtual_lab.measurement.procedure import Procedure
@@ -68,13 +67,10 @@ def sweep_tests(
     Raises
     ------
     InputError
-        A name is unknown, two bats or two procedures have the same name, a file cannot be used, or
-        `laboratories` or `workers` is below 1.
+        A name is unknown, two bats or two procedures have the same name, or a file cannot be used.
     """
     import pandas as pd
 
-    if laboratories < 1:
-        raise InputError("", "laboratories", laboratories, "allowed: at least 1")
     catalog.require_own_names("bats", [catalog.load_bat(each).spec.name for each in bats])
     rules = [catalog.load("procedures", each, Procedure).spec.name for each in procedures]
     catalog.require_own_names("procedures", rules)

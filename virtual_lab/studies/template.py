@@ -15,9 +15,9 @@ from typing import get_args
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import CHECK_STANDARD, Construction
 from virtual_lab.files import check_new_folder, new_files, new_folder
+from virtual_lab.files.folders import NewFolder
 from virtual_lab.measurement.procedure import Procedure
 from virtual_lab.measurement.reduction.air import DENSITY, LOGGER
-from virtual_lab.parameters import Folder
 from virtual_lab.records import (
     REFERENCE_MASS,
     Record,
@@ -50,7 +50,7 @@ MEASURED = {  # quantities read in channels of the bench
 }
 
 
-def template(procedure: AnyProcedure, folder: Folder) -> Path:
+def template(procedure: AnyProcedure, folder: NewFolder) -> Path:
     """Write empty record forms of a procedure into a new folder, for another laboratory.
 
     If `procedure` is ``laboratory``, only a template for the file of particulars (laboratory,

@@ -15,7 +15,7 @@ from virtual_lab.errors import InputError
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.tables import record
-from virtual_lab.parameters import AnyLaboratory, Numbers, values_of
+from virtual_lab.parameters import AnyLaboratory, SwingExponents, values_of
 from virtual_lab.sheets import (
     AnyBall,
     AnyBat,
@@ -146,7 +146,7 @@ class BatComparison(StudyResult):
 def profile(
     bats: AnyBats,
     *more: AnyBat,
-    swings: Numbers = (),
+    swings: SwingExponents = (),
     ball: AnyBall | None = None,
     laboratory: AnyLaboratory | None = None,
     instruments: Instruments = (),

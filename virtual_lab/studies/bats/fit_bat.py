@@ -22,7 +22,7 @@ from virtual_lab.output.intervals import Interval, draw_intervals
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
-from virtual_lab.parameters import File, Seed
+from virtual_lab.parameters import File, Seed, TwoOrMore
 from virtual_lab.relations.peaks import peak
 from virtual_lab.simulation.collision.modal import ModalModel
 from virtual_lab.simulation.collision.scene import Scenes
@@ -178,7 +178,7 @@ class FittedBat(StudyResult):
 def fit_bat(
     path: File,
     *,
-    members: int = 12,
+    members: TwoOrMore = 12,
     seed: Seed = 1,
     progress: Progress = quiet,
 ) -> FittedBat:
@@ -207,8 +207,6 @@ def fit_bat(
     path = str(path)
     if not path.endswith(".toml"):
         raise InputError("", "measurements", path, "allowed: a .toml file")
-    if members < 2:
-        raise InputError("", "members", members, "allowed: at least 2")
     measured = catalog.load("bats", path, BatMeasurements).spec
     template = TEMPLATES[measured.template]
     require_plausible_hoop(measured)

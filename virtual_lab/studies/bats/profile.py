@@ -15,7 +15,6 @@ from annotated_types import Gt
 
 from virtual_lab import catalog
 from virtual_lab.catalog.specs import BallSpec, BatBody, BatSpec, Dimension, Spec
-from virtual_lab.errors import InputError
 from virtual_lab.files.dictionary import with_units
 from virtual_lab.measurement.reduction.kinematics import (
     bat_performance_factor,
@@ -193,13 +192,10 @@ def profiles(
     Raises
     ------
     InputError
-        A bat or ball is unknown, a file cannot be used, or an exponent is outside 0 to 0.5.
+        A bat or ball is unknown, or a file cannot be used.
     """
     import pandas as pd
 
-    for swing in swings:
-        if swing is not None and not 0 <= swing <= 0.5:
-            raise InputError("", "swing", swing, "allowed: 0 to 0.5")
     game = catalog.load("conditions", CONDITIONS, GameConditions).spec
     spec = catalog.load_bat(bat).spec
     ball = game.ball_of(spec) if ball is None else ball

@@ -13,10 +13,11 @@ from typing import Any
 from virtual_lab import catalog
 from virtual_lab.catalog.reading import Key
 from virtual_lab.files import parse_toml
+from virtual_lab.files.folders import TestFolders
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
-from virtual_lab.parameters import Folders, paths_of
+from virtual_lab.parameters import paths_of
 from virtual_lab.records.particulars import NOTHING_STATED, PARTICULARS, Particulars
 from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
@@ -120,7 +121,7 @@ class OwnLaboratory(StudyResult):
             (folder / PARTICULARS).write_text(text, encoding="utf-8")
 
 
-def laboratory(folders: Folders) -> OwnLaboratory:
+def laboratory(folders: TestFolders) -> OwnLaboratory:
     """Make the data sheets of a laboratory from its records: its instruments and rigs.
 
     The sheets state the values and standard uncertainties of the certificates in the records, and

@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from virtual_lab import catalog
-from virtual_lab.errors import InputError
+from virtual_lab.files.folders import ResultFolders
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Rows
 from virtual_lab.output.style import as_drawn, page_figure
-from virtual_lab.parameters import AnyLaboratory, File, Folders, Positive, Seed, paths_of
+from virtual_lab.parameters import (
+    AboveZero,
+    AnyLaboratory,
+    File,
+    HundredOrMore,
+    Positive,
+    Seed,
+    paths_of,
+)
 from virtual_lab.sheets import AnyBat, AnyProcedure, Instruments, entry_name
 from virtual_lab.studies.plan.choosing import Index, cheapest_single_change
 from virtual_lab.studies.plan.history import balls_of, read_history
@@ -77,11 +84,11 @@ class LaboratoryPlans(Rows[PlanRow]):
 def plan(
     procedure: AnyProcedure,
     *,
-    target_u: float,
+    target_u: AboveZero,
     bat: AnyBat = "r161",
     prices: File | None = None,
-    history: Folders = (),
-    laboratories: int = 1000,
+    history: ResultFolders = (),
+    laboratories: HundredOrMore = 1000,
     seed: Seed = 1,
     workers: Positive = 1,
     laboratory: AnyLaboratory | None = None,
@@ -161,16 +168,12 @@ def plan(
     Raises
     ------
     InputError
-        A name is unknown, or a number is out of range. No test of the present laboratory has a
+        A name is unknown. No test of the present laboratory has a
         result, or its laboratories cannot be simulated side by side. The file of prices has an
         unknown or missing key, an unknown instrument, two currencies, or a sheet that cannot be
         read. The history has fewer than three days, another metric, or days that differ.
     """
     bat, procedure = entry_name(bat), entry_name(procedure)
-    if not 0 < target_u < inf:
-        raise InputError("", "target_u", target_u, "allowed: more than 0, finite")
-    if laboratories < 100:
-        raise InputError("", "laboratories", laboratories, "allowed: at least 100")
     setup = TestSetup.of(bat, procedure=procedure)
     rigs = setup.rigs.values()
     offers, priced = better_instruments(rigs), None

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from virtual_lab.errors import InputError
+from virtual_lab.files.folders import TestFolder
 from virtual_lab.output.progress import Progress, quiet
 from virtual_lab.output.result import Json, StudyResult, frame
 from virtual_lab.output.style import as_drawn, page_figure
 from virtual_lab.output.tables import record, table_text
-from virtual_lab.parameters import AnyLaboratory, Folder, Seed
+from virtual_lab.parameters import AnyLaboratory, Folder, HundredOrMore, Seed
 from virtual_lab.studies.foreign import certify_records, replaced_rigs
 from virtual_lab.studies.twin.days import SIDE_BY_SIDE, TwinDays
 from virtual_lab.studies.twin.improving import Improvement, improvements
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
     from virtual_lab.output.page_figure import PageFigure
 
-FEWEST = 100  # smallest number of days; their standard deviation then has an error of 7 %
 # smallest number of full days with which a reading can be unlike its twins, whatever their number
 FEWEST_FULL = round(len(TWIN_READINGS) / LEVEL)
 WORDS = (
@@ -162,9 +162,9 @@ class Twin(StudyResult):
 
 
 def twin(
-    folder: Folder,
+    folder: TestFolder,
     *,
-    days: int = 1000,
+    days: HundredOrMore = 1000,
     full_days: int = 250,
     faults: Folder | None = None,
     seed: Seed = 1,
@@ -215,8 +215,6 @@ def twin(
         for records of summary values, or its folder has days of other records, another seed or
         number.
     """
-    if days < FEWEST:
-        raise InputError("", "days", days, f"allowed: at least {FEWEST}")
     if full_days and full_days < FEWEST_FULL:
         raise InputError("", "full_days", full_days, f"allowed: 0, or at least {FEWEST_FULL}")
     certification = certify_records(Path(folder))

@@ -1,0 +1,67 @@
+"""Kinds of folders by their content, and types of parameters that take one of these kinds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from virtual_lab.errors import InputError
+from virtual_lab.parameters import FOLDER, ParameterRule, read_path, several
+
+# kinds of folders: the files that tell the kind, and the name of the kind
+KINDS = {
+    "result": (("certificate.json",), "a result folder"),
+    "campaign": (("campaign.json",), "a campaign"),
+    "day": (("day.sqlite",), "a day of a rehearsal"),
+    "records": (("session.json", "laboratory.toml"), "a folder of records"),
+    "laboratory": (("laboratory.csv",), "a laboratory"),
+}
+
+
+def folder_kind(folder: Path) -> str:
+    """Return the kind of a folder, a key of `KINDS`.
+
+    A folder that is missing or empty is ``new``. The result is an empty string for a file and for
+    any other folder.
+    """
+    try:
+        for kind, (marks, _) in KINDS.items():
+            if any((folder / mark).is_file() for mark in marks):
+                return kind
+        empty = not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
+    except (OSError, ValueError):  # no permission, a name too long, or one with a NUL character
+        return ""
+    return "new" if empty else ""
+
+
+def folder_rule(*kinds: str) -> ParameterRule:
+    """Return the rule of a folder that may have the content of some kinds.
+
+    A folder of another kind is rejected. A folder of no kind is left to the function, whose error
+    names the file that is missing.
+    """
+    words = {kind: f"{name} ({' or '.join(marks)})" for kind, (marks, name) in KINDS.items()}
+    allowed = " or ".join(words.get(kind, "a new folder") for kind in kinds)
+
+    def read(value: Any) -> Path:
+        path = read_path(value)
+        kind = folder_kind(path)
+        if kind in KINDS and kind not in kinds:
+            raise InputError(str(path), "folder", None, f"is {words[kind]}; allowed: {allowed}")
+        return path
+
+    return replace(FOLDER, read=read, allowed=f"the path of {allowed}", holds=kinds)
+
+
+NewFolder = Annotated[str | Path, folder_rule("new")]
+ResultFolder = Annotated[str | Path, folder_rule("result")]
+ResultFolders = Annotated[str | Path | Sequence[str | Path], several(folder_rule("result"))]
+RecordsFolder = Annotated[str | Path, folder_rule("records")]
+TestFolder = Annotated[str | Path, folder_rule("result", "records")]
+TestFolders = Annotated[
+    str | Path | Sequence[str | Path], several(folder_rule("result", "records"))
+]
+CampaignFolder = Annotated[str | Path, folder_rule("campaign")]
+DayFolder = Annotated[str | Path, folder_rule("day")]
