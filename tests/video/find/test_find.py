@@ -191,7 +191,7 @@ def test_a_blob_is_where_and_as_large_as_the_ball(blur: tuple[float, float]) -> 
     share = matte(behind.shape, 150.3, 90.8, 14.0, blur)
     frame = np.round(behind * (1 - share) + 200 * share).astype(np.uint8)
     still = still_of([behind], 8, tripod=True)
-    (blob,) = blobs(0, frame, frame, NONE, still)[0]
+    (blob,) = blobs(0, frame, frame, NONE, still)
     assert (blob["x"], blob["y"]) == pytest.approx((150.3, 90.8), abs=0.1)
     assert blob["radius"] == pytest.approx(14.0, abs=0.2 + np.hypot(*blur) ** 2 / 600)
     assert blob["dirty"] < 0.05
@@ -207,7 +207,7 @@ def test_a_ball_lit_from_the_side_keeps_its_place_before_a_lighter_wall() -> Non
         small = cv2.resize(fine.astype(np.float32), (160, 120), interpolation=cv2.INTER_AREA)
         picture = cv2.GaussianBlur(small, (0, 0), 0.8).round().astype(np.uint8)
         still = still_of([np.full(picture.shape, wall, np.uint8)] * 8, 8, tripod=True)
-        (ball,) = blobs(0, picture, still.shrunk(picture), np.zeros(4), still)[0]
+        (ball,) = blobs(0, picture, still.shrunk(picture), np.zeros(4), still)
         return float(ball["x"])
 
     assert place(70) == pytest.approx(79.6, abs=0.7)
@@ -227,7 +227,7 @@ def test_a_ball_lit_from_above_keeps_its_size_as_the_wall_changes() -> None:
         grey = cv2.GaussianBlur(255 * linear ** (1 / 2.2), (0, 0), 0.8)
         picture = np.rint(grey + noise.normal(0, 1.5, grey.shape)).clip(0, 255).astype(np.uint8)
         still = still_of([np.full(picture.shape, wall, np.uint8)] * 8, 8, tripod=True)
-        (blob,) = blobs(0, picture, picture, NONE, still)[0]
+        (blob,) = blobs(0, picture, picture, NONE, still)
         sizes.append(float(blob["radius"]))
     assert np.abs(np.diff(np.log(sizes))).max() < 0.15
 
@@ -241,7 +241,7 @@ def test_a_ball_that_is_held_or_cut_is_marked() -> None:
         frame = np.round(behind * (1 - share) + 220 * share).astype(np.uint8)
         if held:
             frame[54:66, int(x) + 12 :] = 190
-        candidates = blobs(0, frame, frame, NONE, still)[0]
+        candidates = blobs(0, frame, frame, NONE, still)
         return [each for each in candidates if abs(each["x"] - x) < 6]
 
     assert not any(each["dirty"] < 0.05 for each in balls_near(80.0, held=True))
@@ -255,7 +255,7 @@ def test_a_changing_light_is_no_blob() -> None:
     still = still_of(list(frames), 8, tripod=True)
     for gain in (0.85, 1.0, 1.15):
         lit = np.clip(frames[3] * gain, 0, 255).astype(np.uint8)
-        assert len(blobs(0, lit, lit, NONE, still)[0]) == 0
+        assert len(blobs(0, lit, lit, NONE, still)) == 0
 
 
 def test_a_light_of_another_color_is_no_blob_and_hides_no_ball() -> None:
@@ -267,9 +267,9 @@ def test_a_light_of_another_color_is_no_blob_and_hides_no_ball() -> None:
     still = still_of([wall.astype(np.uint8)] * 4, 8, tripod=True)
     for gains in ((1.0, 1.0, 1.0), (0.88, 1.0, 1.12), (0.75, 0.78, 0.8)):
         lit = np.clip(wall * gains, 0, 255).astype(np.uint8)
-        assert len(blobs(0, lit, lit, NONE, still)[0]) == 0
+        assert len(blobs(0, lit, lit, NONE, still)) == 0
         lit = np.clip(ball * gains, 0, 255).astype(np.uint8)
-        (blob,) = blobs(0, lit, lit, NONE, still)[0]
+        (blob,) = blobs(0, lit, lit, NONE, still)
         assert (blob["x"], blob["y"]) == pytest.approx((150.0, 90.0), abs=0.4)
         assert blob["radius"] == pytest.approx(14.0, rel=0.05)
         assert blob["dirty"] < 0.05
@@ -283,7 +283,7 @@ def test_a_ball_before_a_pattern_is_found() -> None:
     ball = covered * 70.0 + (1 - covered) * wall
     still = still_of([wall.astype(np.uint8)] * 4, 8, tripod=True)
     picture = np.clip(ball, 0, 255).astype(np.uint8)
-    candidates = blobs(0, picture, picture, NONE, still)[0]
+    candidates = blobs(0, picture, picture, NONE, still)
     best = candidates[np.argmin(np.hypot(candidates["x"] - 150, candidates["y"] - 92))]
     assert (best["x"], best["y"]) == pytest.approx((150.0, 92.0), abs=2.5)
     assert best["radius"] == pytest.approx(20.0, rel=0.1)
@@ -300,7 +300,7 @@ def test_a_ball_with_dark_patches_before_a_light_wall_is_one() -> None:
         ball = patch * 30.0 + (1 - patch) * ball
     still = still_of([behind.astype(np.uint8)] * 4, 8, tripod=True)
     picture = np.round(ball).astype(np.uint8)
-    candidates = blobs(0, picture, picture, NONE, still)[0]
+    candidates = blobs(0, picture, picture, NONE, still)
     (best,) = candidates[candidates["radius"] > 8]
     assert (best["x"], best["y"]) == pytest.approx((150.3, 90.8), abs=1.0)
     assert best["radius"] == pytest.approx(20.0, rel=0.05)

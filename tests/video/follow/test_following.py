@@ -283,6 +283,7 @@ def _clip(frames: NDArray[np.uint8]) -> Clip:
             sampled=late[::3],
             full_scale=255,
             pictures=lambda: iter(frames),
+            chosen=lambda wanted: ((k, frames[k]) for k in wanted),
             source=SimpleNamespace(path="clip", exposure=None),
         ),
     )

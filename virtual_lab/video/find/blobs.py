@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.find.drift import matrix_of, upper_median
-from virtual_lab.video.find.still import Image, Still, difference_of
+from virtual_lab.video.find.still import Image, Still, area_mean, difference_of
 
 Blobs = NDArray[np.void]
 BlobRow = tuple[Any, ...]  # fields of `BLOB`
@@ -54,14 +54,6 @@ def free(blobs: Blobs) -> Mask:
     return np.asarray((blobs["dirty"] < CLEAN) & ~blobs["cut"])
 
 
-class BlobView(NamedTuple):
-    """A blob with its surroundings in the still frame, and the background behind it."""
-
-    picture: Image
-    behind: Image
-    corner: Array  # x and y of the first pixel, (2,) [pixels]
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Search:
     """Thresholds for a blob that may be a ball; differences from the background in DN of 8 bits."""
@@ -90,13 +82,10 @@ class _Search:
 _SEARCH = _Search()
 
 
-def blobs(
-    number: int, picture: Image, small: Image, drift: Array, still: Still
-) -> tuple[Blobs, list[BlobView]]:
-    """Return the blobs of a picture that may be a ball, (blob,), and a list of their views.
+def blobs(number: int, picture: Image, small: Image, drift: Array, still: Still) -> Blobs:
+    """Return the blobs of a picture that may be a ball, (blob,).
 
-    A blob is a region that differs from the background. It is a record of the type `BLOB`. The view
-    of a blob shows its surroundings.
+    A blob is a region that differs from the background. It is a record of the type `BLOB`.
 
     A blob has two positions, in pixels to the right and down from the middle of the upper left
     pixel:
@@ -118,18 +107,17 @@ def blobs(
         The still frame. It has the background without moving objects, seen as in the first frame.
     """
     off, light = still.difference(small, drift)
-    pairs: list[tuple[BlobRow, BlobView]] = []
+    rows: list[BlobRow] = []
     for box in _boxes(off, still.shrink):
-        if any(_inside(box, each, still.origin) for each, _ in pairs):
+        if any(_inside(box, each, still.origin) for each in rows):
             continue
-        pair = _blob(number, picture, drift, light, still, box)
-        if pair is None:
+        row = _blob(number, picture, drift, light, still, box)
+        if row is None:
             continue
-        rivals = [each for each in pairs if _same(pair[0], each[0])]
-        if all(_doubt(pair[0]) < _doubt(each) for each, _ in rivals):
-            pairs = [each for each in pairs if not any(each is other for other in rivals)]
-            pairs.append(pair)
-    return np.array([row for row, _ in pairs], BLOB), [view for _, view in pairs]
+        rivals = [each for each in rows if _same(row, each)]
+        if all(_doubt(row) < _doubt(each) for each in rivals):
+            rows = [*(each for each in rows if not _same(row, each)), row]
+    return np.array(rows, BLOB)
 
 
 def _inside(box: tuple[int, int, int, int], blob: BlobRow, origin: tuple[int, int]) -> bool:
@@ -171,8 +159,8 @@ def _blob(
     light: Array,
     still: Still,
     box: tuple[int, int, int, int],
-) -> tuple[BlobRow, BlobView] | None:
-    """Return the row of `BLOB` for the content of a box, with its view; None if it is no ball."""
+) -> BlobRow | None:
+    """Return the row of `BLOB` for the content of a box; None if it is no ball."""
     left, top, wide, high = box
     rows, columns = still.background.shape[:2]
     room = max(6, round(0.6 * max(wide, high)))
@@ -180,21 +168,15 @@ def _blob(
     size = (min(columns, left + wide + room) - x0, min(rows, top + high + room) - y0)
     part, behind = still.cut(picture, drift, light, (x0, y0), size)
     corner = np.array([x0, y0]) + still.origin
-    view = BlobView(part.copy(), behind, corner)  # not a part of the picture, which would be kept
     fine = max(1, max(wide, high) // COARSE)
     if fine > 1:  # a lower resolution is enough to locate a large ball to tenths of a pixel
         smaller = (max(1, size[0] // fine), max(1, size[1] // fine))
         cutting = np.s_[: smaller[1] * fine, : smaller[0] * fine]
-        part, behind = (
-            np.asarray(cv2.resize(each[cutting], smaller, interpolation=cv2.INTER_AREA), np.uint8)
-            for each in (part, behind)
-        )
+        part, behind = (area_mean(each[cutting], smaller) for each in (part, behind))
     plain = difference_of(part, behind).astype(np.float32)
     off = np.asarray(cv2.GaussianBlur(plain, (0, 0), _SEARCH.softened), np.float32)
-    inner = off[
-        (top - y0) // fine : (top - y0 + high) // fine,
-        (left - x0) // fine : (left - x0 + wide) // fine,
-    ]
+    x1, y1 = left - x0, top - y0
+    inner = off[y1 // fine : (y1 + high) // fine, x1 // fine : (x1 + wide) // fine]
     bright = inner[inner > _SEARCH.faint]
     if bright.size < _SEARCH.least_area:
         return None
@@ -209,10 +191,9 @@ def _blob(
     colour = upper_median(inside.T)
     dirty = float((off[ring] > _SEARCH.ring_level * contrast).mean()) if ring.any() else 1.0
     near = off[_disc(off.shape, x, y, 1.25 * long + 1.5)]
-    outer, inward = (
-        np.sqrt(float((near > level * contrast).sum()) / np.pi) for level in _SEARCH.edge_levels
-    )
-    lower = _hull(off, _SEARCH.edge_levels[0] * contrast)
+    low, upper = (level * contrast for level in _SEARCH.edge_levels)
+    outer, inward = (np.sqrt(float((near > each).sum()) / np.pi) for each in (low, upper))
+    lower = _hull(off, low)
     if lower and lower[3] < _SEARCH.joined * long:
         x, y, *_ = lower
     at = [fine * (p + 0.5) - 0.5 + first for p, first in zip((x, y), corner, strict=True)]
@@ -221,7 +202,7 @@ def _blob(
     reach = long + 1
     cut = any(not reach <= p <= side - 1 - reach for p, side in zip(there, still.size, strict=True))
     colours = np.broadcast_to(colour, 3)
-    return (number, *at, short, long, edge, contrast, dirty, cut, *there, colours), view
+    return number, *at, short, long, edge, contrast, dirty, cut, *there, colours
 
 
 def _disc(shape: tuple[int, ...], x: float, y: float, radius: float) -> NDArray[np.bool_]:

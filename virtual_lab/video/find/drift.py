@@ -183,11 +183,9 @@ def leap_of(before: Image, after: Image) -> Array:
     """
     scale = max(1.0, max(before.shape) / _ALIGN.coarse)
     size = tuple(round(side / scale) for side in before.shape[::-1])
-    one, other = (
-        cv2.resize(each, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-        for each in (before, after)
-    )
-    (x, y), _ = cv2.phaseCorrelate(one, other, cv2.createHanningWindow(size, cv2.CV_32F))
+    one, other = (cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in (before, after))
+    window = cv2.createHanningWindow(size, cv2.CV_32F)
+    (x, y), _ = cv2.phaseCorrelate(one.astype(np.float32), other.astype(np.float32), window)
     return np.array([scale * x, scale * y, 0.0, 0.0])
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, repeat
 
 import cv2
 import numpy as np
@@ -214,10 +214,8 @@ def still_of(
     background, origin = _panorama(pictures, full * drifts, share_of(pictures), shrink)
     behind = _shrunk(background, shrink)
     corner = (origin[0] // shrink, origin[1] // shrink)
-    off = [
-        difference_of(warp_back(each, drift, corner, behind), behind)
-        for each, drift in zip(small, drifts, strict=True)
-    ]
+    views = map(warp_back, small, drifts, repeat(corner), repeat(behind))
+    off = [difference_of(each, behind) for each in views]
     restless = of_rank(np.stack(off), round(_STILL.restless * (len(off) - 1)))
     return Still(
         background=background,
@@ -256,10 +254,8 @@ def _drifts_of(greys: Sequence[Image], most: float) -> tuple[Array, float | None
         laid = laid - laid[0]
     stands = edges_of(_panorama(greys, none)[0])
     # The median is used, because hands and balls change fewer than half of the edges.
-    moved, stood = (
-        np.nanmedian(np.append(0.0, np.abs([*map(each.deviation, greys, drifts)])))
-        for each, drifts in ((edges, laid), (stands, none))
-    )
+    off = [list(map(each.deviation, greys, by)) for each, by in ((edges, laid), (stands, none))]
+    moved, stood = (np.nanmedian(np.append(0.0, np.abs(each))) for each in off)
     fast = np.abs(np.diff(laid[:, :2], axis=0)).max()
     drifts = moved < _STILL.better * stood and not (few and fast > most)
     hidden = 0.0 if drifts else _slope(laid[:, :2])
@@ -390,9 +386,13 @@ def _shrunk(picture: Image, shrink: int) -> Image:
     while shrink > 1:
         rows, columns = (2 * (side // 2) for side in picture.shape[:2])
         size = (columns // 2, rows // 2)
-        halved = cv2.resize(picture[:rows, :columns], size, interpolation=cv2.INTER_AREA)
-        picture, shrink = np.asarray(halved, np.uint8), shrink // 2
+        picture, shrink = area_mean(picture[:rows, :columns], size), shrink // 2
     return picture
+
+
+def area_mean(picture: Image, size: tuple[int, int]) -> Image:
+    """Return a picture reduced to a size, (columns, rows), by the means of areas."""
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def soft(picture: Image) -> Image:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from virtual_lab.units import Array, Mask
 from virtual_lab.video.clips.clip import Clip
 from virtual_lab.video.clips.reading import grey_of
-from virtual_lab.video.find.blobs import BLOB, Blobs, BlobView, blobs, free
+from virtual_lab.video.find.blobs import BLOB, Blobs, blobs, free
 from virtual_lab.video.find.still import Still, eight_bits, still_of
 
 # largest change of the drift per frame that a hand can cause [share of the fastest drift]
@@ -38,8 +38,6 @@ class Watched:
     thumbs: Mapping[int, NDArray[np.uint8]] = field(default_factory=dict)
     # (frame, 4), drift of each picture as in `find.drift` [pixels]; empty if there are no pictures
     drifts: Array = field(default_factory=lambda: np.array([]))
-    # surroundings of the whole and clean blobs, by their index; none if there are no thumbs
-    views: Mapping[int, BlobView] = field(default_factory=dict)
     interlaced: bool = False  # each frame holds two fields, taken at different moments
 
 
@@ -78,9 +76,6 @@ def watch(
     latest = still.shrunk(eight_bits(clip.samples[0], depth)), drift
     leaps: dict[int, float] = {}
     thumbs: dict[int, NDArray[np.uint8]] = {}
-    views: dict[int, BlobView] = {}
-    count = 0
-    with_thumbs = clip.count <= 4000
     for number, frame in enumerate(clip.pictures()):
         if number > last:
             break
@@ -103,15 +98,10 @@ def watch(
         if number > first:
             # The mean over 5 x 5 pixels is used because changes of fewer pixels are noise.
             change[number] = cv2.blur(cv2.absdiff(small, before), (5, 5)).max()
-        if with_thumbs:
+        if clip.count <= 4000:
             thumbs[number] = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
-        moving, around = blobs(number, picture, small, drift, still)
-        inside = in_region(moving, region)
-        if with_thumbs:
-            kept = np.flatnonzero(inside & free(moving))
-            views |= {count + int(np.count_nonzero(inside[:k])): around[k] for k in kept}
-        by_frame.append(moving[inside])
-        count += len(by_frame[-1])
+        moving = blobs(number, picture, small, drift, still)
+        by_frame.append(moving[in_region(moving, region)])
     whole = np.concatenate(by_frame)
     return Watched(
         still=still,
@@ -120,7 +110,6 @@ def watch(
         drifts=drifts,
         leaps=leaps,
         thumbs=thumbs,
-        views=views,
         interlaced=_has_combs(clip, whole),
     )
 
@@ -135,17 +124,12 @@ def _has_combs(clip: Clip, moving: Blobs) -> bool:
     whole = moving[free(moving)]
     for number, sample in zip(clip.sampled, clip.samples, strict=True):
         for blob in whole[whole["frame"] == number]:
-            reach = blob["length"] + 3
-            x, y = blob["picture_x"], blob["picture_y"]
-            cut = np.s_[
-                max(0, int(y - reach)) : int(y + reach) + 2,
-                max(0, int(x - reach)) : int(x + reach) + 2,
-            ]
-            part = grey_of(sample[cut]).astype(float)
+            x, y, reach = blob["picture_x"], blob["picture_y"], blob["length"] + 3
+            rows, columns = (slice(max(0, int(p - reach)), int(p + reach) + 2) for p in (y, x))
+            part = grey_of(sample[rows, columns]).astype(float)
             if len(part) > 8:
-                near, far = (
-                    np.abs(2 * part[k:-k] - part[: -2 * k] - part[2 * k :]).mean() for k in (1, 2)
-                )
+                bends = (2 * part[k:-k] - part[: -2 * k] - part[2 * k :] for k in (1, 2))
+                near, far = (np.abs(each).mean() for each in bends)
                 combed.append(near / max(far, 1.0))
     return len(combed) >= COMB_BLOBS and float(np.median(combed)) > COMB_RATIO
 

@@ -148,8 +148,7 @@ def follow_blobs(
         except NotSharpError as why:
             notes = [("NOT_SHARP", f"{why}; the positions are those without calibration")]
     if sharp is None:
-        watched, result = register(watched, result)
-    watched = replace(watched, views={})  # they may take hundreds of megabytes
+        watched, result = register(clip, watched, result)
     return measure(clip, watched, knowledge, result, sharp=sharp, earlier=notes)
 
 

@@ -11,8 +11,9 @@ error, which changes no speed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import cv2
 import numpy as np
@@ -20,7 +21,10 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from virtual_lab.units import Array
-from virtual_lab.video.find.blobs import COARSE, Blobs, BlobView
+from virtual_lab.video.clips.clip import Clip
+from virtual_lab.video.clips.source import Frame
+from virtual_lab.video.find.blobs import COARSE
+from virtual_lab.video.find.still import Image, Still, eight_bits
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.pieces import FAR_U, Piece, polynomial
 from virtual_lab.video.follow.searching import FlightsFound
@@ -28,36 +32,40 @@ from virtual_lab.video.follow.searching import FlightsFound
 Picture = NDArray[np.float32]  # (row, column, channel) [DN]
 
 
-def register(watched: Watched, result: FlightsFound) -> tuple[Watched, FlightsFound]:
+def register(clip: Clip, watched: Watched, result: FlightsFound) -> tuple[Watched, FlightsFound]:
     """Return the blobs and the flights with more accurate positions, by image registration.
 
-    The images of the ball in a flight are shifted until they match each other. The positions of a
-    flight stay unchanged if an image of one of its blobs is missing in `watched.views`.
+    The images of the ball in a flight are read again and shifted until they match each other. The
+    positions stay unchanged if `watched` was not made from pictures.
     """
+    if not watched.drifts.size or not result.ways:
+        return watched, result
     blobs = watched.blobs.copy()
+    pictures = clip.chosen(np.concatenate([way.frames for way in result.ways]))
     for way in result.ways:
-        views = [watched.views[k] for k in way.blobs.tolist() if k in watched.views]
-        if len(views) == len(way.blobs):
-            moves = _places(way, watched.blobs[way.blobs], views) - way.xy
-            for axis, move in zip("xy", moves.T, strict=True):
-                for name in (axis, f"picture_{axis}"):
-                    blobs[name][way.blobs] += move
+        moves = _places(way, watched, clip, islice(pictures, len(way.t))) - way.xy
+        for axis, move in zip("xy", moves.T, strict=True):
+            for name in (axis, f"picture_{axis}"):
+                blobs[name][way.blobs] += move
     places = np.stack([blobs["x"], blobs["y"]], axis=1)
     ways = [replace(way, xy=places[way.blobs]) for way in result.ways]
     scene = replace(result.scene, blobs=blobs)
     return replace(watched, blobs=blobs), replace(result, scene=scene, ways=ways)
 
 
-def _places(way: Piece, blobs: Blobs, views: Sequence[BlobView]) -> Array:
-    """Return the positions of a flight from the views of its blobs, (position, 2) [pixels]."""
+def _places(
+    way: Piece, watched: Watched, clip: Clip, pictures: Iterator[tuple[int, Frame]]
+) -> Array:
+    """Return the positions of a flight from its `pictures`, (position, 2) [pixels]."""
+    blobs, depth = watched.blobs[way.blobs], int(clip.full_scale).bit_length()
     short, long = (float(np.median(blobs[name])) for name in ("radius", "length"))
     shrink = 1 + 2 * int(short / COARSE)  # odd, so that middles stay middles
     radius = (short + long) / 2 / shrink
     reach = int(np.ceil(long / shrink + 2 * FAR_U))
     middles = np.rint(way.xy).astype(int)
     pairs = [
-        (_cut(view.picture, at, reach, shrink), _cut(view.behind, at, reach, shrink))
-        for view, at in zip(views, middles - [each.corner for each in views], strict=True)
+        _squares(watched.still, eight_bits(frame, depth), watched.drifts[number], at, reach, shrink)
+        for (number, frame), at in zip(pictures, middles, strict=True)
     ]
     curve = np.vander(way.t, 3, increasing=True) @ polynomial(way.t, way.xy, 2)[0]
     off = (curve - middles) / shrink
@@ -72,15 +80,25 @@ def _places(way: Piece, blobs: Blobs, views: Sequence[BlobView]) -> Array:
     return np.asarray(middles + shrink * off)
 
 
-def _cut(picture: NDArray[np.uint8], at: Array, reach: int, shrink: int) -> Picture:
-    """Return the square around a pixel `at`, (2,), reduced to `reach` pixels on each side."""
-    half = shrink * reach + shrink // 2
-    x, y = map(int, at)
-    padded = cv2.copyMakeBorder(picture, half, half, half, half, cv2.BORDER_REPLICATE)
-    square = padded[y : y + 2 * half + 1, x : x + 2 * half + 1]
-    side = 2 * reach + 1
-    small = cv2.resize(square, (side, side), interpolation=cv2.INTER_AREA)
-    return np.asarray(small, np.float32).reshape(side, side, -1)
+def _squares(
+    still: Still, picture: Image, drift: Array, at: NDArray[np.intp], reach: int, shrink: int
+) -> tuple[Picture, Picture]:
+    """Return the squares around a pixel `at`, (2,), of a picture and of the background behind it.
+
+    They are in the still frame, and reduced to `reach` pixels on each side of the middle.
+    """
+    light = still.difference(still.shrunk(picture), drift)[1]
+    first = at - still.origin - shrink * reach - shrink // 2
+    last, side = first + shrink * (2 * reach + 1), 2 * reach + 1
+    here = np.clip([first, last], 0, still.background.shape[1::-1])
+    (x, y), size = here[0].tolist(), (here[1] - here[0]).tolist()
+    (left, top), (right, below) = np.abs(here - [first, last]).tolist()
+    squares = []
+    for each in still.cut(picture, drift, light, (x, y), (size[0], size[1])):
+        whole = cv2.copyMakeBorder(each, top, below, left, right, cv2.BORDER_REPLICATE)
+        small = cv2.resize(whole, (side, side), interpolation=cv2.INTER_AREA)
+        squares.append(np.asarray(small, np.float32).reshape(side, side, -1))
+    return squares[0], squares[1]
 
 
 def _distance(picture: Picture, at: Array) -> Picture:
@@ -98,9 +116,7 @@ def _outside(picture: Picture, at: Array, radius: float) -> Picture:
 def _moved(picture: Picture, by: Array) -> Picture:
     """Return a picture moved by (2,) pixels."""
     shift, size = np.column_stack([np.eye(2), by]), picture.shape[1::-1]
-    moved = cv2.warpAffine(
-        picture, shift, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-    )
+    moved = cv2.warpAffine(picture, shift, size, None, cv2.INTER_CUBIC, cv2.BORDER_REPLICATE)
     return np.asarray(moved, np.float32).reshape(picture.shape)
 
 
