@@ -120,8 +120,14 @@ def test_correlated_residuals_increase_the_u_of_a_speed() -> None:
     for errors in (draw.normal(0, 0.5, (2, 800)), noise):
         blobs = blobs_of(places + errors.T, noise=0.0)
         scene = FlightScene(
-            blobs=blobs, time=t, stamped=t, size=SIZE, exposure=0.2, drag=(0.0, 0.0)
+            blobs=blobs,
+            time=t,
+            stamped=t,
+            size=SIZE,
+            exposure=0.2,
+            drag=(0.0, 0.0),
+            level_u=0.0,
         )
-        fit = fit_flights(scene, [Piece.of(blobs, np.arange(800), t)], tilt=np.zeros(2))
+        fit = fit_flights(scene, [Piece.of(blobs, np.arange(800), t)])
         speeds_u.append(float(np.sqrt(fit.covariance[-2, -2])))
     assert speeds_u[1] / speeds_u[0] == pytest.approx(2.0, rel=0.15)

@@ -123,8 +123,9 @@ def test_time_stamps_that_show_missing_frames_are_used(tmp_path: Path) -> None:
 def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     """H.264 keeps plain plaster in place while the camera drifts: nothing shows the drift.
 
-    Six seeds (1700 to 2200) have errors of .003 to .030 and u of .085 to .096. If readout, level
-    and mass are stated, errors are .002 to .026 and u .039 to .048, at most .6 u.
+    Six seeds (1700 to 2200) have errors of .003 to .030 and u of .072 to .081, because the drift
+    hides tilt and drag. If readout, level and mass are stated, errors are .002 to .026 and u .029
+    to .040, at most .73 u.
     """
     scene = SCENES["against-wall"]
     made, result = run(replace(scene, codec="H264", crf=24, seed=scene.seed + 1800), tmp_path)
@@ -133,7 +134,7 @@ def test_a_hand_s_drift_before_a_plain_wall_is_covered(tmp_path: Path) -> None:
     drag, true = made.truth.drag_per_metre, made.truth.contacts[0].restitution
     stated = {"readout": 0.0, "level_u": STATED_LEVEL_U, "drag": (drag, drag / 5)}
     stated_too = follow_blobs(result.clip, result.watched, replace(result.knowledge, **stated))
-    for each, most in ((result, 0.2), (stated_too, 0.1)):
+    for each, most in ((result, 0.16), (stated_too, 0.07)):
         restitution = each.contacts[0].restitution
         assert restitution is not None
         assert abs(restitution.value - true) < 2 * restitution.u < most

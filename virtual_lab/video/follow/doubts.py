@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from virtual_lab.units import DEGREE
 from virtual_lab.video.find.watching import Watched
 from virtual_lab.video.follow.flights import beside, explained_share
 from virtual_lab.video.follow.joint import fit_flights
-from virtual_lab.video.follow.knowledge import BALL, GIVEN, GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.knowledge import BALL, FILE, GIVEN, GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import STEEPEST, FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.ruler import SAID, Ruler, off_u
@@ -32,57 +32,46 @@ ABSURD = 3.0
 DIAMETERS = (5e-3, 1.0)  # possible diameters of a ball [m]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Falls:
-    """Common acceleration of the flights, by a scale that does not come from gravity."""
+def against_gravity(
+    knowledge: ClipKnowledge, shared: Estimate, scale: Ruler, where: str
+) -> tuple[list[Note], ClipKnowledge]:
+    """Return a list with one note if length and frame rate contradict g, and the facts to use.
 
-    knowledge: ClipKnowledge
-    shared: Estimate  # acceleration that all flights share [m/s²]
-    scale: Ruler
+    The list is empty if they agree within their u. If the frame rate is only the file's, the facts
+    have the rate with which the flights fall with g. The relative u of this rate is half the
+    relative u of the acceleration, which includes the u of lengths. Gravity then sets no scale.
 
-    @property
-    def by_gravity(self) -> ClipKnowledge:
-        """Facts about the clip with the frame rate with which the flights would fall with g.
+    Raises `InputError` if the ball falls so fast that a stated frame rate must be wrong.
 
-        The relative u of this rate is half the relative u of the acceleration, which includes the u
-        of lengths. Gravity then sets no scale.
-        """
-        rate = self.knowledge.rate * float(np.sqrt(self.knowledge.gravity / self.shared.value))
-        rate_u = self.shared.u / self.shared.value / 2
-        return replace(self.knowledge, rate=rate, rate_u=rate_u, rate_of=GRAVITY, ruler=BALL)
-
-    @property
-    def finding(self) -> str:
-        """The acceleration of the ball as a sentence."""
-        fall = f"the ball would fall at {self.shared.value:.4g} m/s²"
-        return f"with {SAID[self.scale.source]} as the scale, {fall}"
-
-    def of_rate(self) -> Note:
-        """Return the note that the frame rate was fitted."""
-        rate = with_uncertainty(self.by_gravity.rate, self.by_gravity.rate * self.by_gravity.rate_u)
-        why = f"at the file's own rate of {self.knowledge.rate:.4g}, {self.finding}"
-        return "RATE_FITTED", f"a rate of {rate} per second was fitted: {why}; or use --fps"
-
-    def require_rate(self, where: str) -> None:
-        """Raise `InputError` if the balls fall so fast that the frame rate must be wrong."""
-        least = self.shared.value - APART[0] * self.shared.u
-        if least > ABSURD * self.knowledge.gravity:
-            ratio = self.knowledge.gravity / self.shared.value
-            length = f"a length {ratio:.3g} times as long"
-            if self.scale.source == BALL and self.knowledge.ball:
-                length = f"--ball {1e3 * ratio * self.knowledge.ball:.3g}mm"
-            rate, g = self.by_gravity.rate, self.knowledge.gravity
-            allowed = f"{self.finding}; --fps {rate:.3g} or {length} would give {g:.3g} m/s²"
-            raise InputError(where, "frames per second", f"{self.knowledge.rate:.6g}", allowed)
-
-    def against(self) -> list[Note]:
-        """Return one note if length and frame rate contradict g, otherwise an empty list."""
-        g, (coverage, share) = self.knowledge.gravity, APART
-        if abs(self.shared.value - g) <= max(coverage * self.shared.u, share * g):
-            return []
-        words = f"{self.finding} instead of {g:.3g} m/s²; that length is wrong, or the frame rate"
-        why = f"and with it every speed (slow motion?); --fps {self.by_gravity.rate:.3g} would fit"
-        return [("GRAVITY", f"{words} {why}")]
+    Parameters
+    ----------
+    shared
+        Acceleration that all flights share [m/s²].
+    scale
+        Scale that does not come from gravity.
+    where
+        Name of the clip in the error message.
+    """
+    g, (coverage, share), fall = knowledge.gravity, APART, shared.value
+    if abs(fall - g) <= max(coverage * shared.u, share * g):
+        return [], knowledge
+    rate, relative_u = knowledge.rate * float(np.sqrt(g / fall)), shared.u / fall / 2
+    finding = f"with {SAID[scale.source]} as the scale, the ball would fall at {fall:.4g} m/s²"
+    if knowledge.rate_of == FILE:
+        said = with_uncertainty(rate, rate * relative_u)
+        why = f"at the file's own rate of {knowledge.rate:.4g}, {finding}"
+        words = f"a rate of {said} per second was fitted: {why}; or use --fps"
+        fitted = replace(knowledge, rate=rate, rate_u=relative_u, rate_of=GRAVITY, ruler=BALL)
+        return [("RATE_FITTED", words)], fitted
+    if fall - coverage * shared.u > ABSURD * g:
+        length = f"a length {g / fall:.3g} times as long"
+        if scale.source == BALL and knowledge.ball:
+            length = f"--ball {1e3 * g / fall * knowledge.ball:.3g}mm"
+        allowed = f"{finding}; --fps {rate:.3g} or {length} would give {g:.3g} m/s²"
+        raise InputError(where, "frames per second", f"{knowledge.rate:.6g}", allowed)
+    words = f"{finding} instead of {g:.3g} m/s²; that length is wrong, or the frame rate"
+    why = f"and with it every speed (slow motion?); --fps {rate:.3g} would fit"
+    return [("GRAVITY", f"{words} {why}")], knowledge
 
 
 def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: str) -> None:
@@ -95,10 +84,8 @@ def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: st
     diameter = 2 * scale.metres_per_pixel * float(np.median([each.radius for each in ways]))
     least, most = DIAMETERS
     if not least <= diameter <= most:
-        allowed = (
-            "with gravity as the scale, the ball would have a diameter of "
-            f"{1e3 * diameter:.4g} mm; --fps {rate * np.sqrt(diameter / 0.07):.3g} gives 70 mm"
-        )
+        words = f"by gravity the ball would have a diameter of {1e3 * diameter:.4g} mm"
+        allowed = f"{words}; --fps {rate * np.sqrt(diameter / 0.07):.3g} gives 70 mm"
         raise InputError(where, "frames per second", f"{rate:.6g}", allowed)
 
 
@@ -111,9 +98,8 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
     by = {each.source: each for each in rulers}
     if not {GIVEN, BALL} <= set(by):
         return []
-    length, ball = by[GIVEN], by[BALL]
-    ratio, apart = length.metres_per_pixel / ball.metres_per_pixel, abs(off_u(length, ball))
-    coverage, share = APART
+    apart, (coverage, share) = abs(off_u(by[GIVEN], by[BALL])), APART
+    ratio = by[GIVEN].metres_per_pixel / by[BALL].metres_per_pixel
     if apart < coverage or abs(ratio - 1) < share:
         return []
     words = f"by the given length the ball is {ratio:.3g} times as large as --ball states"
@@ -198,12 +184,8 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
     moved = max(float(np.ptp(ball[f"picture_{axis}"] - ball[axis])) for axis in "xy")
     turn = moved / FOCAL / max(model.scene.size)
     if turn > STEEPEST:
-        words = (
-            f"the picture moves by {moved:.0f} pixels during the flights; a camera that turned by"
-        )
-        how = (
-            f"{turn / DEGREE:.0f} degrees about a usual lens was fitted. Hold another camera still"
-        )
+        words = f"the picture moves by {moved:.0f} pixels during the flights; a usual lens that"
+        how = f"turned by {turn / DEGREE:.0f} degrees was fitted. Hold another camera still"
         notes.append(("PANNED", f"{words} {how}"))
     if model.tilted:
         words = "the camera looks up or down by ten degrees or more; a perspective was fitted, and"
@@ -238,8 +220,6 @@ def of_drag(model: FittedFlights) -> list[Note]:
     apart_u = float(np.hypot(np.sqrt(free.covariance[2, 2]), u / model.scene.drag[0]))
     if abs(apart) < APART[0] * apart_u:
         return []
-    words = (
-        f"the flights show {np.exp(apart):.2g} times the stated drag, or that of the stated mass"
-    )
-    advice = f"a difference of {abs(apart) / apart_u:.2g} u; check --mass and --ball"
-    return [("DRAG", f"{words}, {advice}")]
+    words = f"the flights show {np.exp(apart):.2g} times the drag that is stated, or that of the"
+    advice = f"mass, a difference of {abs(apart) / apart_u:.2g} u; check --mass and --ball"
+    return [("DRAG", f"{words} {advice}")]

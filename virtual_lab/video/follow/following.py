@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from virtual_lab.video.find.watching import Watched, repeats, watch
 from virtual_lab.video.follow.contacts import Contact, contacts_of
 from virtual_lab.video.follow.doubts import (
     MOVED,
-    Falls,
     against_flights,
+    against_gravity,
     against_size,
     of_camera,
     of_drag,
@@ -26,7 +27,7 @@ from virtual_lab.video.follow.doubts import (
     without_flight,
 )
 from virtual_lab.video.follow.joint import Fit, estimate_of, fit_flights
-from virtual_lab.video.follow.knowledge import FILE, GRAVITY, ClipKnowledge, Note
+from virtual_lab.video.follow.knowledge import GRAVITY, ClipKnowledge, Note
 from virtual_lab.video.follow.models import FittedFlights
 from virtual_lab.video.follow.pieces import Piece
 from virtual_lab.video.follow.registering import register
@@ -137,9 +138,8 @@ def follow_blobs(
     same = repeats(watched)
     if flights is not None:
         scene = clip_scene(clip, watched, knowledge, same, squeezed=False)
-        return measure(
-            clip, watched, knowledge, FlightsFound(scene=scene, pieces=flights, ways=flights)
-        )
+        by_hand = FlightsFound(scene=scene, pieces=flights, ways=flights)
+        return measure(clip, watched, knowledge, by_hand)
     result, sharp, notes = search(clip, watched, knowledge, same), None, []
     if wants_sharp(knowledge, watched, result.ways) and not _while_moving(same, result.ways).any():
         try:
@@ -211,11 +211,9 @@ def measure(
         alone: list[Estimate | None] = [None] * len(ways)
         if size and not sharp and scene.pull is None:
             shared, alone[:] = _falls(model, size, step)
-            falls = Falls(knowledge=knowledge, shared=shared, scale=size)
-            off = falls.against()
-            if off and knowledge.rate_of == FILE:
-                return measure(clip, watched, falls.by_gravity, search, earlier=[falls.of_rate()])
-            falls.require_rate(where)
+            off, fitted = against_gravity(knowledge, shared, size, where)
+            if fitted is not knowledge:
+                return measure(clip, watched, fitted, search, earlier=off)
             against += off
         flights = _flights(model, alone, contacts, scale, step)
         notes += against
@@ -276,7 +274,8 @@ def _flights(
     flights = []
     for k, way in enumerate(model.ways):
         late = float(np.median(model.scene.late(way.blobs)))
-        ends: dict[str, Estimate] = {}
+        names = "first_frame", "last_frame"
+        ends: dict[str, Any] = dict(zip(names, way.frames[[0, -1]].tolist(), strict=True))
         for name, met, end in (("in", before, 1), ("out", after, -1)):
             t = met.get(k, float(way.t[::end][0]))
             speed_at = partial(_speed, k, t, late, scale)
@@ -287,23 +286,22 @@ def _flights(
                 speed = _let_go(speed, unit, off, np.array([right, down]), fit.pull[k])
             angle = Estimate(value=float(np.arctan2(-down, right)), u=speed.u / speed.value)
             ends |= {f"speed_{name}": speed, f"angle_{name}": angle}
-        first, last = way.frames[[0, -1]].tolist()
-        flights.append(
-            Flight(
-                first_frame=first, last_frame=last, places=len(way.t), acceleration=alone[k], **ends
-            )
-        )
+        flights.append(Flight(places=len(way.t), acceleration=alone[k], **ends))
     return flights
 
 
 def _falls(model: FittedFlights, scale: Ruler, step: float) -> tuple[Estimate, list[Estimate]]:
     """Return the common acceleration of the flights, and that of each flight [m/s²]."""
-    readout, tilt = float(model.fit.readout), np.zeros(2)
-    alike = fit_flights(model.scene, model.ways, readout=readout, shared=False, tilt=tilt)
+    level = replace(model.scene, readout=float(model.fit.readout), level_u=0.0)
+    alike = fit_flights(level, model.ways, shared=False)
     scaling = {"unit": scale.metres_per_pixel / step**2, "relative_u": scale.relative_u}
-    shared = estimate_of(partial(_pull, 0), model.fit, (), **scaling)
+    shared = estimate_of(lambda fit: fit.size, model.fit, (), **scaling)
     alone = [estimate_of(partial(_pull, k), alike, (), **scaling) for k in range(len(model.ways))]
     return shared, alone
+
+
+def _pull(flight: int, fit: Fit) -> float:
+    return float(np.hypot(*fit.pull[flight]))
 
 
 def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Array) -> Estimate:
@@ -320,10 +318,6 @@ def _let_go(speed: Estimate, unit: float, off: float, velocity: Array, pull: Arr
         return speed
     across = abs(float(velocity[0] * pull[1] - velocity[1] * pull[0])) / size
     return replace(speed, u=float(np.hypot(speed.u, speed.value - unit * across)))
-
-
-def _pull(flight: int, fit: Fit) -> float:
-    return float(np.hypot(*fit.pull[flight]))
 
 
 def _speed(flight: int, t: float, late: float, scale: Ruler, fit: Fit) -> float:

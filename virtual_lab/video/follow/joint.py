@@ -163,9 +163,7 @@ def fit_flights(
     scene: FlightScene,
     flights: Sequence[Piece],
     *,
-    readout: float | None = None,
     shared: bool = True,
-    tilt: Array | None = None,
     floor: Floor = (),
 ) -> Fit:
     """Return the joint fit of flights: common g and drag, and the motion of each flight.
@@ -179,19 +177,13 @@ def fit_flights(
 
     Parameters
     ----------
-    readout
-        Time from the readout of the first row to the readout of the last row [frames]. None: the
-        readout time of the scene; if it is unknown, it is fitted.
     shared
         Whether all flights have the same g; otherwise each flight has its own.
-    tilt
-        Tilt of the perspective, (2,) [1/px]. None: the tilt is fitted, or 0 for flights with sharp
-        positions.
     floor
         Contacts with a common floor, which is assumed to be level within `FLIGHT_FIT.slant_u`.
     """
-    readout = scene.readout if readout is None else readout
-    rolled = FLIGHT_FIT.readout if readout is None else (readout, 0.0)  # value and u
+    # readout time and its u
+    rolled = FLIGHT_FIT.readout if scene.readout is None else (scene.readout, 0.0)
     blobs = np.concatenate([each.blobs for each in flights])
     late = [scene.late(each.blobs) for each in flights]
     times = [each.t + rolled[0] * rows for each, rows in zip(flights, late, strict=True)]
@@ -222,10 +214,7 @@ def fit_flights(
     length = radius if scene.in_radii or scene.drag is None else 1.0
     before[k] = np.log(said[0] / length) if said[0] else -np.inf
     u[k] = said[1] / said[0] if said[0] else 0.0
-    if tilt is None:
-        u[k + 1 : k + 3] = scene.tilt_u
-    else:
-        before[k + 1 : k + 3], u[k + 1 : k + 3] = tilt, 0.0
+    u[k + 1 : k + 3] = scene.tilt_u
     before[k + 3], u[k + 3] = rolled
     u[k + 4] = 0.0 if scene.lens is None else 1.0
     # Drag and tilt are fixed, because a pattern would be mistaken for drag, and the plane is known.
@@ -234,7 +223,7 @@ def fit_flights(
     alike = 1.0
     # Correlated errors of neighboring positions reduce the weight of each position.
     for _ in range(1 if model.sharp else 2):
-        vector, inverse, room = _solve(model, before, u, k, alike)
+        vector, inverse, weighted, room = _solve(model, before, u, k, alike)
         left = model.xy - model.places(vector)
         alike = _alike(left, of)
     off = np.hypot(*left.T) / model.place_u
@@ -244,7 +233,7 @@ def fit_flights(
     scatter = max(FLIGHT_FIT.least_spread, scatter)
     covariance = np.zeros((len(vector), len(vector)))
     covariance[np.ix_(free, free)] = inverse
-    residuals = np.split(left, np.flatnonzero(np.diff(of)) + 1)
+    residuals, parts = (np.split(e, np.flatnonzero(np.diff(of)) + 1) for e in (left, weighted))
     if model.sharp:
         for n, (flight, rest) in enumerate(zip(flights, residuals, strict=True)):
             added = pattern_covariance(flight, rest, model.after(vector)[of == n])
@@ -252,6 +241,13 @@ def fit_flights(
                 at = k + 5 + 4 * n + np.array([axis, 2 + axis])
                 covariance[np.ix_(at, at)] += added
     else:
+        # The weights treat a slow error as one that does not average down. Its covariance is that
+        # of an error that changes during half of the flight.
+        for flight, rows in zip(flights, parts, strict=True):
+            apart = np.subtract.outer(flight.t, flight.t) / np.ptp(flight.t)
+            change = np.exp(-2 * apart**2) - len(apart) * np.eye(len(apart))
+            effect = np.einsum("rci,rs,scj->ij", rows, change, rows, optimize=True)
+            covariance[np.ix_(free, free)] += flight.pattern_u**2 * inverse @ effect @ inverse
         covariance *= scatter**2
         # A flight whose positions scatter more than those of all flights gets a larger u.
         wide = [float(np.median(off[of == n])) / 1.1774 / scatter for n in range(len(flights))]
@@ -271,10 +267,10 @@ def fit_flights(
 
 def _solve(
     model: _FlightModel, before: Array, u: Array, k: int, alike: float
-) -> tuple[Array, Array, float]:
-    """Return parameters, their covariance for a scatter of 1, and the limit of outliers.
+) -> tuple[Array, Array, Array, float]:
+    """Return parameters, their covariance, their weighted Jacobian, and the limit of outliers.
 
-    The method is Gauss-Newton.
+    The method is Gauss-Newton. Covariance and Jacobian are those for a scatter of 1.
 
     Parameters
     ----------
@@ -320,7 +316,7 @@ def _solve(
         vector[free] += step
         if np.abs(step * scale).max() < FLIGHT_FIT.settled_u:
             break
-    return vector, inverse / spread**2, room
+    return vector, inverse / spread**2, weighted * spread, room
 
 
 def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
@@ -346,10 +342,8 @@ def pattern_covariance(flight: Piece, residuals: Array, late: Array) -> Array:
     noise = (solver * u**2) @ solver.T
     span, spare = float(np.ptp(t)), len(t) - 2
     apart = np.subtract.outer(t, t) / span
-    slow = [
-        solver @ np.exp(-0.5 * (apart / lag) ** 2) @ solver.T
-        for lag in np.geomspace(*FLIGHT_FIT.lags, 24)
-    ]
+    lags = np.geomspace(*FLIGHT_FIT.lags, 24)
+    slow = [solver @ np.exp(-0.5 * (apart / lag) ** 2) @ solver.T for lag in lags]
     worst = max(slow, key=lambda each: float(each[1, 1]))
     excess = float(np.mean(residuals**2)) * len(t) / max(spare, 1) - float(np.mean(u**2))
     if spare < 1 or excess <= pattern_u**2:
