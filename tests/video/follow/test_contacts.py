@@ -60,6 +60,9 @@ def test_a_contact_may_be_hidden_for_a_part_of_long_flights() -> None:
         parts = [(each > 5) & (each < most) for each in away]
         ways = [way.part(part) for way, part in zip(model.ways, parts, strict=True)]
         assert len(meetings(ways, model.fit)) == found
+        ruler = Ruler.of(SCALE, ClipKnowledge(rate=1.0))
+        notes = contacts_of(replace(model, ways=ways), 1.0, ruler, None)[1]
+        assert ("CONTACT_OUTSIDE" in dict(notes)) == (not found)
 
 
 def test_time_and_frame_of_a_contact_are_corrected_for_the_readout() -> None:

@@ -229,6 +229,33 @@ def _thrown(shift: float = 0.0) -> NDArray[np.uint8]:
     return frames
 
 
+@pytest.mark.parametrize(("gray", "second"), [(80.0, False), (150.0, True)])
+def test_a_shadow_on_the_wall_is_no_second_ball(gray: float, second: bool) -> None:
+    """A disk beside a ball of 150 DN before a wall of 115 DN moves as the ball, 5 % slower."""
+    frames = _thrown() // 4 + 100
+    for k, frame in enumerate(frames):
+        share = matte(frame.shape, 75 + 5.3 * k, 218 - 7.1 * k + 0.119 * k**2, 12.0)
+        frame[:] = np.rint(frame * (1 - share) + gray * share)
+    result = follow(_clip(frames), KNOWN)
+    assert result.flights
+    assert ("SECOND_BALL" in result.flags) == second
+
+
+def test_flights_of_a_marked_ball_that_do_not_meet_are_flagged() -> None:
+    """Half of the ball is as gray as the wall, and turns twice a second as the ball flies."""
+    noise, (row, column) = np.random.default_rng(3), np.mgrid[:240, :400]
+    frames = np.zeros((50, 240, 400), np.uint8)
+    for k, frame in enumerate(frames):
+        x, y, angle = 60 + 5.0 * k, 200 - 14.0 * k + 0.285 * k**2, np.pi * k / 15
+        side = np.clip((column - x) * np.cos(angle) + (row - y) * np.sin(angle), -1, 1)
+        share = matte(frame.shape, x, y, 10.0)
+        gray = 110 * (1 - share) + share * (160 + 50 * side)
+        frame[:] = np.clip(np.rint(gray + noise.normal(0, 1.0, gray.shape)), 0, 255)
+    result = follow(_clip(frames), KNOWN)
+    assert len(result.flights) > 1
+    assert "CONTACT_OUTSIDE" in result.flags
+
+
 KNOWN = ClipKnowledge(rate=60.0, ball=0.0953, ball_u=1e-3, tripod=True, readout=0.0)
 
 

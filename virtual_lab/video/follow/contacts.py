@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from virtual_lab.uncertainty.estimate import Estimate
 from virtual_lab.units import Array
-from virtual_lab.video.follow.flights import FLIGHTS, bends, meetings
+from virtual_lab.video.follow.flights import FLIGHTS, bend_of, meetings
 from virtual_lab.video.follow.joint import FLIGHT_FIT, Fit, estimate_of
 from virtual_lab.video.follow.knowledge import Note
 from virtual_lab.video.follow.models import OFF_NORMAL, FittedFlights
@@ -50,7 +49,10 @@ def contacts_of(
 
     * Their paths pass each other at a distance.
     * Their fitted paths, extended in time, meet before the first flight ends, or after the second
-      flight begins. There is a note if the difference is less than one frame.
+      flight begins.
+
+    There is a note on each pair of consecutive flights without a contact: the contact was hidden,
+    an object touched the ball, or one flight was taken for two.
 
     The restitution of a contact is None in these cases:
 
@@ -69,9 +71,7 @@ def contacts_of(
     scale
         Scale of the positions in meters.
     sharp
-        The ball located by its outlines; None if only positions of blobs are known. If outlines are
-        known and there is no contact and no other note, a note states that the first two flights do
-        not meet.
+        The ball located by its outlines; None if only positions of blobs are known.
     """
     notes: list[Note] = []
     contacts = []
@@ -85,7 +85,6 @@ def contacts_of(
         # position of the outgoing flight.
         room = COVERAGE * time.u / step + (scene.exposure or 1.0) / 2
         if not one.t[-1] + late - room <= t <= other.t[0] + late + room:
-            notes.append(_outside(ways, k, t, step))
             continue
         normal, kind = _normal(model, out - into)
         frame, ratio = _frame(scene, one, other, t - late), None
@@ -124,17 +123,13 @@ def contacts_of(
                 metres_u=float(np.hypot(place_u, scale.relative_u * np.hypot(*metres))),
             )
         )
-    if sharp and len(ways) > 1 and not contacts and not notes:
-        start = (ways[0].t[-1] + ways[1].t[0]) / 2
-        notes.append(_outside(ways, 0, _closest(fit, 0, start, np.inf)[0], step))
+    met = {each.before for each in contacts}
+    for k in set(range(len(ways) - 1)) - met:
+        end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
+        words = f"flights {k + 1} and {k + 2} do not meet between {end:.4g} and {start:.4g} ms,"
+        why = "where one ends and the other begins, so no contact is stated"
+        notes.append(("CONTACT_OUTSIDE", f"{words} {why}"))
     return contacts, notes
-
-
-def _outside(ways: Sequence[Piece], k: int, t: float, step: float) -> Note:
-    end, start = 1e3 * step * ways[k].t[-1], 1e3 * step * ways[k + 1].t[0]
-    words = f"flights {k + 1} and {k + 2} are nearest to each other at {1e3 * step * t:.4g} ms"
-    times = f"{end:.4g} and {start:.4g} ms, where one ends and the other begins"
-    return "CONTACT_OUTSIDE", f"{words}, not between {times}; no contact is stated"
 
 
 def _place(axis: int, first: int, t: float, fit: Fit) -> float:
@@ -157,7 +152,7 @@ def _normal(model: FittedFlights, change: Array) -> tuple[Array | None, str]:
     Without a normal (None) only speeds can be compared.
     """
     along, fit, pull = change / np.hypot(*change), model.fit, model.scene.pull
-    if not fit.down or not (bends(model.ways, fit) or pull is not None):
+    if not fit.down or (pull is None and bend_of(model.ways, fit) < FLIGHTS.sag):
         return None, "struck"
     up = -np.array([fit.down.real, fit.down.imag])
     side = np.array([-up[1], up[0]])

@@ -33,6 +33,7 @@ class FlightSearch:
     sag: float = 1.0
     # smallest expected sag for which the absence of gravity is noticed [ball radii]
     shown_sag: float = 0.3
+    path: float = 2.0  # smallest extent of a flight that does not bend [ball radii]
     # largest rms scatter of a flight: in ball radii, in pixels for a small ball, and as a fraction
     # of its sag, whichever is largest
     smooth: tuple[float, float, float] = (0.12, 0.7, 0.015)
@@ -44,8 +45,8 @@ class FlightSearch:
     # largest length of the first and last blob, minus the motion in a frame [median lengths]
     end_length: float = 1.25
     meeting_radii: float = 0.5  # largest misfit of two flights at a contact [ball radii]
-    # smallest contrast of a second ball, relative to the ball; a shadow or mirror image has less
-    second_contrast: float = 0.5
+    # largest change of the distance between a ball and its shadow [share of the shadow's path]
+    parallel: float = 0.2
 
 
 FLIGHTS = FlightSearch()
@@ -56,8 +57,11 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     """Return the flights of the ball among pieces of motion, and the joint fit of the flights.
 
     A piece is a series of positions of one object on a smooth path. The flights are the pieces that
-    fit one ball with the same acceleration by gravity. The result is ``([], None)`` if there are no
-    flights, or if the motion is that of a pendulum.
+    fit one ball with the same acceleration by gravity. The result is ``([], None)`` in these cases:
+
+    * There are no flights, or their positions scatter too much for a common fit.
+    * The motion is that of a pendulum.
+    * No flight bends visibly or extends over two radii, so the ball may be held.
     """
     flights = _join(scene, _of_one_gravity(scene, pieces))
     if not flights:
@@ -73,18 +77,23 @@ def flights_of(scene: FlightScene, pieces: Sequence[Piece]) -> tuple[list[Piece]
     u = np.sqrt(np.trace(fit.covariance[:2, :2])) / max(np.hypot(right, down), 1e-12)
     # The acceleration of a pendulum is to the side.
     aside = np.arctan2(abs(right), down) - u > FLIGHTS.upright
-    falls = bends(flights, fit, FLIGHTS.shown_sag)
-    return ([], None) if aside and falls else (flights, fit)
+    bent = bend_of(flights, fit)
+    radius = max(each.radius for each in flights)
+    moved = max(float(np.ptp(each.xy, axis=0).max()) for each in flights)
+    _, pixels, share = FLIGHTS.smooth
+    rough = fit.spread > max(FLIGHTS.room * radius, pixels, share * bent * radius)
+    # A ball that neither bends its path nor moves may be held.
+    held = aside if bent > FLIGHTS.shown_sag else moved < FLIGHTS.path * radius
+    return ([], None) if rough or held else (flights, fit)
 
 
-def bends(flights: Sequence[Piece], fit: Fit, radii: float = FLIGHTS.sag) -> bool:
-    """Return whether gravity bends the longest flight by at least `radii` ball radii.
+def bend_of(flights: Sequence[Piece], fit: Fit) -> float:
+    """Return the bend of the longest flight by gravity [ball radii].
 
     The bend is measured from the straight line between the ends of the flight.
     """
     longest = max(float(np.ptp(each.t)) for each in flights)
-    sag = fit.size * longest**2 / 8
-    return sag >= radii * flights[0].radius
+    return fit.size * longest**2 / 8 / flights[0].radius
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,9 +231,7 @@ def _once(flights: list[Piece]) -> list[Piece]:
     """Return flights that share no frames; of two overlapping flights the longer one is kept."""
     parts: list[Piece] = []
     for piece in sorted(flights, key=lambda each: -len(each.t)):
-        spans = [
-            (each.frames[0] <= piece.frames) & (piece.frames <= each.frames[-1]) for each in parts
-        ]
+        spans = [(e.frames[0] <= piece.frames) & (piece.frames <= e.frames[-1]) for e in parts]
         rest = piece.part(~np.any(spans, axis=0)) if parts else piece
         if len(rest.t) >= GROWTH.least_places:
             parts.append(rest)
@@ -363,22 +370,24 @@ def beside(scene: FlightScene, flights: Sequence[Piece], pieces: Sequence[Piece]
         All pieces of smooth motion.
     """
     blobs = np.concatenate([each.blobs for each in flights])
-    # A shadow on a wall moves like its ball.
-    least = FLIGHTS.second_contrast * np.median(scene.blobs["contrast"][blobs])
-    rest = [
-        each
-        for each in pieces
-        if len(each.t) > GROWTH.least_places + 2
-        and np.ptp(each.xy, axis=0).max() > each.radius
-        and np.median(scene.blobs["contrast"][each.blobs]) > least
-        and not np.isin(each.blobs, blobs).any()
-    ]
+    long = [each for each in pieces if len(each.t) > GROWTH.least_places + 2]
+    moving = [each for each in long if np.ptp(each.xy, axis=0).max() > each.radius]
+    rest = [each for each in moving if not np.isin(each.blobs, blobs).any()]
     frames, xy = scene.blobs["frame"][blobs], np.concatenate([each.xy for each in flights])
+    colour, radius = scene.blobs["colour"], flights[0].radius
+    own, contrast = np.median(colour[blobs], axis=0), np.median(scene.blobs["contrast"][blobs])
     rivals = []
     for piece in _of_one_gravity(scene, rest):
         _, here, there = np.intersect1d(piece.frames, frames, return_indices=True)
-        apart = np.hypot(*(piece.xy[here] - xy[there]).T) > 2 * flights[0].radius
-        if apart.sum() > GROWTH.least_places // 2:
+        away = piece.xy[here] - xy[there]
+        if (np.hypot(*away.T) > 2 * radius).sum() <= GROWTH.least_places // 2:
+            continue
+        # A shadow on a wall moves as its ball does, and has another color.
+        path = np.ptp(piece.xy[here], axis=0).max()
+        shadow = (np.ptp(away, axis=0) < FLIGHTS.parallel * path).all()
+        if not (
+            shadow and np.abs(np.median(colour[piece.blobs], axis=0) - own).max() > contrast / 2
+        ):
             rivals.append(piece)
     return rivals
 
