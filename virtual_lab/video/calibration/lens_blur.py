@@ -49,10 +49,7 @@ def _beside_edges(
     places = np.full((*board.shape[::-1], 2), np.nan)
     places.reshape(-1, 2)[view.ids] = view.places
     rows, columns = (places[:, :-1], places[:, 1:]), (places[:-1], places[1:])
-    ends = [
-        np.concatenate([a.reshape(-1, 2), b.reshape(-1, 2)])
-        for a, b in zip(rows, columns, strict=True)
-    ]
+    ends = [np.vstack([e.reshape(-1, 2) for e in pair]) for pair in zip(rows, columns, strict=True)]
     start, end = (each[np.isfinite(ends[0] + ends[1]).all(axis=1)] for each in ends)
     way, length = end - start, np.hypot(*(end - start).T)
     side = float(np.median(length))

@@ -54,12 +54,12 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
         None of the three is known, or only the diameter is known and no frame shows the whole ball.
     """
     pixels, camera, diameter = outlines.places, calibration.camera, calibration.ball_diameter_m
+    sizes, middle = np.ones(len(pixels)), 1.0
     if camera:
         places = on_plane(pixels, camera, diameter)
-        right, down = (
-            on_plane(pixels + half, camera, None) - on_plane(pixels - half, camera, None)
-            for half in np.eye(2) / 2
-        )
+        halves = [*np.eye(2) / 2, *np.eye(2) / -2]
+        east, south, west, north = (on_plane(pixels + half, camera, None) for half in halves)
+        right, down = east - west, south - north
         # area of a pixel in the plane, with its sign [m²]
         stretch = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]
         # The solid angle of a sphere at the distance D is proportional to 1 / D². The solid angle
@@ -67,21 +67,12 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
         # D², and cos t is proportional to 1 / D. The radius in pixels is therefore proportional to
         # √(D / S).
         far = np.linalg.norm(np.pad(places, ((0, 0), (0, 1))) - foot_of(camera), axis=1)
-        sizes = np.sqrt(far / np.abs(stretch))
-        middle = float(np.nanmedian(stretch))
-        return Plane(
-            places=places,
-            metres_per_pixel=float(np.sqrt(abs(middle))),
-            relative_u=relative_u_of(camera),
-            source="camera",
-            sizes=sizes / np.nanmedian(sizes),
-            sense=float(np.sign(middle)),
-        )
-    whole = outlines.flags == 0
-    if calibration.metres_per_pixel:
+        sizes, middle = np.sqrt(far / np.abs(stretch)), float(np.nanmedian(stretch))
+        scale, source, relative = float(np.sqrt(abs(middle))), "camera", relative_u_of(camera)
+    elif calibration.metres_per_pixel:
         scale, source = calibration.metres_per_pixel, "given"
         relative = calibration.metres_per_pixel_u / scale
-    elif diameter and whole.any():
+    elif diameter and (whole := outlines.flags == 0).any():
         radius, source = float(np.median(outlines.radius[whole])), "ball"
         pattern = float(np.median(outlines.pattern_u[whole]))
         # u of the radius from the model of a plain ball's edge: 0.05 pixels
@@ -91,12 +82,12 @@ def plane_of(outlines: Located, calibration: ClipCalibration, where: str) -> Pla
         allowed = "no frame shows the whole ball well, and nothing else sets the scale"
         raise InputError(where, "scale", None, allowed)
     return Plane(
-        places=pixels * scale,
+        places=places if camera else pixels * scale,
         metres_per_pixel=scale,
         relative_u=relative,
         source=source,
-        sizes=np.ones(len(pixels)),
-        sense=1.0,
+        sizes=sizes / np.nanmedian(sizes),
+        sense=float(np.sign(middle)),
     )
 
 

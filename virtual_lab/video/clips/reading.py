@@ -131,11 +131,11 @@ def _array(path: Path, load: Callable[[], Frame]) -> Source:
         allowed = "expected (frame, row, column) or (frame, row, column, color)"
         raise InputError(str(path), "array", f"shape {shape}", allowed)
     _require_size(path, (shape[2], shape[1]))
-    return Source(
-        path=path,
-        declared=shape[0],
-        read=lambda _: ((np.array(load()[k], order="C"), np.nan) for k in range(shape[0])),
-    )
+
+    def read(_: Wanted) -> Stamped:
+        return ((np.array(load()[k], order="C"), np.nan) for k in range(shape[0]))
+
+    return Source(path=path, declared=shape[0], read=read)
 
 
 def _video(path: Path) -> Source:

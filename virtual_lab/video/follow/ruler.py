@@ -26,7 +26,7 @@ is 2.5° (`knowledge.LEVEL_U`), or 0.5° with `--level`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -77,12 +77,8 @@ class Ruler(PixelScale):
         relative u is then that of the rate, half the relative u of length and fitted acceleration.
         """
         length_u = 0.0 if knowledge.rate_of == GRAVITY else scale.relative_u
-        return cls(
-            metres_per_pixel=scale.metres_per_pixel,
-            relative_u=scale.relative_u,
-            source=scale.source,
-            rest_u=float(np.hypot(length_u, knowledge.rate_u)),
-        )
+        values = {each.name: getattr(scale, each.name) for each in fields(PixelScale)}
+        return cls(**values, rest_u=float(np.hypot(length_u, knowledge.rate_u)))
 
     def unit(self, fit: Fit) -> float:
         """Return the scale [m/pixel]. It depends on the fit only if gravity is the ruler."""
@@ -144,9 +140,8 @@ def rulers_of(
     rulers.sort(key=lambda each: (each.source != knowledge.ruler, each.relative_u))
     if knowledge.metres_per_pixel:
         relative = knowledge.metres_per_pixel_u / knowledge.metres_per_pixel
-        scale = PixelScale(
-            metres_per_pixel=knowledge.metres_per_pixel, relative_u=relative, source=GIVEN
-        )
+        unit = knowledge.metres_per_pixel
+        scale = PixelScale(metres_per_pixel=unit, relative_u=relative, source=GIVEN)
         rulers.insert(0, Ruler.of(scale, knowledge))
     return rulers
 

@@ -155,10 +155,9 @@ def sharpen(
     plane = plane_of(located, calibration, str(clip.source.path))
     ball = SharpBall(frames=frames, located=located, plane=plane)
     stamped = clip.times / step
-    ways = [
-        replace(way, t=stamped[way.frames] + np.round(way.t - scene.time[way.frames]))
-        for way in ways
-    ]
+    lost = [np.round(way.t - scene.time[way.frames]) for way in ways]
+    pairs = zip(ways, lost, strict=True)
+    ways = [replace(way, t=stamped[way.frames] + more) for way, more in pairs]
     return settle(scene, ways, ball, knowledge)
 
 

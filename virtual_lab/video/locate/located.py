@@ -52,18 +52,11 @@ class Located:
     @classmethod
     def start(cls, places: Array, radius: float, blur: Array) -> Located:
         """Return the start of a fit: positions (region, 2), radius, blurs (region, 2) [pixels]."""
-        count = len(places)
-        names = ("x_u", "y_u", "chi_square", "pattern_u")
-        moved = np.broadcast_to(blur, (count, 2))
-        return cls(
-            x=places[:, 0],
-            y=places[:, 1],
-            radius=np.full(count, radius),
-            blur_x=moved[:, 0],
-            blur_y=moved[:, 1],
-            flags=np.zeros(count, np.uint16),
-            **{name: np.full(count, np.nan) for name in names},
-        )
+        columns = {each.name: np.full(len(places), np.nan) for each in fields(cls)}
+        columns |= zip(("x", "y"), places.T, strict=True)
+        columns |= zip(("blur_x", "blur_y"), np.broadcast_to(blur, places.shape).T, strict=True)
+        columns["radius"] = np.full(len(places), radius)
+        return cls(**columns | {"flags": np.zeros(len(places), np.uint16)})
 
     @property
     def places(self) -> Array:

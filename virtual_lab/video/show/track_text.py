@@ -59,15 +59,9 @@ def contact_rows(track: FollowedClip) -> list[Row]:
     ``frame`` is the time of the contact in frames, not rounded. ``restitution`` is an estimate, or
     None if no restitution is stated for this contact.
     """
-    return [
-        {
-            "time_s": each.time.value,
-            "frame": each.frame,
-            "contact_kind": each.kind,
-            "restitution": each.restitution,
-        }
-        for each in track.contacts
-    ]
+    names = ("time_s", "frame", "contact_kind", "restitution")
+    rows = ((each.time.value, each.frame, each.kind, each.restitution) for each in track.contacts)
+    return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def in_columns(row: Mapping[str, Any]) -> Row:
@@ -144,11 +138,8 @@ def _contact(contact: Contact) -> Row:
 
 
 def _scale(scale: PixelScale) -> Row:
-    return {
-        "metres_per_pixel": scale.metres_per_pixel,
-        "relative_u": scale.relative_u,
-        "from": scale.source,
-    }
+    said = {"metres_per_pixel": scale.metres_per_pixel, "relative_u": scale.relative_u}
+    return said | {"from": scale.source}
 
 
 def _roll(track: FollowedClip) -> float | None:
@@ -189,20 +180,16 @@ def track_text(track: FollowedClip) -> str:
 
     A sentence that raises no flag is a note.
     """
-    lines = [
-        f"{track.clip.source.path.name}: {track.clip.count} frames, {motion_of(track)}, "
-        f"the ball in {_with_ball(track)}"
-    ]
+    file, number = track.clip.source.path.name, track.clip.count
+    lines = [f"{file}: {number} frames, {motion_of(track)}, the ball in {_with_ball(track)}"]
     contacts = {each.before: each for each in track.contacts}
     for k, flight in enumerate(track.flights):
         speeds, pull = [flight.speed_in, flight.speed_out], flight.acceleration
         if abs(speeds[0].value - speeds[1].value) < 0.1 * speeds[0].u:  # a hit, with a calibration
             speeds = speeds[:1]
         mph = " to ".join(f"{miles_per_hour(each.value):.2f}" for each in speeds)
-        words = (
-            f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
-            f"{flight.places} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
-        )
+        words = f"  flight {k + 1}: frames {flight.first_frame} to {flight.last_frame}, "
+        words += f"{flight.places} positions, {' to '.join(map(_format, speeds))} m/s ({mph} mph)"
         if pull and pull.u < pull.value:  # otherwise the flight bends too little
             words += f", acceleration {_format(pull)} m/s²"
         lines.append(words)
@@ -210,10 +197,8 @@ def track_text(track: FollowedClip) -> str:
             value, of = contact.restitution, RATIOS.get(contact.kind, "speeds")
             ratio = f"{_format(value)} (ratio of {of})" if value else "not stated"
             turn = track.flights[k + 1].angle_in.value - flight.angle_out.value
-            lines.append(
-                f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
-                f"restitution {ratio}, turned by {turn / DEGREE % 360:.1f} deg"
-            )
+            words = f"  {contact.kind} at frame {contact.frame:.2f}, {contact.time.value:.4f} s: "
+            lines.append(f"{words}restitution {ratio}, turned by {turn / DEGREE % 360:.1f} deg")
     if track.scale and track.flights:
         lines.append(f"  {_scale_said(track, track.scale)}")
     lines += [f"  flags: {', '.join(track.flags)}"] if track.flags else []
@@ -224,17 +209,14 @@ def track_text(track: FollowedClip) -> str:
 
 def _scale_said(track: FollowedClip, scale: PixelScale) -> str:
     """Return a sentence on the source of the scale, its u, and the deviations of other scales."""
-    size = 1e3 * scale.metres_per_pixel
-    said = (
-        f"scale {with_uncertainty(size, size * scale.relative_u)} mm per pixel "
-        f"from {SAID[scale.source]} ({100 * scale.relative_u:.2g} %)"
-    )
+    size, u = 1e3 * scale.metres_per_pixel, scale.relative_u
+    said = f"scale {with_uncertainty(size, size * u)} mm per pixel from {SAID[scale.source]} "
+    said += f"({100 * u:.2g} %)"
     for each in track.checks:
-        ratio = 100 * (each.metres_per_pixel / scale.metres_per_pixel - 1)
+        ratio, apart_u = 1e3 * each.metres_per_pixel / size - 1, np.hypot(u, each.relative_u)
+        said += f"; the scale from {SAID[each.source]} differs by {100 * ratio:+.2g} % (u of the "
         said += (
-            f"; the scale from {SAID[each.source]} differs by {ratio:+.2g} % "
-            f"(u of the difference {100 * np.hypot(scale.relative_u, each.relative_u):.2g} %, "
-            f"a difference of {abs(off_u(scale, each)):.1f} u)"
+            f"difference {100 * apart_u:.2g} %, a difference of {abs(off_u(scale, each)):.1f} u)"
         )
     roll = _roll(track) or 0.0
     if abs(roll) >= 1:

@@ -88,9 +88,8 @@ def track_clip(
         track = follow(clip, knowledge, progress=progress)
     messages = (*track.notes, *notes)
     if "phone" in said:  # the option makes these notes unnecessary
-        messages = tuple(
-            e for e in messages if e[0] != "READOUT_UNKNOWN" and not e[1].startswith(STANDING)
-        )
+        messages = tuple(each for each in messages if not each[1].startswith(STANDING))
+        messages = tuple(each for each in messages if each[0] != "READOUT_UNKNOWN")
     return replace(track, notes=messages, clip=clip.trim_memory())
 
 
