@@ -20,8 +20,9 @@ from tests.bench.browsing import faults_of, opened
 from tests.web.test_runs import wait
 
 LOOKS = [(1280, "light"), (320, "dark"), (1280, "dark"), (320, "light")]
-PIXEL = """([x, y]) => {
+PIXEL = """async ([x, y]) => {
   const [image, canvas] = [document.querySelector('.stage img'), document.createElement('canvas')];
+  await image.decode();
   [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
   canvas.getContext('2d').drawImage(image, 0, 0);
   return [...canvas.getContext('2d').getImageData(x, y, 1, 1).data];

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from tests.web.visiting import Answer, Visitor
-from virtual_lab.page import answers
+from virtual_lab.page import answers, opening
 from virtual_lab.page.answers import sentence
 
 SLOW = [("bats", "r161"), ("laboratories", "1000000")]  # a sweep that no test waits for
@@ -100,10 +100,10 @@ def test_a_run_shows_its_progress_and_can_be_cancelled(visitor: Visitor) -> None
 
 
 def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None:
-    page = finish(visitor, "daily", [("days", "10"), ("baseline", "10")])
-    assert "cannot be used: allowed: 5 to 9" in page.words
-    again = visitor.ask("/form/daily?run=1").text
-    assert "f-baseline-fault" in again
+    page = finish(visitor, "show", [("name", "r162")])
+    assert "“r162” cannot be used: did you mean r161?" in page.words
+    again = visitor.ask("/form/show?run=1").text
+    assert "“r162” cannot be used" in re.search(r'id="f-name-fault">(.*?)<', again)[1]
     assert "1 more" in visitor.ask("/").words
 
 
@@ -114,7 +114,15 @@ def test_quit_ends_runs_and_server(visitor: Visitor) -> None:
     assert visitor.quits == [True]
 
 
-FLOWN = {"value": 2.0, "u": 0.1}
+FLOWN, BOUNCE = {"value": 2.0, "u": 0.1}, {"value": 0.5, "u": 0.01}
+
+
+def test_a_page_that_nobody_uses_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(opening, "IDLE", 0.5)
+    assert opening.open_page(tmp_path / "lab", browser=False).text == str(tmp_path / "lab")
+    assert list((tmp_path / "lab").iterdir()) == []
+
+
 CERTIFICATE = """r161 by bbcor (NCAA BBCOR of 2009)
   FAIL
   e    0.4985 ± 0.0041 (u 0.0020)   95 % interval 0.4944 to 0.5026, limit 0.500
@@ -134,12 +142,13 @@ CERTIFICATE = """r161 by bbcor (NCAA BBCOR of 2009)
         ),
         (
             "track",
-            {"flights": [{"speed_in_m_per_s": FLOWN, "restitution": {"value": 0.5, "u": 0.01}}]},
+            {"flights": [{"flight": 1, "speed_out_m_per_s": FLOWN, "restitution": BOUNCE}]},
             "",
-            "Fastest start of a flight: 2.00 ± 0.20 m/s (4.5 ± 0.4 mph), "
+            "Fastest: 2.00 ± 0.20 m/s (4.5 ± 0.4 mph) at the end of flight 1; "
             "restitution 0.500 ± 0.020 after it",
         ),
-        ("verify", {}, "whole\ntruth: …", "Whole"),
+        ("verify", {"state": "whole"}, "whole", "Whole: no file was changed"),
+        ("slope", {}, "\n slope of e_A\n", "Slope of e_A"),
     ],
 )
 def test_an_answer_is_one_sentence(command: str, document: Any, text: str, answer: str) -> None:

@@ -49,17 +49,24 @@ def _score(document: Any, _: str) -> str:
 
 
 def _track(document: Any, _: str) -> str:
-    flown = document.get("flights") or []
-    if not flown:
+    ends = {"in": "start", "out": "end"}
+    speeds = [
+        (each[f"speed_{end}_m_per_s"]["value"], each[f"speed_{end}_m_per_s"]["u"] or 0.0, end, each)
+        for each in document.get("flights") or []
+        for end in ends
+        if each.get(f"speed_{end}_m_per_s")
+    ]
+    if not speeds:
         return ""
-    number = max(range(len(flown)), key=lambda n: flown[n]["speed_in_m_per_s"]["value"])
-    speed, bounce = flown[number]["speed_in_m_per_s"], flown[number].get("restitution")
-    value, more = speed["value"], 2 * (speed["u"] or 0.0)
-    mph = f"{value / MPH:.1f} ± {more / MPH:.1f} mph"
+    speed, u, end, flight = max(speeds, key=lambda each: each[0])
+    bounce = flight.get("restitution")
     after = (
-        f", restitution {bounce['value']:.3f} ± {2 * bounce['u']:.3f} after it" if bounce else ""
+        f"; restitution {bounce['value']:.3f} ± {2 * bounce['u']:.3f} after it" if bounce else ""
     )
-    return f"Fastest start of a flight: {value:.2f} ± {more:.2f} m/s ({mph}){after}"
+    return (
+        f"Fastest: {speed:.2f} ± {2 * u:.2f} m/s ({speed / MPH:.1f} ± {2 * u / MPH:.1f} mph) "
+        f"at the {ends[end]} of flight {flight['flight']}{after}"
+    )
 
 
 def _profile(document: Any, _: str) -> str:
@@ -106,11 +113,17 @@ def _plan(_: Any, text: str) -> str:
     return "No plan reaches this uncertainty"
 
 
+def _verify(document: Any, _: str) -> str:
+    state = document["state"]
+    return "Whole: no file was changed" if state == "whole" else f"The folder is {state}"
+
+
 ANSWERS: Mapping[str, Callable[[Any, str], str]] = {
     "certify": _certificate,
     "reduce": _certificate,
     "show": _certificate,
     "score": _score,
+    "verify": _verify,
     "track": _track,
     "profile": _profile,
     "operating": _operating,

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from virtual_lab import catalog
 from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.commands.command import Command
+from virtual_lab.files.folders import KINDS, folder_kind
 from virtual_lab.page.wording import WORDS
-from virtual_lab.sheets import OF_LABORATORY
 
 FOLDED = ("seed", "operator_seed", "workers")  # always among the fields that are folded
 CHOSEN = "the page chooses the new folder or file"
@@ -27,7 +26,8 @@ EXCEPTIONS = {
     ("", "sign"): "a private key does not belong in a browser",
     ("rehearse", "open"): "the page opens the bench in every case",
 }
-NEW = {("sweep", "certificates"), ("twin", "faults")}  # new folders, if the user wants them
+TYPED = ("NAME", "BALL|DIAMETER")  # names beside which other texts are allowed
+RUNS = "runs"  # folder of the page's runs
 DEEPEST = 4  # largest depth of a folder that is offered
 
 
@@ -89,7 +89,7 @@ def given(command: Command, form: Mapping[str, Sequence[str]]) -> dict[str, Any]
         entered = [text.strip() for text in form.get(key, ()) if text.strip()]
         if not has_control(command, key):
             continue
-        if each.rule.kind == "flag":
+        if each.rule.kind == "flag" or is_new(each):
             values[key] = bool(entered)
         elif each.rule.several and each.rule.kind == "number":
             values[key] = [word for text in entered for word in text.replace(",", " ").split()]
@@ -104,69 +104,44 @@ def _kind(
     command: Command, each: ParameterDescription, folder: Path
 ) -> tuple[str, list[tuple[str, str]]]:
     """Return the kind of a parameter's control, and the choices that it offers."""
-    rule, key, several = each.rule.several or each.rule, each.name, each.rule.several is not None
-    shelf, word, choices = f"{rule.metavar.lower()}s", rule.metavar, list[tuple[str, str]]()
-    kind = "choices" if several else "choice"
-    if rule.kind == "flag" or (command.name, key) in NEW:
-        kind = "flag"
-    elif rule.kind == "choice":
-        choices = [(name, name) for name in rule.complete()]
-    elif shelf in catalog.KINDS:
-        choices = [*_entries(shelf, tuple(rule.complete())), *_files(folder, ".toml")]
-        choices += WORDS["files"].items() if command.name == "template" else ()
-    elif word in ("FOLDER", "FILE") or key in ("clip", "study"):
-        kind = "paths" if several else "path"
-        near = WORDS["folders"]
-        marks = near.get(key) or near.get(command.name) or ("result",)
-        endings = WORDS["endings"].get(key, (".toml",))
-        choices = [] if word == "FOLDER" else [*_files(folder, *endings)]
-        choices += folders(folder, marks) if word == "FOLDER" or key in near else ()
-    elif rule.kind == "number":
-        kind = "numbers" if several else "number"
-    else:
-        kind = "text"
-        if word == "BALL|DIAMETER":
-            choices = [*_entries("balls", catalog.names("balls"))]
-        elif command.name == "show":
-            choices = [*folders(folder, ("result",))]
-            choices += [
-                pair for each in catalog.KINDS for pair in _entries(each, catalog.names(each))
-            ]
-    return kind, choices
+    rule, several = each.rule.several or each.rule, each.rule.several is not None
+    choices = [(name, title or name) for name, title in rule.complete().items()]
+    if rule.kind == "flag" or is_new(each):
+        return "flag", []
+    if rule.kind in ("file", "folder", "clip"):
+        endings = () if rule.kind == "folder" else tuple(WORDS["endings"].get(each.name, [".toml"]))
+        kinds = () if endings else rule.holds or tuple(KINDS)
+        return "paths" if several else "path", [*_offered(folder, kinds, endings)]
+    if rule.kind == "number":
+        return "numbers" if several else "number", []
+    if rule.kind == "text" or rule.metavar in TYPED:
+        results = _offered(folder, ("result",), ()) if command.name == "show" else ()
+        return "text", [] if command.name.startswith("rehearse") else [*choices, *results]
+    if not rule.closed:
+        choices += _offered(folder, (), (".toml",))
+    choices += WORDS["files"].items() if command.name == "template" else ()
+    return "choices" if several else "choice", choices
 
 
-@cache
-def _entries(kind: str, names: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Return names and titles of entries of the catalog."""
-    shipped = catalog.names(kind)
-    titles = {name: catalog.title(kind, name) if name in shipped else name for name in names}
-    return [*titles.items()]
+def is_new(each: ParameterDescription) -> bool:
+    """Return whether a parameter is a new folder, which the page names."""
+    return each.rule.holds == ("new",)
 
 
-def folders(folder: Path, kinds: Sequence[str]) -> Iterator[tuple[str, str]]:
-    """Yield the folders below a folder that have one of some kinds, newest first."""
-    marks, below = [mark for kind in kinds for mark in WORDS["marks"].get(kind, ())], _below(folder)
-    found = {path.parent for path in below if path.name in marks}
-    if "laboratory" in kinds:
-        found |= {path.parent.parent for path in below if path.parent.name in OF_LABORATORY}
+def _offered(
+    folder: Path, kinds: Sequence[str], endings: tuple[str, ...]
+) -> Iterator[tuple[str, str]]:
+    """Yield folders of some kinds and files with some endings below a folder, newest first.
+
+    Files of results and laboratories are left out, and so are the runs of the page.
+    """
+    found = []
+    for place, names, files in os.walk(folder):
+        path = Path(place)
+        kind = folder_kind(path) if path != folder else ""
+        found += [path] if kind in kinds else []
+        found += [] if kind else [path / name for name in files if name.lower().endswith(endings)]
+        deep = len(path.relative_to(folder).parts) >= DEEPEST or kind == "laboratory"
+        names[:] = [] if deep else [name for name in names if name != RUNS]
     for path in sorted(found, key=lambda each: -each.stat().st_mtime):
         yield str(path), str(path.relative_to(folder))
-
-
-def _files(folder: Path, *endings: str) -> Iterator[tuple[str, str]]:
-    """Yield the files below a folder with one of some endings; none of a result's."""
-    for path in _below(folder):
-        of_folder = (path.parent / "settings.toml").exists() or path.parent.name in OF_LABORATORY
-        if path.suffix.lower() in endings and not of_folder:
-            yield str(path), str(path.relative_to(folder))
-
-
-def _below(folder: Path) -> list[Path]:
-    """Return the files below a folder, without those of the page itself."""
-    found = [
-        path
-        for depth in range(1, DEEPEST + 1)
-        for path in folder.glob("/".join("*" * depth))
-        if path.is_file() and path.relative_to(folder).parts[0] != "runs"
-    ]
-    return sorted(found)

@@ -31,6 +31,7 @@ def open_page(folder: Folder = OUT, *, browser: bool = True) -> Answer:
         Open the page in the browser, and do not only print its address.
     """
     of_extra("uvicorn", "bench", "the page")
+    from virtual_lab.page.fields import controls
     from virtual_lab.page.server import Page, page_application
 
     path = Path(folder)
@@ -47,9 +48,12 @@ def open_page(folder: Folder = OUT, *, browser: bool = True) -> Answer:
     print(said, file=sys.stderr, flush=True)
     if browser:
         webbrowser.open(address)
+    begun, warm = page.last_request, False
     try:
         while not closed and (page.runs.workers or time.monotonic() - page.last_request < IDLE):
             time.sleep(STEP)
+            if page.last_request > begun and not warm:  # what the first form needs, while one reads
+                warm = bool(controls(page.commands["certify"], path, {}, {}))
     finally:
         page.runs.end()
         server.should_exit = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,14 +15,16 @@ from typing import Any
 from virtual_lab.api.describing import REQUIRED
 from virtual_lab.commands.call import bind
 from virtual_lab.commands.command import Command
+from virtual_lab.commands.output import LONGEST_NAME
 from virtual_lab.commands.running import prepare
 from virtual_lab.errors import InputError
 from virtual_lab.files import first_free, whole_file
-from virtual_lab.page.fields import EXCEPTIONS, NEW
+from virtual_lab.page.fields import RUNS, is_new, texts
 from virtual_lab.page.wording import WORDS
 from virtual_lab.page.working import BLANK, CALL, OUTCOME, PROGRESS_LINE, carry_out_run
 from virtual_lab.processes import Worker, WorkerLostError
 
+CHOSEN = ("out", "csv", "open")  # fields of which a user does not think
 MOST = 2  # runs at the same time
 
 
@@ -42,6 +44,12 @@ class StartedRun:
     def call(self) -> dict[str, Any]:
         """Name of the command, given values as texts, and time of the start."""
         return _read(self.path / CALL)
+
+    @property
+    def stated(self) -> str:
+        """The given values in one line, without what the page chose."""
+        values = {key: each for key, each in self.call["values"].items() if key not in CHOSEN}
+        return ", ".join(Path(text).name for each in values.values() for text in texts(each))[:80]
 
     @property
     def began(self) -> float:
@@ -83,67 +91,59 @@ class Runs:
     def start(self, command: Command, values: Mapping[str, Any]) -> StartedRun:
         """Start a run. Raises `InputError` for values that are not allowed, or if two are running.
 
-        The values are those of a form; folder and files of the result are added.
+        The values are those of a form; folders and files of the result are added.
         """
-        stated = {key: each for key, each in values.items() if (command.name, key) not in NEW}
-        bind(command, {**dict.fromkeys(_new_arguments(command), "x"), **stated})
+        new = _new_fields(command, values)
+        bind(command, {**values, **dict.fromkeys(new, "x")})
         with self.lock:
             if len(self.workers) >= MOST:
                 allowed = f"{MOST} runs are in progress; wait for one of them, or cancel it"
                 raise InputError("", "", None, allowed)
-            values = self._with_places(command, values)
-            if command.name == "rehearse" and not {"operator", "script", "replay"} & {*values}:
-                del values["out"]
-                values |= {"open": True, "day": values.get("day") or str(self.folder / "day")}
+            number = max([0, *(int(each.name) for each in self._folders())]) + 1
+            values = {**values, **self._places(command, values, new, number)}
             prepare(bind(command, values))
-            home = self.folder / "runs"
-            numbers = [int(each.name) for each in home.glob("[0-9]*")] if home.is_dir() else []
-            path = home / f"{max(numbers, default=0) + 1:04}"
+            path = self.folder / RUNS / f"{number:04}"
             path.mkdir(parents=True)
             content = {"command": command.name, "values": values, "began": time.time()}
             with whole_file(path / CALL) as file:
                 file.write(json.dumps(content, default=str).encode())
-            run = StartedRun(path, True)
-            self.workers[run.number] = Worker(f"run {run.number}")
+            self.workers[number] = Worker(f"run {number}")
+        run = StartedRun(path, True)
         Thread(target=self._carry_out, args=(run,), daemon=True).start()
         return run
 
     def _carry_out(self, run: StartedRun) -> None:
-        with suppress(WorkerLostError):
+        with suppress(WorkerLostError, OSError):  # a killed worker, a full disk
             self.workers[run.number].call(carry_out_run, run.path)
         self.workers.pop(run.number).end()
 
-    def _with_places(self, command: Command, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values with new folders and files below the folder of the page."""
-        taken = {
-            place
-            for number in self.workers
-            for key, place in _read(self.folder / "runs" / f"{number:04}" / CALL)["values"].items()
-            if key in ("out", "folder", "csv")
-        }
-        fields, places = command.fields, dict(values)
-        stated = {key: each for key, each in values.items() if (command.name, key) not in NEW}
+    def _places(
+        self, command: Command, values: Mapping[str, Any], new: Sequence[str], number: int
+    ) -> dict[str, Any]:
+        """Return new folders and files below the folder of the page, by name of the field."""
+        stated = {key: each for key, each in values.items() if key not in new}
         usual = prepare(bind(command, stated)) if command.output.folder else None
-        stem = next(
-            (values[key] for key in fields if key in values and command.takes_position(key)), ""
-        )
-        stem = Path(stem if isinstance(stem, str) else stem[0]).stem
-        words = [command.name.replace(" ", "-"), *([stem] if stem else [])]
-        name = usual.name if usual else "-".join(words)[:60]
-        target = first_free(self.folder / name)
-        while str(target) in taken:
-            target = target.with_name(f"{target.name}-again")
-        for key in ("out", *_new_arguments(command)):
-            if key in fields:
-                is_file = command.output.file or values.get("procedure") in WORDS["files"]
-                ending = ".toml" if is_file else ""
-                places[key] = str(first_free(target.with_name(target.name + ending)))
-        for _, key in NEW:
-            if places.get(key) is True:
-                places[key] = str(first_free(self.folder / f"{target.name}-{key}"))
-        if "csv" in fields and "out" not in fields:
-            places["csv"] = str(first_free(target.with_name(f"{target.name}.csv")))
+        first = [texts(each) for key, each in stated.items() if command.takes_position(key)]
+        words = [*command.name.split(), *(Path(each[0]).stem for each in first[:1])]
+        name = usual.name if usual else "-".join(words)[:LONGEST_NAME]
+        live = str([_read(self._folder(each) / CALL) for each in self.workers])
+        places: dict[str, Any] = {}
+        for key in new:
+            full = name if key in ("out", "csv", "folder") else f"{name}-{key}"
+            is_file = command.output.file or values.get("procedure") in WORDS["files"]
+            ending = ".csv" if key == "csv" else ".toml" if is_file else ""
+            path = first_free(self.folder / f"{full}{ending}")
+            taken = str(path) in live  # by a run that has not written yet
+            places[key] = str(self.folder / f"{full}-run-{number}{ending}" if taken else path)
+        if command.name == "rehearse" and not {"operator", "script", "replay"} & {*values}:
+            return {"open": True, "day": values.get("day") or places["out"]}
         return places
+
+    def _folder(self, number: int) -> Path:
+        return self.folder / RUNS / f"{number:04}"
+
+    def _folders(self) -> list[Path]:
+        return sorted((self.folder / RUNS).glob("[0-9]*"), reverse=True)
 
     def cancel(self, number: int) -> None:
         """End a run in progress; nothing of its result is left."""
@@ -158,20 +158,20 @@ class Runs:
 
     def get(self, number: int) -> StartedRun | None:
         """Return a run, or None if there is none with this number."""
-        path = self.folder / "runs" / f"{number:04}"
+        path = self._folder(number)
         return StartedRun(path, number in self.workers) if (path / CALL).is_file() else None
 
     def all(self) -> list[StartedRun]:
         """Return all runs, the last first."""
-        home = self.folder / "runs"
-        names = sorted((int(each.name) for each in home.glob("[0-9]*")), reverse=True)
-        return [run for number in names if (run := self.get(number))]
+        return [run for each in self._folders() if (run := self.get(int(each.name)))]
 
 
-def _new_arguments(command: Command) -> list[str]:
-    """Return the arguments of a command for which the page chooses a new folder."""
-    required = [key for key, each in command.fields.items() if each.default is REQUIRED]
-    return [key for key in required if key == "out" or (command.name, key) in EXCEPTIONS]
+def _new_fields(command: Command, values: Mapping[str, Any]) -> list[str]:
+    """Return the fields for which the page names a new folder or file."""
+    fields = command.fields
+    result = [key for key in ("out", "csv") if key in fields][:1]
+    needed = (key for key, each in fields.items() if is_new(each) and each.default is REQUIRED)
+    return [*result, *needed, *(key for key in values if is_new(fields[key]))]
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -121,13 +121,16 @@ class Page:
             key = field_of(command, fault)
             sentence = f"“{fault.value}” cannot be used: {fault.allowed}" if key else fault.allowed
             return self.refuse(command, form, key, sentence if key or not fault.key else str(fault))
+        except OSError as fault:
+            return self.refuse(command, form, "", f"Nothing can be stored: {fault.strerror}.")
         return RedirectResponse(f"/run/{run.number}", status_code=303)
 
     def _sentence(self, command: Command, key: str, form: Mapping[str, Sequence[str]]) -> str:
         """Return the sentence about a refused value of a form."""
         text = ", ".join(form.get(key, ())).strip()
         rule = command.fields[key].rule
-        allowed = limits(rule.allowed) or "one of the choices"
+        number = re.sub("^one ", "a ", rule.allowed).replace("2^128 - 1", "2¹²⁸ − 1")
+        allowed = number if rule.kind == "number" else limits(rule) or "one of the choices"
         return f"“{text}” cannot be used. Allowed: {allowed}." if text else "Fill in this field."
 
     def result(self, request: Request) -> Response:

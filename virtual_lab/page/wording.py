@@ -8,6 +8,7 @@ from collections.abc import Collection
 from virtual_lab.api.describing import REQUIRED, ParameterDescription
 from virtual_lab.catalog.reading import DATA
 from virtual_lab.files import parse_toml
+from virtual_lab.parameters import ParameterRule
 
 WORDS = parse_toml((DATA / "page" / "words.toml").read_text("utf-8"), "words.toml")
 # a sentence with one of these speaks to a programmer
@@ -26,11 +27,11 @@ def title_of(key: str) -> str:
     return str(WORDS["titles"].get(key) or key.replace("_", " ").capitalize())
 
 
-def unit_beside(key: str, words: str) -> str:
-    """Return the unit of a number, which its description states in brackets; may be empty."""
-    match = UNIT.search(words.split("\n\n", maxsplit=1)[0])
-    usual = match[1] if match and not match[1].startswith("pixels") else ""
-    return str(WORDS["units"].get(key, usual))
+def unit_beside(each: ParameterDescription) -> str:
+    """Return the unit of a number, from its type, its description or the page; may be empty."""
+    match = UNIT.search(each.words.split("\n\n", maxsplit=1)[0])
+    usual = (each.rule.several or each.rule).unit or (match[1] if match else "")
+    return str(WORDS["units"].get(each.name, usual))
 
 
 def plain(words: str, title: str = "") -> str:
@@ -49,7 +50,7 @@ def plain(words: str, title: str = "") -> str:
 
 def notes(each: ParameterDescription, choices: Collection[object]) -> str:
     """Return the words below the control of a parameter: its description and its limits."""
-    allowed = "" if choices else limits((each.rule.several or each.rule).allowed)
+    allowed = "" if choices else limits(each.rule.several or each.rule)
     return f"{plain(each.words, title_of(each.name))} {allowed and f'Allowed: {allowed}.'}".strip()
 
 
@@ -58,14 +59,12 @@ def is_needed(each: ParameterDescription) -> bool:
     return each.default is REQUIRED
 
 
-def limits(allowed: str) -> str:
+def limits(rule: ParameterRule) -> str:
     """Return the allowed values of a rule as words on the page; may be empty."""
-    allowed = allowed.split("; one, or a list", maxsplit=1)[0]
-    if "vl." in allowed or allowed.startswith(
-        ("a path", "the path", "the folder", "a file", "a str", "a study", "True", "a name")
-    ):
-        return ""
-    return re.sub("^one (?=whole)", "a ", allowed).replace("2^128 - 1", "2¹²⁸ − 1").replace("'", "")
+    if rule.kind == "number":
+        return rule.limits
+    stated = rule.kind == "text" and rule.metavar != "TEXT" and "vl." not in rule.allowed
+    return rule.allowed.replace("'", "") if stated else ""
 
 
 def _name(match: re.Match[str]) -> str:
