@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import virtual_lab as vl
+from tests.studies.own_laboratory import play, rms_u, texts_of, write_tester
 from virtual_lab import api, catalog, lab
 from virtual_lab.api.describing import describe
 from virtual_lab.cli import cli
@@ -15,43 +16,18 @@ from virtual_lab.records.session import load_session
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Reality
 from virtual_lab.studies.foreign import certify_records
+from virtual_lab.studies.own_laboratory.ball import sample_of_tests, with_scatter
 
 FOREIGN = Path(__file__).parents[1] / "foreign_laboratory" / "records"
-
-
-def texts_of(folder: Path) -> dict[tuple[str, str], str]:
-    """Return the sheets in the folder of a laboratory, by kind and name."""
-    paths = [*folder.glob("instruments/*.toml"), *folder.glob("rigs/*.toml")]
-    return {(each.parent.name, each.stem): each.read_text("utf-8") for each in paths}
-
-
-def sheets_of_a_tester(procedure: str, seed: int) -> list[vl.Sheet]:
-    """Return sheets of a tester: each u and scatter is 0.5 to 2 times that of the catalog."""
-    chance = np.random.default_rng(seed)
-    rigs = lab.TestSetup.of("r161", procedure=procedure).rigs.values()
-    names = dict.fromkeys(name for rig in rigs for name in catalog.rig_instruments(rig).values())
-    sheets = [vl.rig(name) for name in rigs] + [vl.instrument(name) for name in names]
-    changed = []
-    for sheet in sheets:
-        scaled = {
-            each.key: each.value * float(np.exp(chance.uniform(-np.log(2), np.log(2))))
-            for each in sheet.datums
-            if each.key.endswith(("_u", "_scatter", "_jitter", "repeatability"))
-        }
-        changed += [sheet.with_(scaled)] if scaled else []
-    return changed
 
 
 @pytest.mark.parametrize("procedure", ["astm-f1881", "bbcor"])
 def test_recovered_sheets_state_what_the_records_state(procedure: str, tmp_path: Path) -> None:
     """Also one u per board; a laboratory without noise states the numbers of its sheets."""
-    tested = vl.certify(
-        "r161", procedure=procedure, seed=7, instruments=sheets_of_a_tester(procedure, 7)
-    )
-    tested.save(tmp_path / "day")
-    stated = load_session(tmp_path / "day" / "records").calibration
-    shutil.rmtree(tmp_path / "day" / "truth")
-    ours = vl.laboratory(tmp_path / "day")
+    (day,) = play(write_tester(tmp_path / "tester", procedure, 7), procedure, 7)
+    stated = load_session(day / "records").calibration
+    shutil.rmtree(day / "truth")
+    ours = vl.laboratory(day)
     ours.save(tmp_path / "ours")
     with catalog.sheets_in_place(texts_of(tmp_path / "ours")):
         setup = lab.TestSetup.of("r161", procedure=procedure, seed=0, reality=Reality.NOISE_FREE)
@@ -123,11 +99,11 @@ def test_rigs_in_foreign_words_mean_the_usual_rigs(tmp_path: Path) -> None:
     form.write_text(text.replace('impact = "astm-pivot"', 'impact = "Pivot, hall 2"'), "utf-8")
     described, plain = vl.laboratory(form.parent), vl.laboratory(FOREIGN)
     assert described.rows == plain.rows
-    assert described.remark == (
+    words = (
         "The records describe the rig of the stage impact as 'Pivot, hall 2'; astm-pivot stands "
         "for it."
     )
-    assert not plain.remark
+    assert described.remark == f"{words}\n{plain.remark}"
 
 
 def test_two_stages_share_a_cannon_with_two_scatters(tmp_path: Path) -> None:
@@ -228,3 +204,40 @@ def test_settings_state_the_laboratory_and_can_be_read_back(
 def test_an_operator_rehearses_in_a_laboratory(ours: Path) -> None:
     day = vl.rehearse(operator="book", seed=1, laboratory=ours)
     assert day.desk.certification.session.calibration["impact.cannon.along"].value == 0.0
+
+
+def test_the_scatter_at_the_bat_is_that_of_its_own_key() -> None:
+    """Hits at the wall keep their scatter bit for bit; without the key both are the same."""
+    ball = vl.ball("baseball-2003").document
+    rules = lab.TestSetup.of("r161", procedure="astm-f1881").rules
+    usual, same, still, double = (
+        sample_of_tests(each, "r161", rules, 5)
+        for each in (ball, *(with_scatter(ball, {"bat": each}) for each in (0.0037, 0.0, 0.0074)))
+    )
+    assert np.array_equal(usual.total, same.total, equal_nan=True)
+    assert np.array_equal(usual.wall_variance, still.wall_variance, equal_nan=True)
+    variances = [each.total[usual.has_result].mean() for each in (still, usual, double)]
+    assert np.ptp(variances) / np.diff(variances)[0] == pytest.approx(4, rel=0.1)
+
+
+def test_recovered_hits_scatter_as_those_of_the_tester(tmp_path: Path) -> None:
+    """Four days of a laboratory whose hits scatter more at the wall than at the bat."""
+    tester = write_tester(tmp_path / "tester", "astm-f1881", seed=4)
+    ball = vl.Sheet.of("balls", tester / "balls/baseball-2003.toml")
+    true = {each.key: each.value for each in ball.datums}
+    days = play(tester, "astm-f1881", seed=9, days=4)
+    ours = vl.laboratory(days)
+    rows = {row.key: row for row in ours.rows if row.sheet == "balls/baseball-2003"}
+    for key in ("hit_restitution", "bat_hit_restitution", "restitution", "mass"):
+        row = rows[f"spread.{key}"]
+        assert row.low is not None
+        assert row.high is not None
+        assert row.low < true[f"spread.{key}"] < row.high, key
+        alone = vl.laboratory(days[0])
+        (first,) = (each for each in alone.rows if each.key == f"spread.{key}")
+        assert first.high is not None
+        assert row.high / row.low < first.high / (first.low or 1.0), key  # pooling helps
+    assert ours.remark.count("u 0.0") == 4
+    ours.save(tmp_path / "ours")
+    ratio = rms_u(tmp_path / "ours", "r161", "astm-f1881") / rms_u(tester, "r161", "astm-f1881")
+    assert ratio == pytest.approx(1, abs=0.12)

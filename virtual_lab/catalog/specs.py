@@ -339,7 +339,8 @@ class BallSpread(Spec):
 
     mass: Annotated[float, Dimension("mass", 0, 0.02)]
     restitution: Spread
-    hit_restitution: Spread
+    hit_restitution: Spread  # at the wall and, unless stated, at the bat
+    bat_hit_restitution: Spread | None = None  # between hits at the bat
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

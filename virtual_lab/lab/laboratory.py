@@ -196,8 +196,10 @@ class Laboratory:
 
     def play(self, stage: Stage, plan: ShotPlan) -> RigOutput:
         """Return the records and the truth of a plan carried out with the faults of this day."""
-        station = self.stations[stage]
-        return self.setup.faults.play(stage, station, plan, self.specimen, self.draws)
+        station, specimen = self.stations[stage], self.specimen
+        if stage is Stage.IMPACT:
+            specimen = replace(specimen, balls=specimen.balls.at_bat())
+        return self.setup.faults.play(stage, station, plan, specimen, self.draws)
 
 
 def _balls_of(setup: TestSetup, seed: int, bench: Station, box: Slots) -> TrueBalls:

@@ -21,6 +21,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from virtual_lab import catalog
+from virtual_lab.catalog import Entry
 from virtual_lab.catalog.reading import Key
 from virtual_lab.catalog.specs import BallSpec, BatSpec
 from virtual_lab.lab.bat_test import BatTest, BlockTest
@@ -37,6 +38,7 @@ from virtual_lab.simulation.stations.rig import find_rig, knows_blocks
 from virtual_lab.uncertainty.scatter import HitVariance
 
 Taken = TypeVar("Taken")
+AnyRules = str | Entry[Procedure]  # a procedure by its name, or as read
 BLOCK = 1024  # number of laboratories per block; more are a few percent faster but need memory
 SCANS = 768  # number of laboratories per block for scans, which need more shots
 INDIVIDUALS = 32  # laboratories per block with individual bats; their modes need memory
@@ -50,7 +52,9 @@ class RoundRobin:
     history: int = 0  # number of earlier tests of each laboratory whose scatter is used
 
     @classmethod
-    def of(cls, bat: str, procedure: str, *, summed: bool = True, individual: bool = False) -> Self:
+    def of(
+        cls, bat: str, procedure: AnyRules, *, summed: bool = True, individual: bool = False
+    ) -> Self:
         """Return a round robin with the same bat and the same procedure in all laboratories.
 
         With `summed` the instruments record only summary values, and all laboratories test the
@@ -199,7 +203,8 @@ def box_of(procedure: Procedure, bat: BatSpec, ball: BallSpec) -> Box:
     speed = procedure.ball_speed + bat_speed + sigmas * 0.2 * either  # m/s
     speed[0] *= 0.99  # a hit six sigma above the bat's axis is oblique
     spread, line = ball.spread, ball.restitution
-    scatter = hypot(spread.restitution, spread.hit_restitution, line.value_u)
+    hits = max(spread.hit_restitution, spread.bat_hit_restitution or 0.0)
+    scatter = hypot(spread.restitution, hits, line.value_u)
     e0 = np.asarray(ball.restitution.at(speed[::-1])) + sigmas * scatter * either
     return Box.about(
         Scenes.of(

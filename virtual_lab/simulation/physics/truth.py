@@ -144,6 +144,15 @@ class TrueBalls:
         e0 = self.restitution_at(ball, speed) - loss + scatter
         return np.clip(e0, self.spec.restitution.floor, 1.0)
 
+    def at_bat(self) -> TrueBalls:
+        """Return these balls with the scatter of e0 between hits at the bat."""
+        spread = self.spec.spread
+        scatter = spread.bat_hit_restitution
+        if scatter is None:
+            return self
+        spread = replace(spread, hit_restitution=scatter)
+        return replace(self, spec=replace(self.spec, spread=spread))
+
     def numbers(self, owner: Owner, ball: NDArray[np.int_]) -> NDArray[np.int_]:
         """Return a number for each shot's ball that is unique over all laboratories, (shot,)."""
         return np.arange(self.mass.size).reshape(self.mass.shape)[owner, ball]

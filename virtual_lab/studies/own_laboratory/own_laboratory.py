@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from itertools import groupby
+from math import inf, isfinite, sqrt
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from virtual_lab import catalog
 from virtual_lab.catalog.reading import Key
 from virtual_lab.files import parse_toml
 from virtual_lab.files.folders import TestFolders
+from virtual_lab.measurement.certification import Certification
 from virtual_lab.measurement.session_reduction import reduce_block
 from virtual_lab.output.result import Json, StudyResult
 from virtual_lab.output.tables import column, record, table_text
@@ -23,12 +25,14 @@ from virtual_lab.sheets import toml_text
 from virtual_lab.simulation.instruments.calibrated import StandardDeviation
 from virtual_lab.simulation.stations.rig import Stage
 from virtual_lab.studies.foreign import certify_records, replaced_rigs, with_installed_rigs
+from virtual_lab.studies.own_laboratory.ball import ball_of_tests
 from virtual_lab.studies.own_laboratory.rig_sheets import (
     RigSheets,
+    SheetNumbers,
     StatedNumber,
     Statements,
-    inner_table,
     numbers_of,
+    restated,
 )
 from virtual_lab.studies.own_laboratory.scatter import scatter_of_shots
 
@@ -63,7 +67,8 @@ class OwnNumber:
     ) -> OwnNumber:
         """Return the row of a statement, or of a number that the sheet does not need."""
         value, old = number and number.value, usual.get(key, {})
-        low, high = _interval(number) if number and isfinite(number.dof) else (None, None)
+        shows = number is not None and number.value and 1 <= number.dof < inf
+        low, high = _interval(number) if number and shows else (None, None)
         return cls(
             sheet="/".join(sheet),
             key=key,
@@ -122,12 +127,13 @@ class OwnLaboratory(StudyResult):
 
 
 def laboratory(folders: TestFolders) -> OwnLaboratory:
-    """Make the data sheets of a laboratory from its records: its instruments and rigs.
+    """Make the data sheets of a laboratory from its records: its instruments, rigs and ball.
 
     The sheets state the values and standard uncertainties of the certificates in the records, and
-    the scatter that the readings show. What the records do not state stays as in the catalog. Save
-    the result in a folder, and hand this folder to the other studies as their laboratory. Only
-    records are read, never the sealed true values.
+    the scatter that the readings show. Simulated hits at wall and bat scatter as those of the
+    records. For each test, its u is compared with the rms of u over simulated tests. What the
+    records do not state stays as in the catalog. Save the result in a folder, and hand this folder
+    to the other studies as their laboratory. Only records are read, never the sealed true values.
 
     Parameters
     ----------
@@ -143,9 +149,10 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
     """
     paths = paths_of(folders)
     read, remarks = dict[tuple[Stage, str], list[RigSheets]](), dict[str, None]()
-    particulars = NOTHING_STATED
+    particulars, tests = NOTHING_STATED, []
     for path in paths:
         certification = certify_records(path)
+        tests.append(certification)
         theirs = certification.session
         session = with_installed_rigs(theirs, certification.procedure.rig)
         remarks |= dict.fromkeys(replaced_rigs(theirs, session))
@@ -157,18 +164,30 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
             sheets.enter(session.records[stage.value], session.calibration, scatter[stage])
             read.setdefault((stage, sheets.rig), []).append(sheets)
     names = ", ".join(dict.fromkeys(path.resolve().name for path in paths))
-    rows, texts, kept = list[OwnNumber](), dict[Key, str](), 0
     pooled = {rig: _pooled(each) for (_, rig), each in read.items()}
-    for key, base, numbers, parts in sorted(_sheets(pooled), key=itemgetter(0)):
-        document = deepcopy(parse_toml(*catalog.source(*base)))
+    found, texts, kept = list[OwnNumber](), dict[Key, str](), 0
+
+    def add(key: Key, base: Key, numbers: SheetNumbers, parts: Mapping[str, str]) -> None:
+        nonlocal kept
+        document = parse_toml(*catalog.source(*base))
         usual = {path: table[last] for path, table, last in numbers_of(document)}
-        rows += [OwnNumber.of(key, path, numbers[path], usual) for path in sorted(numbers)]
+        found.extend(OwnNumber.of(key, path, numbers[path], usual) for path in sorted(numbers))
         kept += len(usual.keys() - numbers.keys())
+        document = deepcopy({**document, **parts})
         document.pop("identity", None)  # identities are among the particulars
-        texts[key] = toml_text(_restated(document | parts, numbers, SOURCE.format(names)))
+        texts[key] = toml_text(restated(document, numbers, SOURCE.format(names)))
+
+    for key, base, numbers, parts in sorted(_sheets(pooled), key=itemgetter(0)):
+        add(key, base, numbers, parts)
+    by_rules = groupby(sorted(tests, key=_rules), key=_rules)
+    for days in (list(group) for _, group in by_rules):
+        with catalog.sheets_in_place(texts):
+            ball, numbers, remark = ball_of_tests(days)
+        add(("balls", ball), ("balls", ball), numbers, {})
+        remarks |= dict.fromkeys(remark)
     return OwnLaboratory(
         title=f"the laboratory of {names}",
-        rows=rows,
+        rows=found,
         sheets=texts,
         particulars=replace(
             NOTHING_STATED,
@@ -178,6 +197,10 @@ def laboratory(folders: TestFolders) -> OwnLaboratory:
         kept=kept,
         remark="\n".join(remarks),
     )
+
+
+def _rules(test: Certification) -> str:
+    return test.session.procedure_text
 
 
 def _pooled(days: Sequence[RigSheets]) -> Statements:
@@ -197,13 +220,13 @@ def _pooled(days: Sequence[RigSheets]) -> Statements:
 
 def _sheets(
     rigs: Mapping[str, Statements],
-) -> Iterator[tuple[Key, Key, dict[str, StatedNumber | None], dict[str, str]]]:
+) -> Iterator[tuple[Key, Key, SheetNumbers, dict[str, str]]]:
     """Yield key, key in the catalog, statements and renamed parts of each sheet.
 
     Two rigs may share the sheet of an instrument, such as a cannon, but state different numbers.
     Each then has a sheet of its own, whose name ends in the name of the rig.
     """
-    merged: dict[Key, dict[str, StatedNumber | None]] = {}
+    merged: Statements = {}
     split = set[Key]()
     for statements in rigs.values():
         for sheet, numbers in statements.items():
@@ -222,18 +245,3 @@ def _sheets(
     for rig, statements in rigs.items():
         for kind, name in statements.keys() & split:
             yield (kind, f"{name}-{rig}"), (kind, name), statements[kind, name], {}
-
-
-def _restated(
-    document: dict[str, Any], numbers: Mapping[str, StatedNumber | None], source: str
-) -> dict[str, Any]:
-    """Return the content of a sheet with other numbers and their `source`."""
-    for path, number in numbers.items():
-        table, last = inner_table(document, path)
-        if number is None:
-            del table[last]
-        else:
-            unit = table.get(last, {"unit": "1"})["unit"]
-            value = {"value": number.value, "unit": unit}
-            table[last] = {**value, "source": source, "verified": True}
-    return document

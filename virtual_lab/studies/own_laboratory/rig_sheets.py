@@ -46,7 +46,8 @@ class StatedNumber:
     dof: float = inf  # degrees of freedom of a standard deviation that was estimated
 
 
-Statements = dict[Key, dict[str, StatedNumber | None]]  # keyed by sheet and key; None: key removed
+SheetNumbers = dict[str, StatedNumber | None]  # keyed by key of a sheet; None: key removed
+Statements = dict[Key, SheetNumbers]
 
 
 class RigSheets:
@@ -146,8 +147,7 @@ class RigSheets:
             stated = path in self.statements[sheet] and len(values) in (1, np.size(old))
             if path != key or stated or not values or (isfinite(dof) and not number):
                 continue
-            dimension = next(name for name, units in DIMENSIONS.items() if unit in units)
-            new = [_rounded(from_si(each, unit, dimension)) for each in values]
+            new = [in_unit(each, unit) for each in values]
             table[last]["value"] = new if isinstance(number, tuple) else new[0]
             self.statements[sheet][path] = StatedNumber(table[last]["value"], record, dof)
 
@@ -270,6 +270,23 @@ def _rounded(number: float) -> float:
     return float(f"{number:.{DIGITS}g}")
 
 
+def enter_numbers(document: Document, numbers: Mapping[str, tuple[Any, str]]) -> SheetNumbers:
+    """Return the statements of numbers [SI] and their records, in the units of a sheet."""
+    statements: SheetNumbers = {}
+    for path, (shown, record) in numbers.items():
+        number, dof = shown if isinstance(shown, StandardDeviation) else (shown, inf)
+        table, last = inner_table(document, path)
+        unit = table.get(last, {"unit": "1"})["unit"]
+        statements[path] = StatedNumber(in_unit(number, unit), record, dof)
+    return statements
+
+
+def in_unit(number: float, unit: str) -> float:
+    """Return a number [SI] in the unit of a sheet."""
+    dimension = next(name for name, units in DIMENSIONS.items() if unit in units)
+    return _rounded(from_si(number, unit, dimension))
+
+
 def numbers_of(document: Document, above: str = "") -> Iterator[tuple[str, Document, str]]:
     """Yield path, table and key in this table of each number of a sheet."""
     for key, value in document.items():
@@ -285,3 +302,18 @@ def inner_table(document: Document, path: str) -> tuple[Document, str]:
     for each in tables:
         document = document[each]
     return document, last
+
+
+def restated(
+    document: Document, numbers: Mapping[str, StatedNumber | None], source: str
+) -> Document:
+    """Change numbers of a sheet's content and their `source`, and return it."""
+    for path, number in numbers.items():
+        table, last = inner_table(document, path)
+        if number is None:
+            del table[last]
+        else:
+            unit = table.get(last, {"unit": "1"})["unit"]
+            value = {"value": number.value, "unit": unit}
+            table[last] = {**value, "source": source, "verified": True}
+    return document

@@ -17,17 +17,16 @@ from virtual_lab.certificate.document import read_document
 from virtual_lab.certificate.history import FEWEST, earlier_tests
 from virtual_lab.errors import InputError
 from virtual_lab.files import parse_toml, read_table
-from virtual_lab.lab import RoundRobin
 from virtual_lab.lab.setup import TestSetup
 from virtual_lab.output.metrics import METRICS
 from virtual_lab.records.record import require_numbers
 from virtual_lab.sheets import toml_text
-from virtual_lab.studies.plan.sample import SampledTests
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.studies.own_laboratory.ball import PLACES, hit_scatters, with_scatter
 from virtual_lab.uncertainty.scatter import bartlett_p
 from virtual_lab.units import Array
 
 DAYS = "daily.csv"  # table of a folder of daily checks
-TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
 MOST = 1e6  # largest number of degrees of freedom of a day, so that other days still count
 SIGNIFICANT = 0.05  # p-value of Bartlett's test below which days are not pooled
 
@@ -119,34 +118,14 @@ def balls_of(history: DailyScatter, bat: str, procedure: str, seed: int) -> dict
     result is a dictionary with one entry. Its key is (kind, name) of the ball's data sheet, and its
     value is the text of the sheet. Only the scatter of e0 from hit to hit is changed.
 
-    The variance of a hit is linear in the square of this scatter. Two samples of simulated tests
-    are therefore enough to find the scatter. Instruments and aim alone may cause more variance than
-    the earlier tests show. In this case the scatter is 0.
-
     `history` has the variance of a hit on each day of earlier tests. Raises `InputError` for fewer
     than three days, and if the variances of the days differ significantly.
     """
-    variance = history.pooled
-    ball = TestSetup.of(bat, procedure=procedure).rules.spec.ball
-    without, with_it = (
-        _variance(_sheet(ball, scatter), bat, procedure, seed, at_wall=history.at_wall)
-        for scatter in (0.0, TRIAL)
-    )
-    share = max(variance - without, 0.0) / (with_it - without)
-    return _sheet(ball, TRIAL * sqrt(share))
-
-
-def _variance(
-    sheet: dict[Key, str], bat: str, procedure: str, seed: int, *, at_wall: bool
-) -> float:
-    with catalog.sheets_in_place(sheet):
-        sample = SampledTests.of(RoundRobin.of(bat, procedure), TESTS, seed)
-    values = sample.wall_variance if at_wall else sample.total
-    return float(values[sample.has_result].mean())
-
-
-def _sheet(ball: str, scatter: float) -> dict[Key, str]:
-    document = deepcopy(parse_toml(*catalog.source("balls", ball)))
-    number = {"value": scatter, "unit": "1", "source": "history", "verified": False}
-    document["spread"]["hit_restitution"] = number
-    return {("balls", ball): toml_text(document)}
+    rules = TestSetup.of(bat, procedure=procedure).rules
+    document = deepcopy(parse_toml(*catalog.source("balls", rules.spec.ball)))
+    document["spread"].pop(PLACES["bat"], None)  # one scatter of all hits
+    pooled = StandardDeviation(sqrt(history.pooled), float(history.dof.sum()))
+    place = "wall" if history.at_wall else "bat"
+    (scatter,) = hit_scatters(document, {place: pooled}, bat, rules, seed).values()
+    adapted = with_scatter(document, {"wall": scatter.value}, "history")
+    return {("balls", rules.spec.ball): toml_text(adapted)}

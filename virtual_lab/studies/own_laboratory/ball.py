@@ -1,0 +1,185 @@
+"""The ball of a laboratory: its lot as measured, and the scatter of e0 between hits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from virtual_lab import catalog
+from virtual_lab.catalog import Entry
+from virtual_lab.files import parse_toml
+from virtual_lab.lab import RoundRobin
+from virtual_lab.measurement.certification import Certification
+from virtual_lab.measurement.procedure import Procedure
+from virtual_lab.measurement.session_reduction import reduce_block
+from virtual_lab.output.metrics import METRICS
+from virtual_lab.records.session import Session
+from virtual_lab.sheets import toml_text
+from virtual_lab.simulation.instruments.calibrated import StandardDeviation
+from virtual_lab.studies.own_laboratory.rig_sheets import SheetNumbers, enter_numbers, restated
+from virtual_lab.studies.plan.sample import SampledTests
+from virtual_lab.units import Array
+
+TESTS, TRIAL = 1024, 0.004  # number of tests, and scatter of e0 of a hit, to adapt the balls
+SEED = 1  # of the tests that are simulated to find the scatter of e0
+LUCKY = 0.05  # share of tests with a smaller u, below which a test is called lucky
+STAGES = {"wall": "balls", "bat": "impact"}  # stages of the hits
+LUCK = "{}: u {:.2g} in the records, rms {:.2g} in simulated tests; {:.0f} % have a smaller u."
+LUCKY_WORDS = " Its hits agree by luck."
+PLACES = {"wall": "hit_restitution", "bat": "bat_hit_restitution"}  # keys of the scatters
+
+
+def ball_of_tests(tests: Sequence[Certification]) -> tuple[str, SheetNumbers, list[str]]:
+    """Return name and statements of the ball of tests by one procedure, and remarks on their u.
+
+    The sheets of the rigs must be in place. The scatter of e0 is left out if laboratories of the
+    procedure cannot be simulated in blocks.
+    """
+    last = tests[-1]
+    rules = catalog.read(last.session.procedure_text, last.procedure.name, Procedure)
+    ball, bat = rules.spec.ball, _bat(last.session)
+    document = deepcopy(parse_toml(*catalog.source("balls", ball)))
+    numbers = enter_numbers(document, _ball_numbers(tests))
+    document = restated(document, numbers, "trial")
+    if not RoundRobin.of(bat, rules).in_blocks:
+        return ball, numbers, []
+    days = [_scatter_of_hits(test) for test in tests]
+    places = {place: [day[place] for day in days if place in day] for place in PLACES}
+    wanted = {place: StandardDeviation.pool(each) for place, each in places.items() if each}
+    scatters = hit_scatters(document, wanted, bat, rules, SEED)
+    shown = {
+        f"spread.{PLACES[place]}": (each, f"{STAGES[place]}/gates")
+        for place, each in scatters.items()
+    }
+    numbers |= enter_numbers(document, shown)
+    document = with_scatter(document, {place: each.value for place, each in scatters.items()})
+    sample = sample_of_tests(document, bat, rules, SEED)
+    u, printed = sample.u[sample.has_result], METRICS[rules.spec.metric]
+    rms = printed.in_unit(float(np.sqrt(np.mean(u**2))))
+    remarks = []
+    for test in tests:
+        if test.metric is not None:
+            share = float(np.mean(u < test.metric.u))
+            name = f"{test.session.bat} by {rules.spec.name}"
+            words = LUCK.format(name, printed.in_unit(test.metric.u), rms, 100 * share)
+            remarks.append(f"{words}{LUCKY_WORDS if share < LUCKY else ''}")
+    return ball, numbers, remarks
+
+
+def _bat(session: Session) -> str:
+    """Return the tested bat if it is in the catalog, or else a bat of its sport."""
+    if session.bat in catalog.names("bats"):
+        return session.bat
+    return "softball-34" if "softball" in (session.bat_sport, session.ball_sport) else "r161"
+
+
+def _scatter_of_hits(test: Certification) -> dict[str, StandardDeviation]:
+    """Return the standard deviation of a hit, of e0 at the wall and of the metric at the bat [SI].
+
+    A place where the hits are not repeated, or are all equal, is left out.
+    """
+    preparation = reduce_block(test.block)[0].preparation
+    error = preparation.constants["balls.restitution_0"].row(0)
+    hits = int((preparation.balls.ball[0, 0] == 0).sum())
+    scatters = {"wall": StandardDeviation(error.u * sqrt(hits), error.dof)}
+    budget = test.first_order
+    if budget is not None and budget.scatter is not None:
+        variance = budget.scatter.variance
+        scatters["bat"] = StandardDeviation(sqrt(variance.total[0]), float(variance.dof[0]))
+    return {place: each for place, each in scatters.items() if each.value and each.dof}
+
+
+def _ball_numbers(tests: Sequence[Certification]) -> dict[str, tuple[Any, str]]:
+    """Return number [SI] and record for each key of a ball's sheet that the records state.
+
+    The numbers are means over the lots, and standard deviations between the balls of a lot. Radius
+    and slope are those of the last test, with their u.
+    """
+    days = [reduce_block(test.block)[0].preparation for test in tests]
+    mass = [each.lot.mass[0, 0] for each in days]
+    e0 = [each.lot.restitution[0, 0] for each in days]
+    errors = [each.constants["balls.restitution_0"].u[0] for each in days]
+    last, constants = days[-1].lot, days[-1].constants
+    numbers: dict[str, tuple[Any, str]] = {
+        "mass": (float(np.mean([each.mean() for each in mass])), "bench/ball-mass"),
+        "spread.mass": (_pooled(mass), "bench/ball-mass"),
+        "restitution.speed": (float(last.speed.ravel()[0]), "balls/log"),
+        "restitution.value": (float(np.mean([each.mean() for each in e0])), "balls/gates"),
+        "restitution.slope": (float(last.slope.ravel()[0]), "balls/gates"),
+        "spread.restitution": (_pooled(e0, float(np.mean(np.square(errors)))), "balls/gates"),
+        "radius": (float(constants["ball.radius"].value[0]), "ball.radius"),
+        "radius_u": (float(constants["ball.radius"].u[0]), "ball.radius"),
+    }
+    if "balls.slope_repeatability" not in constants:  # measured at one speed
+        slope = "ball.restitution_slope"
+        numbers["restitution.slope_u"] = (float(constants[slope].u[0]), slope)
+    return numbers
+
+
+def _pooled(lots: Sequence[Array], known: float = 0.0) -> StandardDeviation:
+    spreads = [StandardDeviation.of(each) for each in lots if each.size > 1]
+    return StandardDeviation.pool(spreads, known)
+
+
+def hit_scatters(
+    ball: Mapping[str, Any],
+    wanted: Mapping[str, StandardDeviation],
+    bat: str,
+    rules: Entry[Procedure],
+    seed: int,
+) -> dict[str, StandardDeviation]:
+    """Return the scatter of e0 between hits with which simulated hits scatter as `wanted`.
+
+    The variance of a hit is linear in the square of this scatter. Two samples of simulated tests
+    are therefore enough to find the scatter. Instruments and aim alone may cause more variance than
+    wanted. In this case the scatter is 0.
+
+    Parameters
+    ----------
+    ball
+        Content of the sheet of the procedure's ball.
+    wanted
+        Standard deviation of a hit: of e0 at the ``wall``, and of the metric at the ``bat`` [SI].
+    bat, rules, seed
+        Bat and procedure of the simulated tests, and their seed.
+    """
+    without, with_it = (
+        _variances(sample_of_tests(with_scatter(ball, each), bat, rules, seed))
+        for each in ({"wall": 0.0, "bat": 0.0}, {"wall": TRIAL, "bat": TRIAL})
+    )
+    scatters = {}
+    for place, (value, dof) in wanted.items():
+        share = max(value**2 - without[place], 0.0)
+        scatter = TRIAL * sqrt(share / (with_it[place] - without[place]))
+        # subtraction of a known part does not change the uncertainty of a variance
+        scatters[place] = StandardDeviation(scatter, dof * (share / value**2) ** 2)
+    return scatters
+
+
+def _variances(sample: SampledTests) -> dict[str, float]:
+    """Return the mean variance of a hit in simulated tests, at the wall and at the bat."""
+    wall, bat = sample.wall_variance[sample.has_result], sample.total[sample.has_result]
+    return {"wall": float(wall.mean()), "bat": float(bat.mean())}
+
+
+def sample_of_tests(
+    ball: Mapping[str, Any], bat: str, rules: Entry[Procedure], seed: int
+) -> SampledTests:
+    """Return simulated tests with a ball that has the content `ball` of its sheet."""
+    with catalog.sheets_in_place({("balls", rules.spec.ball): toml_text(ball)}):
+        return SampledTests.of(RoundRobin.of(bat, rules), TESTS, seed)
+
+
+def with_scatter(
+    ball: Mapping[str, Any], scatters: Mapping[str, float], source: str = "trial"
+) -> dict[str, Any]:
+    """Return the content of a ball's sheet with other scatters of e0, by place of the hits."""
+    document = deepcopy(dict(ball))
+    for place, value in scatters.items():
+        number = {"value": value, "unit": "1", "source": source, "verified": False}
+        document["spread"][PLACES[place]] = number
+    return document
