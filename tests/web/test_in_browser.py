@@ -12,12 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import cv2
-import numpy as np
 import pytest
 
 from tests.bench.browsing import faults_of, opened
 from tests.web.test_runs import wait
+from tests.web.visiting import clip_of
 
 LOOKS = [(1280, "light"), (320, "dark"), (1280, "dark"), (320, "light")]
 PIXEL = """async ([x, y]) => {
@@ -138,16 +137,6 @@ def test_a_rule_maker_by_keyboard(browser: Any, tmp_path: Path) -> None:
         page.close()
     if os.name == "posix":
         wait(lambda: "worker run 2" not in subprocess.getoutput("ps -eo args"))
-
-
-def clip_of(path: Path) -> Path:
-    """Write a clip of twelve frames, 320 x 240, in which a ball moves to the right."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (320, 240))
-    for number in range(12):
-        frame = np.full((240, 320, 3), 60, np.uint8)
-        writer.write(cv2.circle(frame, (40 + 20 * number, 120), 10, (0, 220, 0), -1))
-    writer.release()
-    return path
 
 
 def test_a_student_shows_the_ball_in_a_clip(browser: Any, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
@@ -107,6 +108,27 @@ def test_a_run_that_is_refused_leads_back_to_its_field(visitor: Visitor) -> None
     assert "1 more" in visitor.ask("/").words
 
 
+def test_the_sealed_truth_leaves_only_if_ticked(visitor: Visitor) -> None:
+    """A run of a folder with a truth, written by hand: its page, its files and its zip."""
+    made, home = visitor.page.folder / "r161", visitor.page.folder / "runs" / "0001"
+    for path in (made / "certificate.json", made / "truth" / "truth.json", home / "x"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("{}")
+    call = {"command": "certify", "values": {"bat": "r161"}, "began": 0.0}
+    (home / "call.json").write_text(json.dumps(call))
+    (home / "outcome.json").write_text(json.dumps({"answer": "PASS", "written": [str(made)]}))
+    page = visitor.ask("/run/1").text
+    assert "certificate.json" in page
+    assert "truth.json" not in page
+    assert f'href="/form/score?folder={quote(str(made))}"' in page
+    for query, names in (
+        ("", {"certificate.json"}),
+        ("?truth=yes", {"certificate.json", "truth.json"}),
+    ):
+        archive = zipfile.ZipFile(BytesIO(visitor.ask(f"/run/1/zip{query}").body))
+        assert {Path(name).name for name in archive.namelist()} == names
+
+
 def test_quit_ends_runs_and_server(visitor: Visitor) -> None:
     visitor.submit("sweep", SLOW)
     assert "The page is closed" in visitor.ask("/quit", b"").words
@@ -114,6 +136,7 @@ def test_quit_ends_runs_and_server(visitor: Visitor) -> None:
     assert visitor.quits == [True]
 
 
+SLOWER = {"flight": 2, "speed_in_m_per_s": {"value": 1.0, "u": 0.1}}
 FLOWN, BOUNCE = {"value": 2.0, "u": 0.1}, {"value": 0.5, "u": 0.01}
 
 
@@ -142,7 +165,7 @@ CERTIFICATE = """r161 by bbcor (NCAA BBCOR of 2009)
         ),
         (
             "track",
-            {"flights": [{"flight": 1, "speed_out_m_per_s": FLOWN, "restitution": BOUNCE}]},
+            {"flights": [{"flight": 1, "speed_out_m_per_s": FLOWN, "restitution": BOUNCE}, SLOWER]},
             "",
             "Fastest: 2.00 ± 0.20 m/s (4.5 ± 0.4 mph) at the end of flight 1; "
             "restitution 0.500 ± 0.020 after it",

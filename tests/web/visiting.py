@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+import cv2
+import numpy as np
+
 from virtual_lab.page.server import Page, page_application
 
 HOST, TOKEN = "127.0.0.1:8000", "the-token"
@@ -107,3 +110,13 @@ class Form(HTMLParser):
     def handle_endtag(self, tag: str) -> None:
         if tag == "select":
             self.select = ""
+
+
+def clip_of(path: Path) -> Path:
+    """Write a clip of twelve frames, 320 x 240, in which a ball moves to the right."""
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, (320, 240))
+    for number in range(12):
+        frame = np.full((240, 320, 3), 60, np.uint8)
+        writer.write(cv2.circle(frame, (40 + 20 * number, 120), 10, (0, 220, 0), -1))
+    writer.release()
+    return path
