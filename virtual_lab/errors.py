@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from importlib import import_module
 from typing import Any
 
@@ -14,17 +15,39 @@ LISTED = "\n  "  # start of a line of a list in an error message
 DISTRIBUTION = "virtual-bat-lab"  # name of the package; `virtual-lab` on the index is another one
 
 
+def _in_python(name: str, value: str) -> str:
+    """Return a parameter and its value as an argument of Python."""
+    plain = not value or re.fullmatch(r"[-+.\de]+", value)
+    return f"{name}={value if plain else repr(value)}"
+
+
+PARAMETER = re.compile(r"\{([a-z_]+)(?:=([^{}]*))?\}")  # {fps} or {fps=240} in a message
+# function that writes a parameter and its value, which may be empty, for the present user
+naming: ContextVar[Callable[[str, str], str]] = ContextVar("naming", default=_in_python)
+
+
+def worded(text: str) -> str:
+    """Return a message with each parameter in braces as the present user states it.
+
+    ``{fps=240}`` becomes ``fps=240`` in Python. Where another function is set as `naming`, it
+    writes the parameter, for example as ``--fps 240``.
+    """
+    return PARAMETER.sub(lambda match: naming.get()(match[1], match[2] or ""), text)
+
+
 class InputError(ValueError):
     """Input that cannot be used. The message is one line that tells the user how to correct it.
 
-    If `allowed` contains `LISTED`, further lines list the places to correct.
+    If `allowed` contains `LISTED`, further lines list the places to correct. A parameter in braces,
+    in `key` or `allowed`, is written as `worded` writes it.
     """
 
     def __init__(self, where: str, key: str, value: object, allowed: str) -> None:
         self.where, self.key, self.value, self.allowed = where, key, value, allowed
         parts = [str(where)] if where else []
-        parts.append(f"{key} = {_short(value)}" if value is not None else key)
-        super().__init__(f"{': '.join(parts)}; {allowed}")
+        name = worded(key).rstrip("=")
+        parts.append(f"{name} = {_short(value)}" if value is not None else name)
+        super().__init__(f"{': '.join(parts)}; {worded(allowed)}")
 
     def __reduce__(self) -> tuple[type[InputError], tuple[object, ...]]:
         """Return type and arguments of the error, so that another process can raise it."""

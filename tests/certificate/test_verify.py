@@ -40,7 +40,7 @@ def result(made: Path, tmp_path: Path) -> Path:
 
 
 NO_TRUTH = ("truth: the folder is missing",)
-NO_KEY = ("SHA256SUMS.sig: checking the signature needs the public key (--key)",)
+NO_KEY = ("SHA256SUMS.sig: checking the signature needs the public key (key=)",)
 
 
 def honest(found: Verification, unchecked: tuple[str, ...] = ()) -> None:
@@ -60,7 +60,7 @@ def test_of_many_differences_the_results_are_listed_first(tmp_path: Path) -> Non
     state, counts, _, first, *others, rest, worth = found.text.splitlines()
     assert (state, counts) == ("altered", "52 rows: 51 of a.json, 1 of b.csv")
     assert "metric.value" in first
-    assert (len(others), rest) == (19, "and 32 more; --json has all")
+    assert (len(others), rest) == (19, "and 32 more; the JSON document has all")
     assert worth.startswith("no signature")
     assert len(found.document["altered"]) == 52
     few = replace(found, rows=found.rows[:20])

@@ -117,9 +117,10 @@ def test_values_that_are_not_allowed_have_a_sentence_each() -> None:
     [
         ("certify", InputError("", "bat", "r999", "unknown"), "bat"),
         ("profile", InputError("", "bat", "r999", "unknown"), "bats"),
-        ("track", InputError("--ball", "73", None, "allowed: a length"), "ball"),
-        ("track", InputError("", "--film-of-track", None, "no"), "film_of_track"),
+        ("track", InputError("{ball}", "73", None, "allowed: a length"), "ball"),
+        ("track", InputError("", "{film_of_track}", None, "no"), "film_of_track"),
         ("track", InputError("clip.mp4", "frames", 3, "too few"), "frames"),
+        ("track", InputError("clip.mp4", "rate", None, "no rate; give {fps}"), "fps"),
         ("score", InputError("somewhere", "truth", None, "is missing"), ""),
     ],
 )

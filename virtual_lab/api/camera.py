@@ -262,7 +262,7 @@ def track(
 
     if readout and global_shutter:
         raise InputError(
-            "", "--readout", readout, "a global shutter has no readout time; leave one out"
+            "", "{readout}", readout, "a global shutter has no readout time; leave one out"
         )
     statements = {
         **ball_keys(ball),
@@ -410,9 +410,9 @@ def calibrate(
     target = board_of(board)
     plan = Plan(
         board=target,
-        square_u=length_of(square_u or "0m", "--square-u", 0, target.square / 10),
-        height=length_of(height or "0m", "--height", -10, 10),
-        height_u=length_of(height_u or "0m", "--height-u", 0, 0.1),
+        square_u=length_of(square_u or "0m", "{square_u}", 0, target.square / 10),
+        height=length_of(height or "0m", "{height}", -10, 10),
+        height_u=length_of(height_u or "0m", "{height_u}", 0, 0.1),
         plane=plane,
     )
     paths = paths_of(pictures)

@@ -671,7 +671,7 @@ def sweep(
     from virtual_lab.studies.sweep import sweep_tests
 
     if traces and certificates is None:
-        raise InputError("", "traces", traces, "allowed only with certificates=FOLDER")
+        raise InputError("", "traces", traces, "allowed only with {certificates}")
     if certificates is not None:
         check_writable(Path(certificates), "certificates")
     keep = None if certificates is None else partial(_keep, Path(certificates), seed, truth)

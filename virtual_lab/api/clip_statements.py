@@ -111,7 +111,7 @@ def scale_keys(text: str | None) -> dict[str, float]:
     points, length = text.split("=")
     (x, y), (other_x, other_y) = (_numbers(each, 2) for each in points.split(":"))
     distance = _within(hypot(x - other_x, y - other_y), 10 * CLICK_U, 1e6)
-    metres, metres_u = _length_and_u(length, "--scale", LARGEST_SCALE)
+    metres, metres_u = _length_and_u(length, "{scale}", LARGEST_SCALE)
     relative = hypot((metres_u or 0.0) / metres, hypot(CLICK_U, CLICK_U) / distance)
     scale = metres / distance
     return {"metres_per_pixel": scale, "metres_per_pixel_u": scale * relative}
@@ -134,7 +134,7 @@ def ball_keys(ball: AnyEntry | None) -> dict[str, Any]:
     if spec:
         diameter, u, more = 2 * spec.radius, 2 * spec.radius_u or None, {"ball_mass": spec.mass}
     else:
-        diameter, u, more = *_length_and_u(entry_name(ball), "--ball", LARGEST_BALL), {}
+        diameter, u, more = *_length_and_u(entry_name(ball), "{ball}", LARGEST_BALL), {}
     u, assumed = UNSTATED_U * diameter if u is None else u, u is None
     return {"ball_diameter_m": diameter, "ball_diameter_m_u": u, "assumed": assumed} | more
 

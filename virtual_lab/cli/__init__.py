@@ -16,6 +16,7 @@ import click
 from virtual_lab.cli.commands import FunctionCommand, click_command
 from virtual_lab.cli.sections import Sections
 from virtual_lab.commands.table import SECTIONS, of_other_packages
+from virtual_lab.commands.wording import parameters_named, shell_name
 from virtual_lab.errors import LISTED, VERSION, IncompleteError, InputError
 
 __all__ = ["main"]
@@ -87,6 +88,7 @@ def _program(context: click.Context) -> None:
     Symbols: e restitution of ball and bat, e0 of the ball on a wall, e_A collision efficiency,
     r recoil factor, BPF = e/e0, v_f batted-ball speed, u standard uncertainty.
     """
+    context.with_resource(parameters_named(shell_name))
     if context.invoked_subcommand is None:
         click.echo(context.get_help())
 

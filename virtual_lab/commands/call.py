@@ -10,7 +10,7 @@ from typing import Any
 from virtual_lab.api.describing import REQUIRED, ParameterDescription, advice
 from virtual_lab.api.door import INSTRUMENTS
 from virtual_lab.commands.command import Command
-from virtual_lab.errors import InputError, nearest
+from virtual_lab.errors import PARAMETER, InputError, nearest
 from virtual_lab.parameters import ParameterRule
 
 
@@ -109,10 +109,11 @@ def settings_in(
 def field_of(command: Command, fault: InputError) -> str:
     """Return the field of a command that an error belongs to; empty if there is none.
 
-    The error names the field as key, in Python's or the shell's form, or has its value.
+    The error names the field as its key, or else in braces in the advice.
     """
-    for key in command.fields:
-        names = (key, key.removesuffix("s"), f"--{key.replace('_', '-')}")
-        if {fault.key, fault.where} & {*names}:
-            return key
+    advised = (match[1] for match in PARAMETER.finditer(fault.allowed))
+    for name in (fault.key.strip("{}"), fault.where.strip("{}"), *advised):
+        for key in command.fields:
+            if name in (key, key.removesuffix("s")):
+                return key
     return ""

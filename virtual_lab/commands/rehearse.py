@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from virtual_lab.commands.output import Answer
+from virtual_lab.errors import worded
 from virtual_lab.files.folders import DayFolder, NewFolder
 from virtual_lab.parameters import (
     OUT,
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 class ExcludedError(ValueError):
     """Parameters of a call that exclude each other, or need each other."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(worded(text))
 
 
 def day(
@@ -99,7 +103,7 @@ def day(
     script, day, exam, replay = map(_path, (script, day, exam, replay))
     tls_certificate, tls_key = _path(tls_certificate), _path(tls_key)
     if sum(map(bool, (operator, script, replay))) > 1:
-        raise ExcludedError("--operator, --script and --replay exclude each other")
+        raise ExcludedError("{operator}, {script} and {replay} exclude each other")
     if replay and not open:
         from virtual_lab.bench.entrance.review import replay as played_back
 
@@ -118,10 +122,10 @@ def day(
         raise ExcludedError("--laboratory needs --operator or --script")
     if out:
         raise ExcludedError(
-            "--out needs --operator or --script; the page saves its day in the folder of --day"
+            "{out} needs {operator} or {script}; the page saves its day in the folder of {day}"
         )
     if (tls_certificate is None) != (tls_key is None):
-        raise ExcludedError("--tls-certificate and --tls-key are needed together")
+        raise ExcludedError("{tls_certificate} and {tls_key} are needed together")
     tls = (tls_certificate, tls_key) if tls_certificate and tls_key else None
     served: dict[str, Any] = {"port": port, "host": host, "tls": tls, "browser": open}
     if replay:
@@ -132,7 +136,7 @@ def day(
         names = [f"{n:02}" for n in range(1, trainees + 1)] if trainees > 1 else []
         return _serve_page(scenario, day, names, seed=seed, **served)
     if trainees > 1:
-        raise ExcludedError("--trainees cannot be used with --exam, whose file names the trainees")
+        raise ExcludedError("{trainees} cannot be used with {exam}, whose file names the trainees")
     from virtual_lab.bench.day.exam import load_class
 
     exam_class = load_class(exam)

@@ -21,7 +21,8 @@ from starlette.routing import Route
 from virtual_lab.commands.call import RefusedError, field_of
 from virtual_lab.commands.command import Command
 from virtual_lab.commands.table import SECTIONS, every_command
-from virtual_lab.errors import InputError
+from virtual_lab.commands.wording import parameters_named
+from virtual_lab.errors import InputError, worded
 from virtual_lab.files import inside
 from virtual_lab.output.template import page_template
 from virtual_lab.page import wording
@@ -29,7 +30,7 @@ from virtual_lab.page.clips import clip_size, frame_picture
 from virtual_lab.page.fields import controls, given, texts
 from virtual_lab.page.runs import Runs, StartedRun
 from virtual_lab.page.uploads import LARGEST_UPLOAD, UPLOADS, receive
-from virtual_lab.page.wording import limits
+from virtual_lab.page.wording import field_name, limits
 from virtual_lab.web.answers import KEPT, SANDBOX, sentence_page, static_routes
 from virtual_lab.web.door import Door, Seat
 
@@ -108,6 +109,7 @@ class Page:
         faults = {field: sentence} if field and sentence else {}
         return self.form(command, values, faults, "" if field else sentence)
 
+    @parameters_named(field_name)
     def begin(self, request: Request, form: Mapping[str, Sequence[str]]) -> Response:
         """Start a run with the values of a form, or return the form with what is refused."""
         command = self._command(request)
@@ -119,7 +121,8 @@ class Page:
             return self.form(command, form, refused)
         except InputError as fault:
             key = field_of(command, fault)
-            sentence = f"“{fault.value}” cannot be used: {fault.allowed}" if key else fault.allowed
+            allowed = worded(fault.allowed)
+            sentence = f"“{fault.value}” cannot be used: {allowed}" if key else allowed
             return self.refuse(command, form, key, sentence if key or not fault.key else str(fault))
         except OSError as fault:
             return self.refuse(command, form, "", f"Nothing can be stored: {fault.strerror}.")

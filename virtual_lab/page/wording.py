@@ -27,6 +27,11 @@ def title_of(key: str) -> str:
     return str(WORDS["titles"].get(key) or key.replace("_", " ").capitalize())
 
 
+def field_name(key: str, value: str = "") -> str:
+    """Return the title of a field, and a value for it, as a message names it."""
+    return f"“{title_of(key)}” {value}".strip()
+
+
 def unit_beside(each: ParameterDescription) -> str:
     """Return the unit of a number, from its type, its description or the page; may be empty."""
     match = UNIT.search(each.words.split("\n\n", maxsplit=1)[0])

@@ -14,10 +14,12 @@ from virtual_lab.commands.lines import python_line, shell_line
 from virtual_lab.commands.rehearse import ExcludedError
 from virtual_lab.commands.running import carry_out
 from virtual_lab.commands.table import every_command
-from virtual_lab.errors import InputError
+from virtual_lab.commands.wording import parameters_named
+from virtual_lab.errors import InputError, worded
 from virtual_lab.files import whole_file
 from virtual_lab.output.progress import show_progress
 from virtual_lab.page.answers import flags, sentence
+from virtual_lab.page.wording import field_name
 
 CALL, OUTCOME, PROGRESS_LINE = "call.json", "outcome.json", "progress.txt"
 BLANK: dict[str, Any] = {  # an outcome without a result
@@ -49,6 +51,7 @@ class ProgressFile:
         """Do nothing: a line is written at once."""
 
 
+@parameters_named(field_name)
 def carry_out_run(path: Path) -> None:
     """Carry out the call that the folder of a run describes, and write its outcome there."""
     request = json.loads((path / CALL).read_text("utf-8"))
@@ -75,7 +78,7 @@ def carry_out_run(path: Path) -> None:
         outcome |= {"refused": str(fault)}
     except InputError as fault:
         key = field_of(command, fault)
-        refused = f"“{fault.value}” cannot be used: {fault.allowed}" if key else str(fault)
+        refused = f"“{fault.value}” cannot be used: {worded(fault.allowed)}" if key else str(fault)
         outcome |= {"refused": refused, "field": key}
     except OSError as fault:
         outcome |= {"refused": f"{fault.filename or 'file'}: {fault.strerror}"}

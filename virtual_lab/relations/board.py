@@ -65,7 +65,7 @@ def board_of(text: str) -> Board:
         between 1 mm and 1 m, the board is longer than 10 m, a marker is not smaller than a square,
         or the dictionary is unknown or has too few markers.
     """
-    key, (kind, *parts) = "--board", text.strip().split(":")
+    key, (kind, *parts) = "{board}", text.strip().split(":")
     charuco = kind == "charuco"
     if kind not in {"charuco", "chessboard"} or not 2 + charuco <= len(parts) <= 2 + 2 * charuco:
         form = "charuco:COLUMNSxROWS:SQUARE:MARKER[:DICTIONARY] or chessboard:COLUMNSxROWS:SQUARE"

@@ -29,7 +29,7 @@ def find_address(host: str, port: int, *, secure: bool) -> tuple[int, tuple[Any,
     except (OSError, UnicodeError) as fault:
         raise InputError("", "host", host, f"has no address ({fault})") from fault
     if not (secure or all(ip_address(address[0]).is_loopback for *_, address in addresses)):
-        allowed = "beyond this computer the page needs --tls-certificate and --tls-key"
+        allowed = "beyond this computer the page needs {tls_certificate} and {tls_key}"
         raise InputError("", "host", host, allowed)
     family, *_, address = addresses[0]
     return family, address

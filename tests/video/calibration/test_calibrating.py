@@ -228,10 +228,10 @@ def test_pictures_that_do_not_belong_together_are_refused(monkeypatch: pytest.Mo
             pictures[::-1], plan_of(board=BOARD)
         )  # plane view by default: the first picture
     with pytest.raises(
-        InputError, match=r"--height = '9 m'; allowed: less than the height of the camera"
+        InputError, match=r"^height = '9 m'; allowed: less than the height of the camera"
     ):
         calibrate_camera(pictures, plan_of(board=BOARD, height=9.0))
-    with pytest.raises(InputError, match=r"--plane = 'flat.png'; allowed: in/0\.png"):
+    with pytest.raises(InputError, match=r"^plane = 'flat.png'; allowed: in/0\.png"):
         calibrate_camera(pictures, plan_of(board=BOARD, plane="flat.png"))
     with pytest.raises(InputError, match="does it have 14x9 squares"):
         calibrate_camera(pictures[:2] + pictures[6:], plan_of(board=BOARD))

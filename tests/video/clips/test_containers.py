@@ -280,7 +280,7 @@ def test_an_animated_webp_is_read_and_needs_a_rate(tmp_path: Path) -> None:
     clip = open_clip(path, ClipCalibration(metres_per_pixel=1e-3, frames_per_second=50))
     grey = [float(picture[..., :3].mean()) for picture in clip.pictures()]
     np.testing.assert_allclose(grey, 20 * np.arange(10), atol=4)
-    with pytest.raises(InputError, match="has no frame rate; give --fps"):
+    with pytest.raises(InputError, match="has no frame rate; give fps="):
         open_clip(path, ANY)
 
 

@@ -78,7 +78,7 @@ def test_positions_in_metres_are_the_path_of_the_speeds(tmp_path: Path) -> None:
 def test_a_ball_that_does_not_fly_has_no_flight_and_a_reason(name: str, followed: Get) -> None:
     _, result = followed(name)
     assert result.contacts == result.flights == []
-    assert "--ball-at" in result.warnings[-1]
+    assert "ball_at=" in result.warnings[-1]
     assert (result.pieces == []) == (name == "empty")
 
 
@@ -364,7 +364,7 @@ def test_a_single_picture_is_refused_in_one_line() -> None:
 def test_a_wrong_frame_rate_is_refused_with_the_right_one(followed: Get) -> None:
     """A rate four times too high would give sixteen times g."""
     _, result = followed("thrown-on-wall")
-    with pytest.raises(InputError, match=r"would fall at 1[4-7]\d.* --fps (29|30|31)"):
+    with pytest.raises(InputError, match=r"would fall at 1[4-7]\d.* fps=(29|30|31)"):
         follow_blobs(result.clip, result.watched, replace(result.knowledge, rate=120.0))
 
 

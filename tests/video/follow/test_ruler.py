@@ -152,12 +152,12 @@ def test_a_length_in_the_picture_replaces_both_rulers(followed: Followed) -> Non
 def test_a_rate_that_makes_g_absurd_is_refused_with_the_one_that_fits(followed: Followed) -> None:
     """A rate ten times too high gives a hundred times g: 981 m/s²."""
     _, result = followed("flat")
-    right = r"--fps (59|60|61)\b.* or --ball 0\.\d+mm would give 9\.81"
+    right = r"fps=(59|60|61)\b.* or ball='0\.\d+mm' would give 9\.81"
     with pytest.raises(InputError, match=rf"ball would fall at 9\d\d.*{right}"):
         again(result, rate=600.0)
     slow = again(result, rate=7.5)
     assert "GRAVITY" in slow.flags
-    assert "--fps 6" in " ".join(slow.warnings) or "--fps 59" in " ".join(slow.warnings)
+    assert "fps=6" in " ".join(slow.warnings) or "fps=59" in " ".join(slow.warnings)
 
 
 @pytest.mark.parametrize("rate", [6.0, 600.0])

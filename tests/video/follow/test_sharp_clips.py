@@ -295,7 +295,7 @@ def test_without_a_ball_there_is_no_flight(bat: bool, tmp_path: Path) -> None:
     np.save(tmp_path / "clip.npy", np.stack(list(empty.frames())))
     result = track_hit(tmp_path / "clip.npy", KNOWN)
     assert result.flights == []
-    assert "--ball-at" in " ".join(result.warnings)
+    assert "ball_at=" in " ".join(result.warnings)
 
 
 @pytest.mark.parametrize(

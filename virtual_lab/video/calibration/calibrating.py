@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import approx_fprime
 
-from virtual_lab.errors import InputError
+from virtual_lab.errors import InputError, worded
 from virtual_lab.relations.board import Board
 from virtual_lab.units import Array
 from virtual_lab.video.calibration.board_finding import BoardView, find_board
@@ -113,7 +113,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         allowed = f"at least {LEAST_VIEWS} pictures must show the board; does it have {many}?"
         raise InputError("", "pictures with a board", len(views), allowed)
     if plane is None:  # a requested plane view is not replaced by another one
-        raise InputError("", "--plane", plan.plane, f"allowed: {', '.join(looked)}")
+        raise InputError("", "{plane}", plan.plane, f"allowed: {', '.join(looked)}")
     if plane not in views:
         allowed = "this picture shows no board; name a picture with the board in the ball's plane"
         raise InputError(plane, "plane view", None, allowed)
@@ -121,7 +121,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
     _require_sound(solved)
     if not plan.height < (far := float(solved.values[-1])):
         allowed = f"allowed: less than the height of the camera above the board, {far:.3g} m"
-        raise InputError("", "--height", f"{plan.height:g} m", allowed)
+        raise InputError("", "{height}", f"{plan.height:g} m", allowed)
     length_u = _length_u(solved, size, plan)
     relative = float(np.hypot(length_u.max(), plan.square_u / plan.board.square))
     squares = np.bincount(solved.view, (solved.residuals**2).mean(axis=1))
@@ -145,7 +145,7 @@ def calibrate_camera(pictures: Iterable[tuple[str, NDArray[Any]]], plan: Plan) -
         plane=plane,
         lens_blur=blur,
         length_u=length_u,
-        warnings=tuple(_warnings(solved, looked, size, plan)),
+        warnings=tuple(map(worded, _warnings(solved, looked, size, plan))),
     )
 
 
@@ -239,9 +239,9 @@ def _warnings(
     if share < LEAST_COVERED:
         yield f"the boards cover {100 * share:.0f} % of the picture; the lens is unknown elsewhere"
     if plan.square_u == 0:
-        yield "the side of the squares is assumed to be exact; state its u with --square-u"
+        yield "the side of the squares is assumed to be exact; state its u with {square_u}"
     if plan.height_u == 0:
-        yield "the height of the ball's plane is assumed to be exact; state its u with --height-u"
+        yield "the height of the ball's plane is assumed to be exact; state its u with {height_u}"
 
 
 def _solve(corners: Array, views: list[BoardView], size: tuple[int, int], plane: int) -> Solved:

@@ -122,6 +122,6 @@ def read_calibration(
     if needs_length and not (
         calibration.metres_per_pixel or calibration.camera or calibration.ball_diameter_m
     ):
-        allowed = "give --ball, --scale or --ruler gravity, or a scale in a calibration file"
+        allowed = "give {ball}, {scale} or {ruler=gravity}, or a scale in a calibration file"
         raise InputError(str(path or ""), "scale", None, f"the scale is unknown; {allowed}")
     return calibration

@@ -60,17 +60,17 @@ def against_gravity(
     if knowledge.rate_of == FILE:
         said = with_uncertainty(rate, rate * relative_u)
         why = f"at the file's own rate of {knowledge.rate:.4g}, {finding}"
-        words = f"a rate of {said} per second was fitted: {why}; or use --fps"
+        words = f"a rate of {said} per second was fitted: {why}; or use {{fps}}"
         fitted = replace(knowledge, rate=rate, rate_u=relative_u, rate_of=GRAVITY, ruler=BALL)
         return [("RATE_FITTED", words)], fitted
     if fall - coverage * shared.u > ABSURD * g:
         length = f"a length {g / fall:.3g} times as long"
         if scale.source == BALL and knowledge.ball:
-            length = f"--ball {1e3 * g / fall * knowledge.ball:.3g}mm"
-        allowed = f"{finding}; --fps {rate:.3g} or {length} would give {g:.3g} m/s²"
+            length = f"{{ball={1e3 * g / fall * knowledge.ball:.3g}mm}}"
+        allowed = f"{finding}; {{fps={rate:.3g}}} or {length} would give {g:.3g} m/s²"
         raise InputError(where, "frames per second", f"{knowledge.rate:.6g}", allowed)
     words = f"{finding} instead of {g:.3g} m/s²; that length is wrong, or the frame rate"
-    why = f"and with it every speed (slow motion?); --fps {rate:.3g} would fit"
+    why = f"and with it every speed (slow motion?); {{fps={rate:.3g}}} would fit"
     return [("GRAVITY", f"{words} {why}")], knowledge
 
 
@@ -85,7 +85,7 @@ def require_diameter(scale: Ruler, ways: Sequence[Piece], rate: float, where: st
     least, most = DIAMETERS
     if not least <= diameter <= most:
         words = f"by gravity the ball would have a diameter of {1e3 * diameter:.4g} mm"
-        allowed = f"{words}; --fps {rate * np.sqrt(diameter / 0.07):.3g} gives 70 mm"
+        allowed = f"{words}; {{fps={rate * np.sqrt(diameter / 0.07):.3g}}} gives 70 mm"
         raise InputError(where, "frames per second", f"{rate:.6g}", allowed)
 
 
@@ -102,7 +102,7 @@ def against_size(rulers: Sequence[Ruler]) -> list[Note]:
     ratio = by[GIVEN].metres_per_pixel / by[BALL].metres_per_pixel
     if apart < coverage or abs(ratio - 1) < share:
         return []
-    words = f"by the given length the ball is {ratio:.3g} times as large as --ball states"
+    words = f"by the given length the ball is {ratio:.3g} times as large as {{ball}} states"
     return [("BALL_SIZE", f"{words}, a difference of {apart:.2g} u; one of the two is wrong")]
 
 
@@ -136,7 +136,8 @@ def against_flights(
     if more := beside(scene, ways, pieces):
         first = min(int(each.frames[0]) for each in more)
         words = f"from frame {first} on, a second ball flies beside the one that is followed"
-        notes.append(("SECOND_BALL", f"{words}, and may be mistaken for it; select with --ball-at"))
+        why = "and may be mistaken for it; select with {ball_at}"
+        notes.append(("SECOND_BALL", f"{words}, {why}"))
     share = explained_share(scene, ways)
     if share < 1 and not ways[0].sharp:  # sharp positions near a bat are left out
         words = f"the flights explain {100 * share:.0f} % of the frames in which the ball moves"
@@ -146,7 +147,7 @@ def against_flights(
     leaps = {k: by for k, by in watched.leaps.items() if frames.min() < k <= frames.max()}
     if leaps:
         words = f"the background jumps by {max(leaps.values()):.2g} pixels before frame"
-        why = "flights near it may be wrong. If the camera stands still, use --tripod"
+        why = "flights near it may be wrong. If the camera stands still, use {tripod}"
         notes.append(("DRIFT_LEAPS", f"{words} {min(leaps)}; {why}"))
     if watched.interlaced:
         words = "each frame combines two fields of different times (interlaced); convert the clip"
@@ -164,13 +165,13 @@ def without_flight(pieces: Sequence[Piece]) -> str:
 
     `pieces` are the pieces of smooth motion in the clip. None of them is a flight.
     """
-    at = "point at the ball with --ball-at X,Y@FRAME"
+    at = "point at the ball with {ball_at=X,Y@FRAME}"
     if not pieces:
         words = f"no round object moves smoothly through five frames; {at}, or exclude other"
-        return f"{words} moving objects with --frames and --region"
+        return f"{words} moving objects with {{frames}} and {{region}}"
     count = sum(len(each.t) for each in pieces)
     words = f"no object falls freely: what moves ({count} positions) is carried, hangs, rolls or is"
-    return f"{words} not a ball; {at}, and check the frame rate (--fps)"
+    return f"{words} not a ball; {at}, and check the frame rate ({{fps}})"
 
 
 def of_camera(model: FittedFlights, drift: float) -> list[Note]:
@@ -194,12 +195,12 @@ def of_camera(model: FittedFlights, drift: float) -> list[Note]:
         k = -4 * len(fit.states) - 2
         value, u = fit.readout, float(np.sqrt(fit.covariance[k, k]))
         words = f"a rolling shutter with a readout time of {value:.2g} (u {u:.2g}) frame intervals"
-        why = "was fitted, and u covers it; state it with --readout or --global-shutter"
+        why = "was fitted, and u covers it; state it with {readout} or {global_shutter}"
         sure = value > APART[0] * u
         notes.append(("ROLLING_SHUTTER" if sure else "READOUT_UNKNOWN", f"{words} {why}"))
     if drift > DRIFT_MATTERS * np.hypot(*fit.states[:, 2:].T).min():
         words = "the background has too few edges to show whether the camera moves"
-        why = "u covers the usual drift of a hand. If the camera stands still, use --tripod"
+        why = "u covers the usual drift of a hand. If the camera stands still, use {tripod}"
         notes.append(("DRIFT_UNSEEN", f"{words}; {why}"))
     return notes
 
@@ -221,5 +222,5 @@ def of_drag(model: FittedFlights) -> list[Note]:
     if abs(apart) < APART[0] * apart_u:
         return []
     words = f"the flights show {np.exp(apart):.2g} times the drag that is stated, or that of the"
-    advice = f"mass, a difference of {abs(apart) / apart_u:.2g} u; check --mass and --ball"
+    advice = f"mass, a difference of {abs(apart) / apart_u:.2g} u; check {{mass}} and {{ball}}"
     return [("DRAG", f"{words} {advice}")]

@@ -135,8 +135,8 @@ def rulers_of(
         by_gravity = _by_gravity(model, knowledge, step)
         rulers += [by_gravity] if by_gravity else []
     if knowledge.ruler == GRAVITY and not any(each.source == GRAVITY for each in rulers):
-        allowed = "no flight measures gravity to 25 %, or the camera is tilted; give --ball"
-        raise InputError(where, "--ruler", GRAVITY, allowed)
+        allowed = "no flight measures gravity to 25 %, or the camera is tilted; give {ball}"
+        raise InputError(where, "{ruler}", GRAVITY, allowed)
     rulers.sort(key=lambda each: (each.source != knowledge.ruler, each.relative_u))
     if knowledge.metres_per_pixel:
         relative = knowledge.metres_per_pixel_u / knowledge.metres_per_pixel

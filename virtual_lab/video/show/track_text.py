@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from virtual_lab.errors import worded
 from virtual_lab.files.column_units import name_of_u
 from virtual_lab.output.rounding import with_uncertainty
 from virtual_lab.uncertainty.estimate import Estimate
@@ -202,7 +203,7 @@ def track_text(track: FollowedClip) -> str:
     if track.scale and track.flights:
         lines.append(f"  {_scale_said(track, track.scale)}")
     lines += [f"  flags: {', '.join(track.flags)}"] if track.flags else []
-    flagged = {words for flag, words in track.notes if flag}
+    flagged = {worded(words) for flag, words in track.notes if flag}
     lines += [f"  {'warning' if each in flagged else 'note'}: {each}" for each in track.warnings]
     return "\n".join(lines)
 

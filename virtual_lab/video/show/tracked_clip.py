@@ -104,15 +104,15 @@ def _calibration(said: Said) -> tuple[ClipCalibration, list[Note]]:
     mass = said.get("mass", said.get("ball_mass") if not calibration.drag_per_m else None)
     if mass:
         if not (diameter := calibration.ball_diameter_m):
-            allowed = "the drag depends on the ball's size; give --ball"
-            raise InputError("", "--mass", f"{1e3 * mass:g}g", allowed)
+            allowed = "the drag depends on the ball's size; give {ball}"
+            raise InputError("", "{mass}", f"{1e3 * mass:g}g", allowed)
         drag = float(drag_rate(1.2, DRAG_COEFFICIENT, diameter / 2, mass))
         # Seams, roughness and speed change C_d by a fifth, far more than the mass of a ball varies.
         calibration = replace(calibration, drag_per_m=drag, drag_per_m_u=drag / 5)
     if calibration.metres_per_pixel or calibration.camera:
         if ruler:
             allowed = "leave it out: the given length in the picture is the ruler"
-            raise InputError("", "--ruler", ruler, allowed)
+            raise InputError("", "{ruler}", ruler, allowed)
     elif said.get("assumed"):
         diameter_u = 1e3 * calibration.ball_diameter_m_u
         return calibration, [("", f"{UNSURE_BALL}: {diameter_u:.2g} mm was assumed")]
@@ -152,7 +152,7 @@ def _knowledge(clip: Clip, calibration: ClipCalibration, said: Said) -> ClipKnow
     ):
         if not fits:
             allowed = f"a picture is {columns} x {rows} pixels, the last frame {clip.count - 1}"
-            key = f"--{name.replace('_', '-')}"
+            key = f"{{{name}}}"
             raise InputError(str(clip.source.path), key, said[name], allowed)
     return knowledge
 
