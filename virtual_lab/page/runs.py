@@ -25,6 +25,7 @@ from virtual_lab.page.working import BLANK, CALL, OUTCOME, PROGRESS_LINE, carry_
 from virtual_lab.processes import Worker, WorkerLostError
 
 CHOSEN = ("out", "csv", "open")  # fields of which a user does not think
+LARGEST = 10**6  # above all numbers of runs
 MOST = 2  # runs at the same time
 
 
@@ -158,7 +159,7 @@ class Runs:
 
     def get(self, number: int) -> StartedRun | None:
         """Return a run, or None if there is none with this number."""
-        path = self._folder(number)
+        path = self._folder(min(number, LARGEST))
         return StartedRun(path, number in self.workers) if (path / CALL).is_file() else None
 
     def all(self) -> list[StartedRun]:

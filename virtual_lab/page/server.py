@@ -36,6 +36,7 @@ from virtual_lab.web.door import Door, Seat
 
 PACKAGE = "virtual_lab.page"
 CHECKS = ("paper", "reference", "chart", "stability")  # commands that check this program
+HIDDEN = ("open", *CHECKS)  # commands that no other section shows
 LAST = "Checks of this program"
 SHOWN = (".html", ".png", ".svg", ".webp")  # files that a browser shows
 
@@ -57,22 +58,19 @@ class Page:
 
     def start(self, _: Request) -> Response:
         """Return the start page."""
-        sections: dict[str, list[Command]] = {title: [] for title in SECTIONS}
-        sections[LAST] = []
-        for title, rows in SECTIONS.items():
-            for row in rows:
-                for each in [row, *row.variants]:
-                    if not each.words and each.name != "open":
-                        sections[LAST if each.name in CHECKS else title].append(each)
-        runs = self.runs.all()
-        return self.render(
-            "start.html",
-            sections={title: rows for title, rows in sections.items() if rows},
-            live=[run for run in runs if run.live],
-            done=[run for run in runs if run.outcome["answer"]],
-            failed=[run for run in runs if not run.live and not run.outcome["answer"]],
-            size=sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file()),
-        )
+        named = {name: each for name, each in self.commands.items() if name not in HIDDEN}
+        sections = {
+            title: [
+                named[each.name]
+                for row in rows
+                for each in (row, *row.variants)
+                if each.name in named
+            ]
+            for title, rows in SECTIONS.items()
+        }
+        sections[LAST] = [self.commands[name] for name in CHECKS]
+        size = sum(path.stat().st_size for path in self.folder.rglob("*") if path.is_file())
+        return self.render("start.html", sections=sections, runs=self.runs.all(), size=size)
 
     def form(
         self,
@@ -90,7 +88,7 @@ class Page:
         """Return the form of a command, with the values of an address or of an earlier run."""
         command, stated = self._command(request), request.query_params
         number = stated.get("run", "")
-        run = self.runs.get(int(number)) if number.isdecimal() else None
+        run = self.runs.get(int(number)) if number.isdecimal() and len(number) < 7 else None
         if run is None:
             return self.form(command, {key: stated.getlist(key) for key in stated}, {})
         values = {key: texts(each) for key, each in run.call["values"].items()}
